@@ -1,0 +1,154 @@
+"""Airframe profiles: which servo moves which surface, what EMA it is, and where its limits lie."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from math import pi
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from mavhums.errors import MavhumsError
+
+__all__ = ["Actuator", "Airframe", "Ema", "Limits", "ProfileError", "load_airframe", "packaged_airframes"]
+
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class ProfileError(MavhumsError):
+    """An airframe profile is missing or does not say what it must."""
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Ema(_Section):
+    """The actuator's constants, from its data sheet or identified; torques at the output shaft.
+
+    Attributes
+    ----------
+    gear_ratio
+        Rotor turns per output shaft turn.
+    torque_constant
+        Of the motor, N·m/A; equals the back-EMF constant in V·s/rad.
+    resistance
+        Of the stator winding, Ω.
+    inertia
+        Of rotor and gear, referred to the rotor, kg·m².
+    torque_uncertainty
+        Relative 95 % uncertainty of the torque scale; it widens every friction interval.
+    """
+
+    gear_ratio: _Positive
+    torque_constant: _Positive
+    resistance: _Positive
+    inertia: _Positive
+    torque_uncertainty: Annotated[float, Field(ge=0, lt=1)] = 0.02
+
+
+class Limits(_Section):
+    """Coulomb friction at the output shaft, N·m: normal up to one value, an emergency from another."""
+
+    normal: _Positive
+    emergency: _Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        if self.emergency <= self.normal:
+            raise ValueError("the emergency limit must lie above the normal limit")
+        return self
+
+
+class Actuator(_Section):
+    """One servo actuator and the control surface it moves."""
+
+    name: Annotated[str, Field(min_length=1)]
+    surface: str
+    servo: Annotated[int, Field(ge=1, le=32)]
+    esc: Annotated[int, Field(ge=0, le=31)]
+    esc_side: Literal["motor", "bus"] = "motor"
+    travel_deg: tuple[float, float]
+    pwm_us: tuple[int, int, int]
+    moving_speed_deg_s: _Positive = 1.0
+    ema: Ema
+    limits: Limits
+
+    @property
+    def moving_speed_rev_min(self) -> float:
+        """Rotor speed above which the actuator counts as moving."""
+        return self.moving_speed_deg_s * self.ema.gear_ratio / 6.0
+
+    @property
+    def inertia_output(self) -> float:
+        """Rotating inertia referred to the output shaft, kg·m²."""
+        return self.ema.inertia * self.ema.gear_ratio**2
+
+    def rad_s(self, rotor_rev_min: float) -> float:
+        """Convert a rotor speed in rev/min to the output shaft's speed in rad/s."""
+        return rotor_rev_min * 2 * pi / 60 / self.ema.gear_ratio
+
+
+class Airframe(_Section):
+    """An airframe profile: its name and its actuators."""
+
+    name: Annotated[str, Field(min_length=1)]
+    description: str = ""
+    actuators: Annotated[tuple[Actuator, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Airframe:
+        for field in ("name", "servo"):
+            seen = [getattr(actuator, field) for actuator in self.actuators]
+            twice = {value for value in seen if seen.count(value) > 1}
+            if twice:
+                raise ValueError(f"two actuators share {field} = {sorted(twice)[0]!r}")
+        return self
+
+
+def packaged_airframes() -> list[str]:
+    """Return the names of the profiles that ship with mavhums.
+
+    Examples
+    --------
+    >>> packaged_airframes()
+    ['paper']
+    """
+    folder = resources.files("mavhums.actuator").joinpath("airframes")
+    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def load_airframe(name_or_path: str | Path) -> Airframe:
+    """Load a profile that ships with mavhums, by name, or one of the user's own, by path.
+
+    Raises
+    ------
+    ProfileError
+        If there is no such profile, or it is not valid; the message names the field.
+
+    Examples
+    --------
+    >>> [actuator.name for actuator in load_airframe("paper").actuators]
+    ['aileron_left', 'aileron_right', 'elevator', 'rudder']
+    """
+    path = Path(name_or_path)
+    if str(name_or_path) in packaged_airframes():
+        packaged = resources.files("mavhums.actuator").joinpath(f"airframes/{name_or_path}.toml")
+        text = packaged.read_text(encoding="utf-8")
+    else:
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            known = ", ".join(packaged_airframes())
+            problem = f"no airframe profile {str(name_or_path)!r}"
+            raise ProfileError(problem, f"name a TOML file, or one of: {known}") from error
+    try:
+        return Airframe.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise ProfileError(f"{name_or_path}: not valid TOML: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "profile"
+        raise ProfileError(f"{name_or_path}: {place}: {first['msg']}") from error

@@ -1,0 +1,232 @@
+"""The verdict's contract: what mavhums says of each actuator, as typed objects and as JSON.
+
+The JSON schema lies beside this module in ``schema/assessment-1.json`` and is generated
+from these classes by ``python -m mavhums.assessment``.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from mavhums.errors import ExitCode
+from mavhums.quantities import KEYS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "NOTICE",
+    "SCHEMA",
+    "Assessment",
+    "Condition",
+    "Coverage",
+    "Evidence",
+    "Interval",
+    "LogSummary",
+    "Losses",
+    "ModelSummary",
+    "Since",
+    "Suspect",
+    "Verdict",
+    "json_schema",
+]
+
+SCHEMA = "mavhums.assessment/1"
+NOTICE = "not an airworthiness decision; validated in simulation only"
+
+Condition = Literal["normal", "degraded", "emergency", "undecided"]
+
+
+class _Contract(BaseModel):
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, json_schema_serialization_defaults_required=True
+    )
+
+
+class Interval(_Contract):
+    """An estimate with its 95 % interval."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+class Suspect(_Contract):
+    """A fault that the evidence points at."""
+
+    fault: str
+    confidence: float = Field(ge=0, le=1)
+
+
+class Since(_Contract):
+    """When the actuator was first found in its present state."""
+
+    flight_time_s: float
+    utc: str
+
+
+class Coverage(_Contract):
+    """How much of the flight could be judged: windows of 10 s, one each second."""
+
+    moving_fraction: float = Field(ge=0, le=1)
+    windows: int = Field(ge=0)
+    decidable: int = Field(ge=0)
+
+
+class Evidence(_Contract):
+    """One finding, with the rule that made it one."""
+
+    kind: str
+    start_s: float
+    end_s: float
+    value: float
+    limit: float | None = None
+    rule: str
+
+
+class Verdict(_Contract):
+    """What the log says of one actuator.
+
+    ``condition`` is the last decidable state, ``worst`` the worst one reached.
+    ``undecided`` always carries ``reason`` and ``remedy``.
+    """
+
+    vehicle: int | None
+    actuator: str
+    condition: Condition
+    worst: Condition
+    p_emergency: float | None = Field(default=None, ge=0, le=1)
+    friction_nm: Interval | None = None
+    suspects: tuple[Suspect, ...] = ()
+    since: Since | None = None
+    coverage: Coverage = Coverage(moving_fraction=0, windows=0, decidable=0)
+    tier: str | None = None
+    provenance: dict[str, str] = {}
+    evidence: tuple[Evidence, ...] = ()
+    reason: str | None = None
+    remedy: str | None = None
+
+
+class Losses(_Contract):
+    """What could not be read."""
+
+    bytes_skipped: int = 0
+    damaged_regions: int = 0
+    bad_crc_frames: int = 0
+    unknown_frames: int = 0
+    implausible_times: int = 0
+    cut_end_bytes: int = 0
+
+    @property
+    def any(self) -> bool:
+        """Whether anything that the log should hold is gone (frames of a foreign dialect are not)."""
+        return bool(self.bytes_skipped or self.bad_crc_frames or self.implausible_times or self.cut_end_bytes)
+
+
+class LogSummary(_Contract):
+    """The log that was judged."""
+
+    path: str | None
+    sha256: str | None
+    start_utc: str | None
+    duration_s: float
+    vehicles: tuple[int, ...]
+    losses: Losses
+
+
+class ModelSummary(_Contract):
+    """The network whose votes are among the evidence."""
+
+    name: str
+    hash: str
+
+
+class Assessment(_Contract):
+    """Every verdict that a log supports."""
+
+    schema_: Literal["mavhums.assessment/1"] = Field(default="mavhums.assessment/1", alias="schema")
+    notice: str = NOTICE
+    log: LogSummary
+    airframe: str | None
+    model: ModelSummary | None
+    verdicts: tuple[Verdict, ...]
+
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the assessment as JSON that follows ``schema/assessment-1.json``."""
+        return self.model_dump_json(by_alias=True, indent=indent)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per verdict, with the friction interval in columns of its own."""
+        import pandas as pd
+
+        rows = []
+        for verdict in self.verdicts:
+            row = verdict.model_dump(include={"vehicle", "actuator", "condition", "worst", "p_emergency"})
+            friction = verdict.friction_nm
+            row |= {
+                "friction_nm": friction.estimate if friction else None,
+                "friction_low_nm": friction.low if friction else None,
+                "friction_high_nm": friction.high if friction else None,
+                "since_s": verdict.since.flight_time_s if verdict.since else None,
+                "moving_fraction": verdict.coverage.moving_fraction,
+                "reason": verdict.reason,
+            }
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+    def summary(self) -> str:
+        """Return one line per actuator, the worst first."""
+        lines = [_line(verdict) for verdict in self.ranked()]
+        return "\n".join(lines)
+
+    def ranked(self) -> list[Verdict]:
+        """Return the verdicts, the worst first."""
+        order = ("emergency", "degraded", "undecided", "normal")
+        return sorted(self.verdicts, key=lambda verdict: order.index(verdict.worst))
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """The exit code that tells a script the worst of it."""
+        worst = {verdict.worst for verdict in self.verdicts}
+        if "emergency" in worst:
+            return ExitCode.EMERGENCY
+        if "degraded" in worst:
+            return ExitCode.DEGRADED
+        if "undecided" in {verdict.condition for verdict in self.verdicts}:
+            return ExitCode.UNDECIDED
+        return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
+
+
+def _line(verdict: Verdict) -> str:
+    text = f"{verdict.actuator}: {verdict.condition}"
+    if verdict.worst != verdict.condition:
+        text += f" (worst {verdict.worst})"
+    if verdict.friction_nm:
+        text += f", friction {verdict.friction_nm.estimate:.3f} N·m"
+    if verdict.since:
+        text += f", since {verdict.since.flight_time_s:.1f} s"
+    if verdict.reason:
+        text += f": {verdict.reason}; {verdict.remedy}"
+    return text
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the versioned JSON schema of an assessment."""
+    text = resources.files("mavhums").joinpath("schema/assessment-1.json").read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def _generate_schema() -> dict[str, Any]:
+    schema = Assessment.model_json_schema(by_alias=True, mode="serialization")
+    provenance = schema["$defs"]["Verdict"]["properties"]["provenance"]
+    provenance["propertyNames"] = {"enum": list(KEYS)}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}
+
+
+if __name__ == "__main__":
+    print(json.dumps(_generate_schema(), indent=2, ensure_ascii=False))

@@ -1,0 +1,50 @@
+"""Errors that a user can act on, and the exit codes of the command line."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+__all__ = ["ExitCode", "MavhumsError", "MissingExtraError", "UnreadableLogError"]
+
+
+class ExitCode(IntEnum):
+    """Exit codes of ``mavhums analyse``; where several apply, the first of this order is taken.
+
+    2, 1, 11, 10, 12, 3, 0.
+    """
+
+    OK = 0
+    ERROR = 1
+    USAGE = 2
+    READ_WITH_LOSSES = 3
+    DEGRADED = 10
+    EMERGENCY = 11
+    UNDECIDED = 12
+
+
+class MavhumsError(Exception):
+    """What went wrong, in one line, and how to mend it.
+
+    Parameters
+    ----------
+    problem
+        What is wrong, naming the file and the place.
+    remedy
+        What the user can do about it.
+    """
+
+    def __init__(self, problem: str, remedy: str = "") -> None:
+        super().__init__(f"{problem}: {remedy}" if remedy else problem)
+        self.problem = problem
+        self.remedy = remedy
+
+
+class UnreadableLogError(MavhumsError):
+    """The file is missing or is not a MAVLink telemetry log."""
+
+
+class MissingExtraError(MavhumsError):
+    """A feature needs packages that the base install leaves out."""
+
+    def __init__(self, feature: str, extra: str) -> None:
+        super().__init__(f"{feature} needs an optional package", f"pip install 'mavhums[{extra}]'")

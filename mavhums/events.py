@@ -1,0 +1,79 @@
+"""What the engine reports while it reads; the same for a file and for a live link.
+
+Times are flight times: seconds since the log's first frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.assessment import Condition, Interval
+
+__all__ = ["AirframeNamed", "ConditionChanged", "Event", "Notice", "Samples", "Window"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Quantities V1…V12 of one actuator: ``time_s`` of shape (n,), ``values`` of shape (n, 12).
+
+    A quantity that the log does not carry is NaN.
+    """
+
+    vehicle: int
+    actuator: str
+    time_s: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """What ten seconds of one actuator show.
+
+    ``friction_nm`` and ``p_emergency`` are None where the window does not carry the evidence,
+    and ``condition`` is what the actuator is held to be at the window's end.
+    """
+
+    vehicle: int
+    actuator: str
+    start_s: float
+    end_s: float
+    moving_fraction: float
+    friction_nm: Interval | None
+    p_emergency: float | None
+    condition: Condition
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionChanged:
+    """An actuator's condition changed; ``since_s`` is where it did, ``time_s`` when it was certain."""
+
+    vehicle: int
+    actuator: str
+    time_s: float
+    since_s: float
+    before: Condition
+    after: Condition
+    rule: str
+
+
+@dataclass(frozen=True, slots=True)
+class AirframeNamed:
+    """The profile by which the log is judged from here on."""
+
+    time_s: float
+    airframe: str
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """A text from the vehicle, or about the log itself."""
+
+    time_s: float
+    vehicle: int | None
+    text: str
+
+
+Event = Samples | Window | ConditionChanged | AirframeNamed | Notice
