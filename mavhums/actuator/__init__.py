@@ -1,0 +1,21 @@
+"""From messages to the paper's quantities V1–V12 of each actuator; it does not judge."""
+
+from __future__ import annotations
+
+from mavhums.actuator.history import History, actuators
+from mavhums.actuator.mapping import MESSAGES, Mapper, Mapped
+from mavhums.actuator.profile import Actuator, Airframe, Ema, Limits, load_airframe, packaged_airframes
+
+__all__ = [
+    "MESSAGES",
+    "Actuator",
+    "Airframe",
+    "Ema",
+    "History",
+    "Limits",
+    "Mapped",
+    "Mapper",
+    "actuators",
+    "load_airframe",
+    "packaged_airframes",
+]

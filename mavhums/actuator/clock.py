@@ -1,0 +1,67 @@
+"""Place the sender's clock on the time axis of reception."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["SenderClock"]
+
+_JUMP_US = 2_000_000
+_CONFIRM = 3
+
+
+class SenderClock:
+    """Maps a sender's microseconds since boot to UTC, causally.
+
+    The first sample fixes the offset. Where three samples in a row are more than two seconds away
+    from it, the sender has rebooted or its clock was set, and a new segment starts; fewer are a
+    damaged time stamp, and the offset stays.
+
+    Attributes
+    ----------
+    segments
+        Number of segments so far.
+    """
+
+    def __init__(self) -> None:
+        self.segments = 0
+        self._offset_us = 0
+        self._astray = 0
+
+    def to_utc_us(self, sent_us: NDArray[np.int64], received_us: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return UTC in microseconds, shape (n,), from times of sending and reception, shape (n,).
+
+        Examples
+        --------
+        >>> clock = SenderClock()
+        >>> clock.to_utc_us(np.array([5, 15, 25]), np.array([1000, 1011, 9_000_000])).tolist()
+        [1000, 1010, 1020]
+        """
+        lag = received_us - sent_us
+        utc = np.empty_like(lag)
+        start = 0
+        while start < lag.size:
+            if self.segments == 0:
+                self._start_segment(int(lag[start]))
+            end = self._end_of_segment(lag[start:]) + start
+            utc[start:end] = sent_us[start:end] + self._offset_us
+            if end < lag.size:
+                self._start_segment(int(lag[end]))
+            start = end
+        return utc
+
+    def _start_segment(self, offset_us: int) -> None:
+        self._offset_us = offset_us
+        self.segments += 1
+        self._astray = 0
+
+    def _end_of_segment(self, lag: NDArray[np.int64]) -> int:
+        """Return where the present offset ceases to hold, or the size; keep the run of astray samples."""
+        good = np.flatnonzero(np.abs(lag - self._offset_us) <= _JUMP_US)
+        edges = np.concatenate([[-1 - self._astray], good, [lag.size]])
+        long = np.flatnonzero(np.diff(edges) > _CONFIRM)
+        if long.size:
+            return max(int(edges[long[0]]) + _CONFIRM, 0)
+        self._astray = lag.size - 1 - int(edges[-2])
+        return lag.size

@@ -1,0 +1,115 @@
+"""Judge a log from disk: the engine fed from a file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from mavhums.actuator.profile import Airframe, load_airframe
+from mavhums.assessment import Assessment
+from mavhums.engine import Engine
+from mavhums.errors import MavhumsError
+from mavhums.events import Event
+from mavhums.learn import Model, default_model, load_model
+from mavhums.log import read_blocks
+
+__all__ = ["analyse", "record"]
+
+
+def analyse(
+    path: str | os.PathLike[str],
+    *,
+    airframe: Airframe | str | Path | None = None,
+    model: Model | str | Path | None = None,
+    recording: str | os.PathLike[str] | None = None,
+    consume: Callable[[Sequence[Event]], None] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Assessment:
+    """Judge every actuator of a log, in memory that does not grow with it.
+
+    Parameters
+    ----------
+    path
+        A ``.tlog`` file.
+    airframe
+        A profile, its name or its path; if None, the one that the log names itself.
+    model
+        A model or its file; if None, the one that ships with mavhums.
+    recording
+        Where to write a Rerun recording on the way.
+    consume
+        Called with the engine's events after each block.
+    progress
+        Called with the number of bytes read after each block.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the file is missing or not a telemetry log.
+    ProfileError, ModelError
+        If the profile or the model cannot be used.
+    MissingExtraError
+        If a recording is wanted and rerun is not installed.
+    """
+    profile = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
+    if not isinstance(model, Model):
+        model = default_model() if model is None else load_model(model)
+    if recording is not None:
+        from mavhums.show import Recorder
+
+        identity = f"{Path(path).name}-{_sha256(path)[:16]}"
+        with Recorder(recording, recording_id=identity, airframe=profile) as recorder:
+
+            def both(events: Sequence[Event]) -> None:
+                recorder.consume(events)
+                if consume:
+                    consume(events)
+
+            assessment = analyse(path, airframe=profile, model=model, consume=both, progress=progress)
+            recorder.close(assessment)
+        return assessment
+    engine = Engine(profile, model=model)
+    digest, size = hashlib.sha256(), 0
+    for block in read_blocks(path):
+        digest.update(block)
+        size += len(block)
+        events = engine.feed(block)
+        if consume:
+            consume(events)
+        if progress:
+            progress(size)
+    last = engine.finish()
+    if consume:
+        consume(last)
+    return engine.assessment(str(path), digest.hexdigest())
+
+
+def record(
+    assessment: Assessment,
+    path: str | os.PathLike[str],
+    *,
+    airframe: Airframe | str | Path | None = None,
+    model: Model | str | Path | None = None,
+) -> None:
+    """Write the Rerun recording of an assessment, reading its log once more.
+
+    Give the ``airframe`` and the ``model`` that the assessment was made with.
+
+    Raises
+    ------
+    MavhumsError
+        If the log is no longer the one that was judged.
+    """
+    log = assessment.log
+    if log.path is None or _sha256(log.path) != log.sha256:
+        raise MavhumsError(f"{log.path}: not the log that was judged", "analyse it again")
+    analyse(log.path, airframe=airframe, model=model, recording=path)
+
+
+def _sha256(path: str | os.PathLike[str]) -> str:
+    digest = hashlib.sha256()
+    for block in read_blocks(Path(path)):
+        digest.update(block)
+    return digest.hexdigest()

@@ -1,0 +1,140 @@
+"""Put an actuator's findings into a verdict; where there are none, say why and what to do."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+
+from mavhums.actuator.profile import Actuator
+from mavhums.actuator.tiers import Tier
+from mavhums.assessment import Coverage, Evidence, Interval, Since, Suspect, Verdict
+from mavhums.health.monitor import WINDOW_S, Findings
+
+__all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
+
+_INSTRUMENT = (
+    "send V1–V12 of each servo as DEBUG_FLOAT_ARRAY named EMA, with the servo number as array_id"
+)
+
+
+def judged(
+    vehicle: int,
+    actuator: Actuator,
+    findings: Findings,
+    *,
+    start_utc: datetime,
+    provenance: dict[str, str],
+    tier: Tier,
+) -> Verdict:
+    """Return the verdict on an actuator whose telemetry was followed."""
+    undecided = findings.condition == "undecided"
+    reason, remedy = _why_undecided(findings, provenance) if undecided else (None, None)
+    return Verdict(
+        vehicle=vehicle,
+        actuator=actuator.name,
+        condition=findings.condition,
+        worst=findings.worst,
+        p_emergency=_round(findings.p_emergency),
+        friction_nm=_rounded(findings.friction),
+        suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
+        since=_since(findings.since_s, start_utc),
+        coverage=Coverage(
+            moving_fraction=round(findings.coverage.moving_fraction, 4),
+            windows=findings.coverage.windows,
+            decidable=findings.coverage.decidable,
+        ),
+        tier=tier.name,
+        provenance=provenance,
+        evidence=tuple(_rounded_evidence(evidence) for evidence in findings.evidence),
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def unjudged_actuator(vehicle: int, actuator: Actuator, tier: Tier | None) -> Verdict:
+    """Return the verdict on an actuator of which the log carries too little."""
+    if tier is None:
+        reason = f"the log carries no telemetry of servo {actuator.servo}"
+    elif tier.judged:
+        reason = f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
+    else:
+        reason = f"the log carries only {tier.gives} ({tier.name}), which does not show the friction"
+    return Verdict(
+        vehicle=vehicle,
+        actuator=actuator.name,
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        reason=reason,
+        remedy=_INSTRUMENT,
+    )
+
+
+def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str]) -> Verdict:
+    """Return the verdict on all actuators of a vehicle without a profile, or of a log without one."""
+    if vehicle is None:
+        reason, remedy = "no vehicle speaks in this log", "record the link between vehicle and ground station"
+    else:
+        known = ", ".join(airframes)
+        reason = "no airframe profile: one actuator's limits say nothing about another's"
+        remedy = f"name one with --airframe (a TOML file, or one of: {known})"
+    return Verdict(
+        vehicle=vehicle,
+        actuator="all",
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def _why_undecided(findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
+    missing = [key for key in ("V7", "V3") if key not in provenance]
+    if not {"V5", "V8"} & provenance.keys():
+        missing.append("V5 or V8")
+    if "V11" in provenance and "V3" in missing:
+        missing.remove("V3")
+    if missing:
+        return f"{', '.join(missing)} not measured, so the torque balance is open", _INSTRUMENT
+    coverage = findings.coverage
+    if coverage.windows == 0:
+        return f"less than {WINDOW_S} s of telemetry", "record the whole flight"
+    if coverage.decidable == 0:
+        share = f"{100 * coverage.moving_fraction:.0f} %"
+        return (
+            f"the actuator moved in {share} of the samples, too little both ways to show its friction",
+            "analyse a flight in which the surface works, or sweep it before take-off",
+        )
+    return (
+        f"only {coverage.decidable} of {coverage.windows} windows could be judged, and too few in a row agree",
+        "analyse a longer flight",
+    )
+
+
+def _since(since_s: float | None, start_utc: datetime) -> Since | None:
+    if since_s is None:
+        return None
+    utc = start_utc + timedelta(seconds=since_s)
+    return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())
+
+
+def _round(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)
+
+
+def _rounded(interval: Interval | None) -> Interval | None:
+    if interval is None:
+        return None
+    return Interval(
+        estimate=round(interval.estimate, 4), low=round(interval.low, 4), high=round(interval.high, 4)
+    )
+
+
+def _rounded_evidence(evidence: Evidence) -> Evidence:
+    return evidence.model_copy(
+        update={
+            "start_s": round(evidence.start_s, 3),
+            "end_s": round(evidence.end_s, 3),
+            "value": round(evidence.value, 4),
+        }
+    )

@@ -1,0 +1,116 @@
+"""Read a ``.tlog`` from disk, block by block or whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mavhums.assessment import Losses
+from mavhums.errors import UnreadableLogError
+from mavhums.log.decoder import Decoder
+from mavhums.log.foreign import refuse_foreign
+from mavhums.log.tables import Table
+from mavhums.log.vehicles import vehicles_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Log", "read_blocks", "read_log"]
+
+_BLOCK = 1 << 20
+_HEAD = 1 << 16
+
+
+def read_blocks(path: str | Path, *, size: int = _BLOCK) -> Iterator[bytes]:
+    """Yield the bytes of a log in blocks.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the file is missing, unreadable or not a telemetry log.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise UnreadableLogError(f"{path}: this is a folder", f"name the logs in it, for example {path}/*.tlog")
+    try:
+        with path.open("rb") as file:
+            refuse_foreign(str(path), file.read(_HEAD))
+            file.seek(0)
+            while block := file.read(size):
+                yield block
+    except FileNotFoundError as error:
+        raise UnreadableLogError(f"{path}: no such file", "check the path") from error
+    except OSError as error:
+        raise UnreadableLogError(f"{path}: {error.strerror}", "check the permissions and the disk") from error
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A whole log in memory.
+
+    Attributes
+    ----------
+    path
+        Where it was read from.
+    tables
+        Messages by name, as columns.
+    counts
+        Number of intact messages by (system, component, name).
+    unknown
+        Number of frames by message id that the dialect does not define.
+    losses
+        What could not be read.
+    vehicles
+        System ids of the vehicles.
+    span
+        Times of reception of the first and the last frame, microseconds of UTC; None if empty.
+    """
+
+    path: Path
+    tables: dict[str, Table]
+    counts: dict[tuple[int, int, str], int]
+    unknown: dict[int, int]
+    losses: Losses
+    vehicles: tuple[int, ...]
+    span: tuple[int, int] | None
+
+    @cached_property
+    def messages(self) -> dict[str, pd.DataFrame]:
+        """The messages by name, each a DataFrame indexed by time of reception."""
+        return {name: table.to_frame() for name, table in self.tables.items()}
+
+
+def read_log(path: str | Path, *, messages: Iterable[str] | None = None) -> Log:
+    """Read a whole log into memory; for long logs, feed ``read_blocks`` to an engine instead.
+
+    Parameters
+    ----------
+    path
+        A ``.tlog`` file.
+    messages
+        Names of the message types to keep; all if None.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the file is missing, unreadable or not a telemetry log.
+    """
+    decoder = Decoder(messages)
+    batches: dict[str, list[Table]] = {}
+    for block in [*read_blocks(path), None]:
+        fed = decoder.feed(block) if block is not None else decoder.feed(b"", final=True)
+        for name, table in fed.items():
+            batches.setdefault(name, []).append(table)
+    first, last = decoder.first_time_us, decoder.last_time_us
+    return Log(
+        Path(path),
+        {name: Table.concatenate(parts) for name, parts in batches.items()},
+        dict(decoder.counts),
+        decoder.unknown,
+        decoder.losses,
+        vehicles_of(decoder.counts),
+        None if first is None or last is None else (first, last),
+    )
