@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mavhums.actuator.history import History, actuators
-from mavhums.actuator.mapping import MESSAGES, Mapper, Mapped
+from mavhums.actuator.mapping import MESSAGES, Mapped, Mapper
 from mavhums.actuator.profile import Actuator, Airframe, Ema, Limits, load_airframe, packaged_airframes
 
 __all__ = [

@@ -37,7 +37,9 @@ class History:
     provenance: dict[str, str]
 
 
-def actuators(log: Log, airframe: Airframe | str | None = None, *, vehicle: int | None = None) -> dict[str, History]:
+def actuators(
+    log: Log, airframe: Airframe | str | None = None, *, vehicle: int | None = None
+) -> dict[str, History]:
     """Return the histories of one vehicle's actuators, by actuator name.
 
     Parameters
@@ -59,7 +61,9 @@ def actuators(log: Log, airframe: Airframe | str | None = None, *, vehicle: int 
         name = airframe if airframe is not None else next(named, None)
         if name is None:
             known = ", ".join(packaged_airframes())
-            raise ProfileError(f"{log.path}: the log names no airframe profile", f"name one, for example: {known}")
+            raise ProfileError(
+                f"{log.path}: the log names no airframe profile", f"name one, for example: {known}"
+            )
         airframe = load_airframe(name)
     mapper = Mapper(airframe)
     mapped = mapper.feed(log.tables)

@@ -117,7 +117,9 @@ def packaged_airframes() -> list[str]:
     ['paper']
     """
     folder = resources.files("mavhums.actuator").joinpath("airframes")
-    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    return sorted(
+        entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")
+    )
 
 
 def load_airframe(name_or_path: str | Path) -> Airframe:

@@ -16,7 +16,7 @@ the torque scale.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,8 @@ _MAX_CONDITION = 1e4
 _REGRESSORS = 4  # sign of the speed, acceleration, offset, deflection
 
 
-class Moments(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Moments:
     """What least squares needs to know of a slot; sums over its usable samples.
 
     Attributes

@@ -205,7 +205,9 @@ class Monitor:
 
     def _agreement(self, share: float) -> str:
         opposed = {"normal": share > 0.5, "emergency": share <= 0.5}.get(self._decision.condition, False)
-        text = "share of moving samples in the last window that the network calls an emergency; friction decides"
+        text = (
+            "share of moving samples in the last window that the network calls an emergency; friction decides"
+        )
         return f"{text}, and the network disagrees" if opposed else text
 
     def _suspects(self) -> tuple[Suspect, ...]:

@@ -45,7 +45,7 @@ def motion(actuator: Actuator, slot: Slot) -> Motion | None:
     speed = rev_min * actuator.rad_s(1.0)
     span = slot.time_s[2:] - slot.time_s[:-2]
     fast = np.abs(rev_min) > actuator.moving_speed_rev_min
-    one_way = np.sign(rev_min[:-2]) * np.sign(rev_min[1:-1]) * np.sign(rev_min[2:]) == np.sign(rev_min[1:-1])
-    one_way &= np.sign(rev_min[:-2]) == np.sign(rev_min[1:-1])
+    sign = np.sign(rev_min)
+    one_way = (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
     moving = fast[:-2] & fast[1:-1] & fast[2:] & one_way & (span < _MAX_GAP_S)
     return Motion(moving, speed[1:-1], (speed[2:] - speed[:-2]) / span, slot.values[1:-1])

@@ -7,7 +7,8 @@ blocks.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,8 @@ __all__ = ["Slot", "SlotCutter"]
 _LATENESS_S = 0.25
 
 
-class Slot(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Slot:
     """The samples of one second, after the last two of the slot before.
 
     Every sample but the first and the last has a neighbour on either side, for differences; the
@@ -80,8 +82,8 @@ class SlotCutter:
         done = int(np.searchsorted(time_s, horizon))
         self._times, self._values = [time_s[done:]], [values[done:]]
         slots = np.floor(time_s[:done]).astype(np.int64)
-        starts = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1)) if done else []
-        for start, end in zip(starts, [*starts[1:], done], strict=True):
+        bounds = [*np.flatnonzero(np.diff(slots, prepend=slots[:1] - 1)), done]
+        for start, end in pairwise(bounds):
             whole_t = np.concatenate([self._before[0], time_s[start:end]])
             whole_v = np.concatenate([self._before[1], values[start:end]])
             yield Slot(int(slots[start]), whole_t, whole_v)

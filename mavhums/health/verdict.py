@@ -11,9 +11,7 @@ from mavhums.health.monitor import WINDOW_S, Findings
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
 
-_INSTRUMENT = (
-    "send V1–V12 of each servo as DEBUG_FLOAT_ARRAY named EMA, with the servo number as array_id"
-)
+_INSTRUMENT = "send V1–V12 of each servo as DEBUG_FLOAT_ARRAY named EMA, with the servo number as array_id"
 
 
 def judged(
@@ -106,7 +104,7 @@ def _why_undecided(findings: Findings, provenance: dict[str, str]) -> tuple[str,
             "analyse a flight in which the surface works, or sweep it before take-off",
         )
     return (
-        f"only {coverage.decidable} of {coverage.windows} windows could be judged, and too few in a row agree",
+        f"{coverage.decidable} of {coverage.windows} windows could be judged, too few in a row that agree",
         "analyse a longer flight",
     )
 

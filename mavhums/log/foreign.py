@@ -26,7 +26,9 @@ def refuse_foreign(name: str, head: bytes) -> None:
         Naming what the file seems to be, and the remedy.
     """
     if not head:
-        raise UnreadableLogError(f"{name}: the file is empty", "check that the ground station had closed the log")
+        raise UnreadableLogError(
+            f"{name}: the file is empty", "check that the ground station had closed the log"
+        )
     if _holds_frames(b"".join(bytes(8) + frame for frame in _raw_frames(head))):
         raise UnreadableLogError(
             f"{name}: MAVLink frames without time stamps (.tlog.raw)",
@@ -51,7 +53,7 @@ def _holds_frames(data: bytes) -> bool:
 
 def _raw_frames(head: bytes) -> list[bytes]:
     """Cut ``head`` at the frames that its first magic byte and lengths imply."""
-    pieces = []
+    pieces: list[bytes] = []
     position = 0
     while position + 3 < len(head) and head[position] in (0xFD, 0xFE) and len(pieces) < 20:
         if head[position] == 0xFD:

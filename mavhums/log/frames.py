@@ -185,5 +185,7 @@ def _layout(data: bytes, position: int, left: int) -> _Layout | None:
         if left < _STAMP + 6:
             return None
         crc = _STAMP + 6 + data[start + 1]
-        return _Layout(data[start + 5], data[start + 3], data[start + 4], data[start + 2], _STAMP + 6, crc, crc + 2)
+        return _Layout(
+            data[start + 5], data[start + 3], data[start + 4], data[start + 2], _STAMP + 6, crc, crc + 2
+        )
     return _NO_FRAME

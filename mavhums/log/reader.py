@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,7 +25,7 @@ _BLOCK = 1 << 20
 _HEAD = 1 << 16
 
 
-def read_blocks(path: str | Path, *, size: int = _BLOCK) -> Iterator[bytes]:
+def read_blocks(path: str | os.PathLike[str], *, size: int = _BLOCK) -> Iterator[bytes]:
     """Yield the bytes of a log in blocks.
 
     Raises
@@ -34,7 +35,9 @@ def read_blocks(path: str | Path, *, size: int = _BLOCK) -> Iterator[bytes]:
     """
     path = Path(path)
     if path.is_dir():
-        raise UnreadableLogError(f"{path}: this is a folder", f"name the logs in it, for example {path}/*.tlog")
+        raise UnreadableLogError(
+            f"{path}: this is a folder", f"name the logs in it, for example {path}/*.tlog"
+        )
     try:
         with path.open("rb") as file:
             refuse_foreign(str(path), file.read(_HEAD))
@@ -83,7 +86,7 @@ class Log:
         return {name: table.to_frame() for name, table in self.tables.items()}
 
 
-def read_log(path: str | Path, *, messages: Iterable[str] | None = None) -> Log:
+def read_log(path: str | os.PathLike[str], *, messages: Iterable[str] | None = None) -> Log:
     """Read a whole log into memory; for long logs, feed ``read_blocks`` to an engine instead.
 
     Parameters

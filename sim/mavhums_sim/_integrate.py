@@ -60,10 +60,7 @@ def integrate(
             load = load_slope[k] * angle + load_offset[k]
             free = speed + dt * (torque_per_ampere * current - load) / inertia
             hold = (stiction_ratio if speed == 0.0 else 1.0) * coulomb * dt / inertia
-            if abs(free) <= hold:
-                speed = 0.0
-            else:
-                speed = free - np.sign(free) * coulomb * dt / inertia
+            speed = 0.0 if abs(free) <= hold else free - np.sign(free) * coulomb * dt / inertia
             angle += speed * dt
         angle_out[k] = angle
         speed_out[k] = speed

@@ -57,7 +57,7 @@ def takeoff(seed: int, duration_s: float = 100.0) -> Cyclogram:
     """
     rng = np.random.default_rng([seed, 1])
     n = round(duration_s / CONTROL_PERIOD_S)
-    time = (np.arange(n) + 1.0) * CONTROL_PERIOD_S
+    time = (np.arange(n, dtype=np.float64) + 1.0) * CONTROL_PERIOD_S
     phase = time / duration_s
 
     airspeed = 24.0 * _ramp(phase, 0.08, 0.24) + rng.normal(0, 0.3)
@@ -85,8 +85,9 @@ def takeoff(seed: int, duration_s: float = 100.0) -> Cyclogram:
 
 def _ramp(x: Array, start: float, end: float) -> Array:
     """Rise smoothly from 0 at ``start`` to 1 at ``end``."""
-    s = np.clip((x - start) / (end - start), 0.0, 1.0)
-    return s * s * (3.0 - 2.0 * s)
+    s: Array = np.clip((x - start) / (end - start), 0.0, 1.0)
+    smooth: Array = s * s * (3.0 - 2.0 * s)
+    return smooth
 
 
 def _gusts(rng: np.random.Generator, time: Array, low_hz: float, high_hz: float, waves: int = 24) -> Array:
@@ -96,4 +97,5 @@ def _gusts(rng: np.random.Generator, time: Array, low_hz: float, high_hz: float,
     total = np.zeros_like(time)
     for f, s in zip(frequency, shift, strict=True):
         total += np.sin(2 * np.pi * f * time + s)
-    return total * np.sqrt(2.0 / waves)
+    scaled: Array = total * np.sqrt(2.0 / waves)
+    return scaled

@@ -181,5 +181,5 @@ def simulate(
         np.ascontiguousarray(load_slope, dtype=np.float64),
         np.ascontiguousarray(load_offset, dtype=np.float64),
     )
-    time_s = (np.arange(len(command)) + 1.0) * CONTROL_PERIOD_S
+    time_s = (np.arange(len(command), dtype=np.float64) + 1.0) * CONTROL_PERIOD_S
     return Motion(time_s, command, *state, friction)

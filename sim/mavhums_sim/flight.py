@@ -41,7 +41,7 @@ class Flight:
     duration_s: float = 100.0
     friction_nm: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     rate_hz: float = 100.0
-    noise: SensorNoise = SensorNoise()
+    noise: SensorNoise = field(default_factory=SensorNoise)
     parameters: EmaParameters = field(default_factory=EmaParameters.from_data_sheet)
 
     def __post_init__(self) -> None:

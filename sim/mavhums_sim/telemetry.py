@@ -96,13 +96,13 @@ def _streams(record: FlightRecord) -> list[_Stream]:
     def at(rate_hz: float) -> Array:
         return sample_times(rng, flight.duration_s, rate_hz)
 
-    announced = np.arange(0.0, flight.duration_s, 10.0)
+    announced = np.arange(0.0, flight.duration_s, 10.0, dtype=np.float64)
     parameters = _parameters()
     streams = [
-        _Stream(np.arange(0.0, flight.duration_s, 1.0), lambda _: _heartbeat()),
+        _Stream(np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64), lambda _: _heartbeat()),
         _Stream(announced, lambda _: mavlink.MAVLink_statustext_message(6, b"mavhums airframe=paper")),
         _Stream(
-            0.2 + 0.005 * np.arange(len(parameters)),
+            0.2 + 0.005 * np.arange(len(parameters), dtype=np.float64),
             lambda k: mavlink.MAVLink_param_value_message(
                 parameters[k][0].encode(), parameters[k][1], 9, len(parameters), k
             ),
@@ -170,7 +170,8 @@ def _air_data(record: FlightRecord, times: Array) -> _Stream:
 def _battery(record: FlightRecord, times: Array) -> _Stream:
     volts = record.flight.parameters.supply_voltage
     watts = sum(
-        np.interp(times, a.motion.time_s, a.motion.voltage * a.motion.current) for a in record.actuators.values()
+        np.interp(times, a.motion.time_s, a.motion.voltage * a.motion.current)
+        for a in record.actuators.values()
     )
     current = np.asarray(watts) / volts + 0.2
     cells = [round(volts * 1000)] + [65535] * 9

@@ -1,0 +1,250 @@
+"""The command line. Commands import what they need when they run, so that ``--help`` is instant."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mavhums import __version__
+from mavhums.errors import ExitCode, MavhumsError
+
+if TYPE_CHECKING:
+    from mavhums.assessment import Assessment
+
+__all__ = ["main"]
+
+_AIRFRAME_HELP = (
+    "Airframe profile: a TOML file or a packaged name. Default: the one that the log names itself."
+)
+_LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=click.Path(path_type=Path))
+_LOG = click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
+_AIRFRAME = click.option("--airframe", metavar="NAME|FILE", help=_AIRFRAME_HELP)
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="mavhums")
+def cli() -> None:
+    """Health of a UAV's servo actuators from the MAVLink log it already records.
+
+    \b
+    Start here:
+      mavhums analyse flight.tlog                  the verdict per actuator
+      mavhums analyse flight.tlog --rrd flight.rrd the same, and a Rerun recording
+      mavhums inspect flight.tlog                  what the log holds, and what is missing
+    """
+
+
+@cli.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@_LOGS
+@_AIRFRAME
+@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")
+@_JSON
+@click.option(
+    "--rrd",
+    type=click.Path(path_type=Path),
+    metavar="OUT",
+    help="Write a Rerun recording; with several logs, OUT is a folder.",
+)
+@click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
+def analyse(
+    logs: tuple[Path, ...],
+    airframe: str | None,
+    model: str | None,
+    as_json: bool,
+    rrd: Path | None,
+    open_viewer: bool,
+) -> None:
+    """Judge every actuator of each LOG (.tlog).
+
+    \b
+    Exit codes, the first that applies:
+      2 usage    1 error    11 an emergency    10 degraded    12 undecided
+      3 read with losses    0 all normal
+    """
+    from mavhums.actuator.profile import load_airframe
+    from mavhums.analysis import analyse as judge
+    from mavhums.learn import default_model, load_model
+
+    if open_viewer and rrd is None:
+        raise click.UsageError("--open needs --rrd OUT")
+    profile = load_airframe(airframe) if airframe else None
+    network = load_model(model) if model else default_model()
+    recordings = _recordings(logs, rrd)
+    assessments: list[Assessment] = []
+    failed = False
+    for log in logs:
+        try:
+            with _progress(log) as progress:
+                assessment = judge(
+                    log, airframe=profile, model=network, recording=recordings.get(log), progress=progress
+                )
+        except MavhumsError as error:
+            _complain(error)
+            failed = True
+            continue
+        assessments.append(assessment)
+        if not as_json:
+            _show(assessment, recordings.get(log))
+    if as_json and assessments:
+        click.echo(_json(assessments, many=len(logs) > 1))
+    if open_viewer and assessments:
+        _open([recordings[log] for log in logs if recordings[log].exists()])
+    raise SystemExit(ExitCode.ERROR if failed else _exit_code(assessments))
+
+
+@cli.command()
+@_LOG
+@_AIRFRAME
+@_JSON
+def inspect(log: Path, airframe: str | None, as_json: bool) -> None:
+    """Say what LOG holds: vehicles, messages and rates, losses, telemetry tier, and what is missing."""
+    from mavhums.inspection import inspect_log
+
+    with _progress(log) as progress:
+        inspection = inspect_log(log, airframe=airframe, progress=progress)
+    if as_json:
+        click.echo(inspection.to_json())
+    else:
+        from rich.console import Console
+
+        from mavhums.show.inspection import render_inspection
+
+        render_inspection(inspection, Console())
+    raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
+
+
+@cli.command()
+@click.option("--airframe", default="paper", show_default=True, metavar="NAME|FILE", help="Airframe profile.")
+@click.option("--flights", default=6, show_default=True, type=click.IntRange(1), help="Flights per class.")
+@click.option(
+    "--networks", default=10, show_default=True, type=click.IntRange(1), help="Networks to choose from."
+)
+@click.option("--seed", default=1, show_default=True, type=int, help="Makes the model repeatable.")
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="MODEL")
+def train(airframe: str, flights: int, networks: int, seed: int, output: Path) -> None:
+    """Train a model for an airframe's actuators on simulated flights, and write it to MODEL.
+
+    Training flies each class in the simulator, selects features by chi-square and regression,
+    trains several networks and chooses one by flights that it did not train on.
+    """
+    from mavhums.actuator.profile import load_airframe
+    from mavhums.learn import save_model
+    from mavhums.training import train_model
+
+    profile = load_airframe(airframe)
+    with _steps("training") as progress:
+        network, card = train_model(profile, flights=flights, networks=networks, seed=seed, progress=progress)
+    model = save_model(output, network, card)
+    click.echo(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
+    for name, value in card.metrics.items():
+        click.echo(f"  {name.replace('_', ' ')}: {100 * value:.2f} %")
+
+
+def main() -> None:
+    """Run the command line; errors that a user can act on are one line and a remedy."""
+    try:
+        cli.main(prog_name="mavhums", standalone_mode=False)
+    except MavhumsError as error:
+        _complain(error)
+        sys.exit(ExitCode.ERROR)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(ExitCode.USAGE)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("mavhums: stopped; no output was left half-written", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(ExitCode.ERROR)
+
+
+def _complain(error: MavhumsError) -> None:
+    click.echo(f"mavhums: {error.problem}", err=True)
+    if error.remedy:
+        click.echo(f"  remedy: {error.remedy}", err=True)
+
+
+def _recordings(logs: tuple[Path, ...], rrd: Path | None) -> dict[Path, Path]:
+    if rrd is None:
+        return {}
+    if len(logs) == 1:
+        return {logs[0]: rrd}
+    names = [log.stem for log in logs]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise click.UsageError(f"two logs named {twice!r} would share one recording; analyse them one by one")
+    try:
+        rrd.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MavhumsError(f"{rrd}: {error.strerror}", "with several logs --rrd names a folder") from error
+    return {log: rrd / f"{log.stem}.rrd" for log in logs}
+
+
+def _show(assessment: Assessment, recording: Path | None) -> None:
+    from rich.console import Console
+
+    from mavhums.show import render
+
+    render(assessment, Console())
+    if recording is not None:
+        click.echo(f"recording: {recording}   open it with: rerun {recording}\n")
+
+
+def _json(assessments: list[Assessment], *, many: bool) -> str:
+    from mavhums.assessment import SCHEMA
+
+    if not many:
+        return assessments[0].to_json()
+    objects = [json.loads(assessment.to_json()) for assessment in assessments]
+    return json.dumps({"schema": SCHEMA, "assessments": objects}, indent=2, ensure_ascii=False)
+
+
+def _exit_code(assessments: list[Assessment]) -> ExitCode:
+    order = (ExitCode.EMERGENCY, ExitCode.DEGRADED, ExitCode.UNDECIDED, ExitCode.READ_WITH_LOSSES)
+    codes = {assessment.exit_code for assessment in assessments}
+    return next((code for code in order if code in codes), ExitCode.OK)
+
+
+def _open(recordings: list[Path]) -> None:
+    import subprocess
+
+    try:
+        subprocess.Popen(["rerun", *map(str, recordings)])
+    except OSError as error:
+        raise MavhumsError("the Rerun viewer cannot be started", "pip install 'mavhums[viewer]'") from error
+
+
+@contextmanager
+def _progress(log: Path) -> Iterator[Callable[[int], None] | None]:
+    """Show how much of a log is read, on a terminal and for logs that take a while."""
+    if not sys.stderr.isatty() or not log.is_file() or log.stat().st_size < 4 << 20:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(log.name, total=log.stat().st_size)
+        yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def _steps(title: str) -> Iterator[Callable[[int, int], None] | None]:
+    """Show how many steps of many are done, on a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

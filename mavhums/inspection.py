@@ -1,0 +1,183 @@
+"""What a log holds: who speaks, how often, what was lost, and what it tells of the actuators."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from mavhums.actuator.airframe_name import announcements
+from mavhums.actuator.mapping import Mapper, is_instrumented
+from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
+from mavhums.actuator.tiers import TIERS, best_tier
+from mavhums.assessment import Losses
+from mavhums.log import Decoder, Table, read_blocks
+from mavhums.log.vehicles import vehicles_of
+from mavhums.quantities import KEYS
+
+__all__ = ["ActuatorTelemetry", "Inspection", "MessageRate", "VehicleTelemetry", "inspect_log"]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class MessageRate(_Section):
+    """How often one sender sent one message."""
+
+    system: int
+    component: int
+    name: str
+    count: int
+    rate_hz: float
+
+
+class ActuatorTelemetry(_Section):
+    """Where each quantity of an actuator comes from; ``missing`` names those that come from nowhere."""
+
+    actuator: str
+    servo: int
+    provenance: dict[str, str]
+    missing: tuple[str, ...]
+
+
+class VehicleTelemetry(_Section):
+    """What the log carries of one vehicle's actuators, and how to get more."""
+
+    vehicle: int
+    airframe: str | None
+    tier: str | None
+    gives: str
+    judged: bool
+    remedy: str | None
+    actuators: tuple[ActuatorTelemetry, ...]
+
+
+class Inspection(_Section):
+    """What a log holds."""
+
+    path: str
+    size_bytes: int
+    start_utc: str | None
+    duration_s: float
+    vehicles: tuple[VehicleTelemetry, ...]
+    messages: tuple[MessageRate, ...]
+    unknown_ids: dict[int, int]
+    losses: Losses
+
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the inspection as JSON."""
+        return self.model_dump_json(indent=indent)
+
+
+def inspect_log(
+    path: str | os.PathLike[str],
+    *,
+    airframe: Airframe | str | Path | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Inspection:
+    """Read a log and say what it holds, without judging.
+
+    Parameters
+    ----------
+    path
+        A ``.tlog`` file.
+    airframe
+        A profile, its name or its path; if None, each vehicle's own, if the log names it.
+    progress
+        Called with the number of bytes read after each block.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the file is missing or not a telemetry log.
+    ProfileError
+        If the profile cannot be used.
+    """
+    given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
+    decoder = Decoder({"STATUSTEXT", "DEBUG_FLOAT_ARRAY"})
+    mappers: dict[int, Mapper] = {}
+    instrumented: set[int] = set()
+
+    def take(tables: dict[str, Table]) -> None:
+        for said in announcements(tables):
+            if given is None and said.known:
+                mappers.setdefault(said.vehicle, Mapper(load_airframe(said.name), vehicle=said.vehicle))
+        table = tables.get("DEBUG_FLOAT_ARRAY")
+        if table is not None:
+            for system in np.unique(table.system[is_instrumented(table)]).tolist():
+                instrumented.add(system)
+                if given is not None:
+                    mappers.setdefault(system, Mapper(given, vehicle=system))
+        for mapper in mappers.values():
+            mapper.feed(tables)
+
+    size = 0
+    for block in read_blocks(path):
+        take(decoder.feed(block))
+        size += len(block)
+        if progress:
+            progress(size)
+    take(decoder.feed(b"", final=True))
+    first, last = decoder.first_time_us, decoder.last_time_us
+    duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
+    vehicles = vehicles_of(decoder.counts)
+    return Inspection(
+        path=str(path),
+        size_bytes=size,
+        start_utc=None if first is None else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
+        duration_s=duration_s,
+        vehicles=tuple(
+            _vehicle(vehicle, decoder, mappers.get(vehicle), given, vehicle in instrumented)
+            for vehicle in vehicles
+        ),
+        messages=tuple(
+            MessageRate(
+                system=system,
+                component=component,
+                name=name,
+                count=count,
+                rate_hz=round(count / duration_s, 2) if duration_s else 0.0,
+            )
+            for (system, component, name), count in sorted(decoder.counts.items())
+        ),
+        unknown_ids=decoder.unknown,
+        losses=decoder.losses,
+    )
+
+
+def _vehicle(
+    vehicle: int, decoder: Decoder, mapper: Mapper | None, given: Airframe | None, instrumented: bool
+) -> VehicleTelemetry:
+    messages = {name for system, _, name in decoder.counts if system == vehicle}
+    tier = best_tier(messages, instrumented=instrumented)
+    airframe = mapper.airframe if mapper else given
+    rows = []
+    for actuator in airframe.actuators if airframe else ():
+        provenance = mapper.provenance(vehicle, actuator) if mapper else {}
+        missing = tuple(key for key in KEYS if key not in provenance)
+        rows.append(
+            ActuatorTelemetry(
+                actuator=actuator.name, servo=actuator.servo, provenance=provenance, missing=missing
+            )
+        )
+    judged = tier is not None and tier.judged
+    if not judged:
+        remedy = f"to be judged, send {TIERS[0].gives} of each servo as DEBUG_FLOAT_ARRAY named EMA"
+    elif airframe is None:
+        remedy = f"name an airframe profile with --airframe, for example: {', '.join(packaged_airframes())}"
+    else:
+        remedy = None
+    return VehicleTelemetry(
+        vehicle=vehicle,
+        airframe=airframe.name if airframe else None,
+        tier=tier.name if tier else None,
+        gives=tier.gives if tier else "nothing of the actuators",
+        judged=judged,
+        remedy=remedy,
+        actuators=tuple(rows),
+    )

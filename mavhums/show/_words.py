@@ -1,0 +1,183 @@
+"""The words that the report and the terminal share, so that both say the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from mavhums.assessment import Assessment, Condition, Evidence, Interval, Losses, Verdict
+
+__all__ = [
+    "ADVICE",
+    "COLOURS",
+    "advice",
+    "clock",
+    "finding",
+    "friction",
+    "headline",
+    "join",
+    "losses",
+    "name",
+    "percent",
+    "printable",
+    "undecided",
+]
+
+COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
+    "normal": (0, 158, 115),
+    "degraded": (230, 159, 0),
+    "emergency": (213, 94, 0),
+    "undecided": (153, 153, 153),
+}
+"""One colour per condition, of Okabe and Ito's palette, told apart by the colour-blind too."""
+
+ADVICE: Final[dict[Condition, str]] = {
+    "normal": "nothing to do; keep the log, so that the trend over flights can be followed",
+    "degraded": "inspect {parts} before the next flight, and follow the trend over flights",
+    "emergency": "do not fly; inspect {parts}; mend or replace the actuator and check it on the ground",
+    "undecided": "no finding is not a good finding: judge it by other means, or make the log tell",
+}
+_PARTS: Final = {
+    "friction": "gearbox, bearings and hinge line",
+    "jam": "gearbox and linkage for what blocks them",
+}
+
+
+def name(verdict: Verdict, assessment: Assessment) -> str:
+    """Return the actuator's name, with its vehicle where the log holds several."""
+    vehicles = {other.vehicle for other in assessment.verdicts}
+    return verdict.actuator if len(vehicles) < 2 else f"{verdict.vehicle}: {verdict.actuator}"
+
+
+def clock(seconds: float) -> str:
+    """Return a flight time as Rerun's time axis writes it.
+
+    Examples
+    --------
+    >>> clock(53.24), clock(723.4), clock(3723)
+    ('53.2s', '12m03s', '1h02m03s')
+    """
+    if round(seconds, 1) < 60:
+        return f"{seconds:.1f}s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}h{minutes:02d}m{rest:02d}s" if hours else f"{minutes}m{rest:02d}s"
+
+
+def friction(interval: Interval) -> str:
+    """Return a friction estimate with its interval, N·m.
+
+    Examples
+    --------
+    >>> friction(Interval(estimate=0.5213, low=0.5, high=0.54))
+    '0.521 (0.500–0.540)'
+    """
+    return f"{interval.estimate:.3f} ({interval.low:.3f}–{interval.high:.3f})"
+
+
+def percent(fraction: float) -> str:
+    """Return a fraction in per cent; only what is certain is called 0 or 100.
+
+    Examples
+    --------
+    >>> percent(0.93), percent(0.9996), percent(0.0004), percent(1.0)
+    ('93 %', '>99 %', '<1 %', '100 %')
+    """
+    if 0 < fraction < 0.01:
+        return "<1 %"
+    if 0.99 < fraction < 1:
+        return ">99 %"
+    return f"{fraction:.0%}".replace("%", " %")
+
+
+def join(items: Iterable[str]) -> str:
+    """Join items as a sentence does.
+
+    Examples
+    --------
+    >>> join(["a", "b", "c"]), join(["a"])
+    ('a, b and c', 'a')
+    """
+    *most, last = items
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def headline(assessment: Assessment) -> str:
+    """Return the answer in one line: what has failed and since when, or that nothing is known to."""
+    ranked = assessment.ranked()
+    if not ranked:
+        return "No actuator was found in this log"
+    worst = [verdict for verdict in ranked if verdict.worst == ranked[0].worst]
+    word = ranked[0].worst
+    if word == "normal":
+        return f"{_all(worst, ranked)} normal"
+    if word == "undecided":
+        reasons = list(undecided(assessment))
+        return f"{_all(worst, ranked)} undecided" + (f": {reasons[0][0]}" if len(reasons) == 1 else "")
+    text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
+    if len(worst) > 1:
+        return text
+    if worst[0].condition != word:
+        return f"{text} during the flight, {worst[0].condition} at its end"
+    return f"{text} since {clock(worst[0].since.flight_time_s)}" if worst[0].since else text
+
+
+def _all(part: list[Verdict], whole: list[Verdict]) -> str:
+    if len(part) < len(whole):
+        return f"{len(part)} of {len(whole)} actuators"
+    return "The only actuator is" if len(whole) == 1 else f"All {len(whole)} actuators"
+
+
+def advice(verdict: Verdict) -> str:
+    """Return what to do about an actuator, by the worst it went through and the fault suspected."""
+    suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
+    parts = _PARTS.get(suspects[0].fault if suspects else "friction", "the actuator and its wiring")
+    return ADVICE[verdict.worst].format(parts=parts)
+
+
+def finding(item: Evidence) -> str:
+    """Return one finding: the rule, the value that broke it, and when.
+
+    Examples
+    --------
+    >>> finding(Evidence(kind="friction", start_s=38, end_s=68, value=0.41, limit=0.375, rule="above normal"))
+    'above normal: 0.410 N·m (limit 0.375), 38.0s to 1m08s'
+    """
+    limit = "" if item.limit is None else f" (limit {item.limit:.3f})"
+    unit = " N·m" if item.kind == "friction" else ""
+    return f"{item.rule}: {item.value:.3f}{unit}{limit}, {clock(item.start_s)} to {clock(item.end_s)}"
+
+
+def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
+    """Return the undecided actuators by reason and remedy, so that neither is said twice."""
+    groups: dict[tuple[str, str], list[Verdict]] = {}
+    for verdict in assessment.verdicts:
+        if verdict.condition == "undecided":
+            reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE["undecided"]
+            groups.setdefault((reason.rstrip("."), remedy.rstrip(".")), []).append(verdict)
+    return groups
+
+
+def printable(text: str) -> str:
+    r"""Return a text from outside without what a terminal or a viewer would obey.
+
+    Examples
+    --------
+    >>> printable("S1\x1b[31m")
+    'S1�[31m'
+    """
+    return "".join(letter if letter.isprintable() else "�" for letter in text)
+
+
+def losses(lost: Losses) -> str:
+    """Return what the log lost, in one line."""
+    counts = (
+        (lost.bytes_skipped, "byte skipped", "bytes skipped"),
+        (lost.damaged_regions, "damaged region", "damaged regions"),
+        (lost.bad_crc_frames, "frame with a wrong checksum", "frames with a wrong checksum"),
+        (lost.implausible_times, "implausible time", "implausible times"),
+        (lost.cut_end_bytes, "byte of a frame cut off at the end", "bytes of a frame cut off at the end"),
+        (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
+    )
+    parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
+    return join(parts) if parts else "nothing"

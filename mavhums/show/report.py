@@ -1,0 +1,141 @@
+"""The report that travels inside a recording: the answer first, then why, then how sure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from mavhums.assessment import Assessment, Verdict
+from mavhums.quantities import QUANTITIES
+from mavhums.show._words import (
+    advice,
+    clock,
+    finding,
+    friction,
+    headline,
+    join,
+    losses,
+    name,
+    percent,
+    printable,
+    undecided,
+)
+
+__all__ = ["markdown"]
+
+_ACTIVE = re.compile(r"([\\`*\[\]<|])")
+
+
+def markdown(assessment: Assessment) -> str:
+    """Return the assessment as a report in Markdown.
+
+    Parameters
+    ----------
+    assessment
+        The verdicts of one log.
+
+    Returns
+    -------
+    str
+        The answer in the first line, then the actuators, the worst first: what to do, why, how sure;
+        then what the log lost, and where each value came from.
+    """
+    sections = [f"# {_literal(headline(assessment))}", f"*{assessment.notice}*"]
+    if assessment.verdicts:
+        sections.append(_table(assessment))
+    ranked = assessment.ranked()
+    told = [verdict for verdict in ranked if verdict.worst not in ("normal", "undecided")]
+    sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
+    sections += _undecided(assessment)
+    sections.append(_log(assessment))
+    sections += _provenance(assessment)
+    return "\n\n".join(sections) + "\n"
+
+
+def _table(assessment: Assessment) -> str:
+    lines = ["| actuator | condition | friction, N·m | network | since |", "|---|---|---|---|---|"]
+    for verdict in assessment.ranked():
+        cells = (
+            _literal(name(verdict, assessment)),
+            _condition(verdict),
+            friction(verdict.friction_nm) if verdict.friction_nm else "—",
+            percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
+            clock(verdict.since.flight_time_s) if verdict.since else "—",
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _condition(verdict: Verdict) -> str:
+    word = f"**{verdict.condition}**" if verdict.condition != "normal" else verdict.condition
+    return word if verdict.worst == verdict.condition else f"{word}, was **{verdict.worst}**"
+
+
+def _section(verdict: Verdict, title: str) -> str:
+    coverage = verdict.coverage
+    lines = [f"## {_literal(title)}: {verdict.worst}", f"**What to do:** {advice(verdict)}."]
+    since = (
+        f"{clock(verdict.since.flight_time_s)} into the log ({verdict.since.utc})" if verdict.since else ""
+    )
+    if verdict.condition != verdict.worst:
+        again = f"since {since}" if since else "at the end"
+        lines.append(f"It has been {verdict.condition} {again}; that does not undo what was found before.")
+    elif since:
+        lines.append(f"**Since:** {since}.")
+    if verdict.evidence:
+        lines.append("\n".join(["**Why:**", *(f"- {_literal(finding(item))}" for item in verdict.evidence)]))
+    if verdict.suspects:
+        suspects = (f"{_literal(item.fault)} ({percent(item.confidence)})" for item in verdict.suspects)
+        lines.append(f"**Suspected:** {join(suspects)}.")
+    sure = []
+    if verdict.friction_nm:
+        sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
+    if verdict.p_emergency is not None:
+        sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
+    sure.append(
+        f"{coverage.decidable} of {coverage.windows} windows could be judged, "
+        f"the actuator moved {percent(coverage.moving_fraction)} of the time"
+    )
+    lines.append(f"**How sure:** {'; '.join(sure)}.")
+    return "\n\n".join(lines)
+
+
+def _undecided(assessment: Assessment) -> Iterator[str]:
+    for (reason, remedy), verdicts in undecided(assessment).items():
+        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
+        yield f"## {names}: undecided\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
+
+
+def _provenance(assessment: Assessment) -> Iterator[str]:
+    groups: dict[tuple[str | None, tuple[tuple[str, str], ...]], list[str]] = {}
+    for verdict in assessment.ranked():
+        if verdict.provenance:
+            sources = tuple(sorted(verdict.provenance.items()))
+            groups.setdefault((verdict.tier, sources), []).append(name(verdict, assessment))
+    for (tier, sources), names in groups.items():
+        lines = [f"## Where the values of {_literal(join(names))} came from"]
+        lines += [f"Telemetry tier: {_literal(tier)}."] if tier else []
+        table = ["| quantity | source |", "|---|---|"]
+        found = dict(sources)
+        for quantity in QUANTITIES:
+            source = found.get(quantity.key)
+            source = _literal(source) if source else "not in the log"
+            table.append(f"| {quantity.key} {quantity.name}, {quantity.unit} | {source} |")
+        yield "\n\n".join([*lines, "\n".join(table)])
+
+
+def _log(assessment: Assessment) -> str:
+    log = assessment.log
+    facts = [
+        f"File: {_literal(log.path) if log.path else 'a live link'}",
+        f"Start: {log.start_utc or 'not known'}; duration: {clock(log.duration_s)}",
+        f"Lost: {losses(log.losses)}",
+        f"Airframe: {_literal(assessment.airframe or 'none named')}; "
+        f"network: {_literal(assessment.model.name) if assessment.model else 'none'}",
+    ]
+    return "## The log\n\n" + "\n".join(f"- {fact}" for fact in facts)
+
+
+def _literal(text: str) -> str:
+    """Return a text from outside on one line, with nothing in it that Markdown would act on."""
+    return _ACTIVE.sub(r"\\\1", printable(text))

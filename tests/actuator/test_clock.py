@@ -1,0 +1,60 @@
+"""The sender's clock on the time axis of reception."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.actuator.clock import SenderClock
+
+Times = NDArray[np.int64]
+
+
+def array(values: list[int]) -> Times:
+    return np.array(values, dtype=np.int64)
+
+
+@given(st.lists(st.integers(0, 900_000), min_size=1, max_size=30), st.integers(0, 2**40))
+def test_latency_does_not_bend_the_senders_time(latency_us: list[int], boot_us: int) -> None:
+    sent = array([boot_us + 10_000 * k for k in range(len(latency_us))])
+    received = sent + array(latency_us)
+    clock = SenderClock()
+    utc = clock.to_utc_us(sent, received)
+    assert np.array_equal(np.diff(utc), np.diff(sent))
+    assert utc[0] == received[0]
+    assert clock.segments == 1
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 10**8), st.integers(0, 10**8)), max_size=40),
+    st.lists(st.integers(0, 40), max_size=8).map(sorted),
+)
+def test_where_blocks_end_does_not_matter(times: list[tuple[int, int]], places: list[int]) -> None:
+    sent, received = array([t[0] for t in times]), array([t[1] for t in times])
+    whole = SenderClock()
+    expected = whole.to_utc_us(sent, received)
+    clock = SenderClock()
+    bounds = [0, *(min(place, len(times)) for place in places), len(times)]
+    parts = [clock.to_utc_us(sent[a:b], received[a:b]) for a, b in zip(bounds, bounds[1:], strict=False)]
+    assert np.array_equal(np.concatenate(parts), expected)
+    assert clock.segments == whole.segments
+
+
+def test_a_reboot_starts_a_segment_after_three_samples() -> None:
+    sent = array([100_000_000, 100_010_000, 5_000, 15_000, 25_000, 35_000])
+    received = array([10**9, 10**9 + 10_000, 10**9 + 8_000_000, *(10**9 + 8_000_000 + 10_000 * k for k in (1, 2, 3))])
+    clock = SenderClock()
+    utc = clock.to_utc_us(sent, received)
+    assert clock.segments == 2
+    assert utc[:2].tolist() == received[:2].tolist()
+    assert utc[4:].tolist() == received[4:].tolist()
+
+
+def test_one_damaged_time_stamp_starts_no_segment() -> None:
+    sent = array([0, 10_000, 20_000, 30_000])
+    received = array([10**9, 10**9 + 10_000, 10**9 + 2**31, 10**9 + 30_000])
+    clock = SenderClock()
+    assert clock.to_utc_us(sent, received).tolist() == [10**9, 10**9 + 10_000, 10**9 + 20_000, 10**9 + 30_000]
+    assert clock.segments == 1

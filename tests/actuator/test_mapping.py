@@ -1,0 +1,115 @@
+"""Messages to quantities: whose they are, where they came from, and by which profile."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+from mavhums.actuator import Mapper, actuators, load_airframe
+from mavhums.actuator.airframe_name import announcements
+from mavhums.actuator.profile import ProfileError
+from mavhums.actuator.tiers import best_tier
+from mavhums.log import Decoder, Log, Table
+from mavhums.quantities import KEYS, column
+from tests.strategies import START_US
+
+
+def array_message(servo: int, values: list[float], *, name: bytes = b"EMA", time_us: int = 0) -> Any:
+    return v2.MAVLink_debug_float_array_message(time_us, name, servo, values + [0.0] * 46)
+
+
+def decode(*messages: Any, system: int = 1) -> dict[str, Table]:
+    link = v2.MAVLink(None, srcSystem=system, srcComponent=1)
+    data = b"".join(
+        struct.pack(">Q", START_US + 10_000 * k) + bytes(message.pack(link)) for k, message in enumerate(messages)
+    )
+    return Decoder().feed(data, final=True)
+
+
+def test_each_servo_is_its_actuators() -> None:
+    tables = decode(*(array_message(servo, [float(servo)] * 12) for servo in (3, 1, 3, 9)))
+    mapped = Mapper(load_airframe("paper")).feed(tables)
+    assert {part.actuator.name: part.values[:, 0].tolist() for part in mapped} == {
+        "aileron_left": [1.0],
+        "elevator": [3.0, 3.0],
+    }
+
+
+def test_what_is_not_measured_is_nan_and_has_no_provenance() -> None:
+    mapper = Mapper(load_airframe("paper"))
+    values = [float("nan")] * 12
+    values[4] = 0.5
+    values[6] = float("inf")
+    (mapped,) = mapper.feed(decode(array_message(3, values)))
+    assert np.isfinite(mapped.values[0]).tolist() == [k == 4 for k in range(12)]
+    assert mapper.provenance(1, mapped.actuator) == {"V5": "DEBUG_FLOAT_ARRAY[EMA,3].data[4]"}
+    assert mapper.provenance(2, mapped.actuator) == {}
+
+
+def test_other_float_arrays_are_not_actuator_telemetry() -> None:
+    mapper = Mapper(load_airframe("paper"))
+    assert mapper.feed(decode(array_message(3, [1.0] * 12, name=b"EMAX"))) == []
+    assert mapper.feed(decode(v2.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))) == []
+
+
+def test_a_vehicles_profile_serves_that_vehicle_from_its_announcement_on() -> None:
+    airframe = load_airframe("paper")
+    tables = decode(*(array_message(3, [1.0] * 12, time_us=10_000 * k) for k in range(4)), system=7)
+    assert Mapper(airframe, vehicle=1).feed(tables) == []
+    (mapped,) = Mapper(airframe, vehicle=7, from_frame=1).feed(tables)
+    assert mapped.vehicle == 7
+    assert len(mapped.utc_us) == 3
+    assert Mapper(airframe, vehicle=7).serves(7)
+    assert not Mapper(airframe, vehicle=7).serves(1)
+    assert Mapper(airframe).serves(1)
+
+
+def test_clock_segments_are_counted_per_vehicle() -> None:
+    mapper = Mapper(load_airframe("paper"))
+    mapper.feed(decode(*(array_message(3, [1.0] * 12, time_us=10_000 * k) for k in range(4)), system=7))
+    assert mapper.clock_segments(7) == 1
+    assert mapper.clock_segments(1) == 0
+
+
+def test_only_packaged_profiles_can_be_announced() -> None:
+    texts = [b"mavhums airframe=paper", b"mavhums airframe=/etc/passwd", b"mavhums airframe=other", b"hello"]
+    tables = decode(*(v2.MAVLink_statustext_message(6, text) for text in texts))
+    assert [(said.frame, said.name, said.known) for said in announcements(tables)] == [
+        (0, "paper", True),
+        (2, "other", False),
+    ]
+    assert list(announcements({})) == []
+
+
+def test_a_log_that_names_no_profile_needs_one() -> None:
+    from pathlib import Path
+
+    from mavhums.assessment import Losses
+
+    tables = decode(array_message(3, [1.0] * 12))
+    log = Log(Path("x.tlog"), tables, {}, {}, Losses(), (1,), None)
+    with pytest.raises(ProfileError, match=r"x\.tlog.*paper"):
+        actuators(log)
+    assert list(actuators(log, "paper")) == ["elevator"]
+    assert actuators(log, load_airframe("paper"), vehicle=5) == {}
+
+
+def test_the_richest_tier_counts() -> None:
+    def tier(*messages: str, instrumented: bool = False) -> str | None:
+        best = best_tier(set(messages), instrumented=instrumented)
+        return best.name if best else None
+
+    assert tier("SERVO_OUTPUT_RAW", "ESC_TELEMETRY_5_TO_8") == "esc-unsigned"
+    assert tier("DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW") == "pwm"
+    assert tier("DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW", instrumented=True) == "instrumented"
+    assert tier("HEARTBEAT") is None
+
+
+def test_columns_are_in_the_papers_order() -> None:
+    assert [column(key) for key in KEYS] == list(range(12))
+    with pytest.raises(ValueError, match="not in tuple"):
+        column("V13")

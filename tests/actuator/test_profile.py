@@ -1,0 +1,96 @@
+"""Airframe profiles: the packaged one, and what is refused."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from mavhums.actuator import load_airframe, packaged_airframes
+from mavhums.actuator.profile import ProfileError
+from mavhums_sim.ema import EmaParameters
+
+
+def packaged_text() -> str:
+    import mavhums.actuator
+
+    return (Path(mavhums.actuator.__file__).parent / "airframes" / "paper.toml").read_text()
+
+
+def test_the_paper_profile_is_the_papers_actuator() -> None:
+    airframe = load_airframe("paper")
+    assert [(a.name, a.servo, a.esc) for a in airframe.actuators] == [
+        ("aileron_left", 1, 0),
+        ("aileron_right", 2, 1),
+        ("elevator", 3, 2),
+        ("rudder", 4, 3),
+    ]
+    for actuator in airframe.actuators:
+        assert (actuator.limits.normal, actuator.limits.emergency) == (0.375, 0.875)
+        assert actuator.travel_deg == (-60.0, 60.0)
+        assert actuator.pwm_us == (1000, 1500, 2000)
+        ema = actuator.ema
+        assert ema.gear_ratio * ema.torque_constant == pytest.approx((3.5 + 0.225) / 0.85, rel=1e-4)
+        assert 27 / ema.resistance * ema.gear_ratio * ema.torque_constant == pytest.approx(5.225, rel=1e-4)
+
+
+def test_profile_and_simulator_mean_the_same_actuator() -> None:
+    actuator = load_airframe("paper").actuators[0]
+    simulated = EmaParameters.from_data_sheet()
+    assert actuator.ema.gear_ratio * actuator.ema.torque_constant == pytest.approx(
+        simulated.torque_per_ampere, rel=1e-4
+    )
+    assert actuator.inertia_output == pytest.approx(simulated.inertia)
+    assert actuator.ema.resistance == pytest.approx(simulated.resistance, rel=1e-4)
+
+
+def test_speeds_are_converted_by_the_gear() -> None:
+    actuator = load_airframe("paper").actuators[0]
+    assert actuator.rad_s(300 * 60) == pytest.approx(2 * pi)
+    assert actuator.moving_speed_rev_min == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("normal = 0.375", "normal = 0.9", "emergency limit must lie above"),
+        ("servo = 2", "servo = 1", "two actuators share servo = 1"),
+        ('name = "rudder"', 'name = "elevator"', "two actuators share name = 'elevator'"),
+        ("gear_ratio = 300.0", "gear_ratio = -1", "ema.gear_ratio"),
+        ("resistance = 22.6457", "resistnce = 22.6457", "resist"),
+        ("servo = 3", "servo =", "not valid TOML"),
+        ("inertia = 2.4e-7", "inertia = nan", "ema.inertia"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "mine.toml"
+    text = packaged_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(ProfileError, match=message) as caught:
+        load_airframe(path)
+    assert str(path) in caught.value.problem
+
+
+def test_a_profile_of_ones_own_is_loaded_by_path(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(packaged_text().replace('name = "paper"', 'name = "mine"', 1))
+    assert load_airframe(path).name == "mine"
+
+
+@pytest.mark.parametrize("name", ["nonesuch", "/nowhere/profile.toml"])
+def test_a_missing_profile_names_those_there_are(name: str) -> None:
+    with pytest.raises(ProfileError, match="one of: paper"):
+        load_airframe(name)
+
+
+def test_a_binary_profile_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ProfileError):
+        load_airframe(path)
+
+
+def test_packaged_profiles_are_listed() -> None:
+    assert packaged_airframes() == ["paper"]

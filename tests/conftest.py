@@ -1,0 +1,38 @@
+"""Fixtures that several rooms share: simulated flights, and the real logs where they are at hand."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from mavhums_sim import Flight, FlightRecord, fly, write_tlog
+
+REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS", Path(__file__).parents[2] / "shared" / "logs"))
+
+
+def real_logs() -> list[Path]:
+    """Every file of the folder of real logs; empty where it is absent."""
+    return sorted(path for path in REAL_LOGS.rglob("*") if path.is_file() and path.suffix != ".md")
+
+
+@pytest.fixture(scope="session")
+def growing_record() -> FlightRecord:
+    """Forty seconds in which the elevator's friction grows through both limits."""
+    return fly(Flight(seed=11, duration_s=40.0, friction_nm={"elevator": (0.2, 1.2)}))
+
+
+@pytest.fixture(scope="session")
+def growing_log(growing_record: FlightRecord, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("growing") / "growing.tlog"
+    write_tlog(growing_record, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def short_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fifteen healthy seconds at 20 Hz: small enough to be cut a hundred ways."""
+    path = tmp_path_factory.mktemp("short") / "short.tlog"
+    write_tlog(fly(Flight(seed=12, duration_s=15.0, rate_hz=20.0)), path)
+    return path

@@ -1,0 +1,116 @@
+"""Reading from disk: whole logs as tables, and files that are no logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mavhums
+from mavhums.errors import UnreadableLogError
+from mavhums.log import Decoder, Table, read_blocks, read_log
+from mavhums.log.vehicles import vehicles_of
+from mavhums_sim import FlightRecord
+
+
+def test_read_log_gives_tables_by_time_of_reception(growing_log: Path, growing_record: FlightRecord) -> None:
+    log = read_log(growing_log)
+    frame = log.messages["DEBUG_FLOAT_ARRAY"]
+    elevator = frame[frame["array_id"] == 3]
+    truth = growing_record.actuators["elevator"].values
+    assert np.allclose(elevator[[f"data[{k}]" for k in range(12)]], truth, rtol=1e-6, atol=1e-6)
+    assert (elevator["name"] == "EMA").all()
+    assert frame.index.is_monotonic_increasing
+    assert str(frame.index.tz) == "UTC"
+    assert log.vehicles == (1,)
+    assert not log.losses.any
+    assert log.span is not None
+    assert log.span[1] - log.span[0] == pytest.approx(40e6, rel=0.01)
+
+
+def test_only_wanted_messages_are_kept(short_log: Path) -> None:
+    log = read_log(short_log, messages=["ATTITUDE"])
+    assert set(log.messages) == {"ATTITUDE"}
+    assert (1, 1, "HEARTBEAT") in log.counts
+
+
+def test_tables_join_and_select(short_log: Path) -> None:
+    whole = read_log(short_log, messages=["ATTITUDE"]).tables["ATTITUDE"]
+    decoder = Decoder(["ATTITUDE"])
+    parts = [decoder.feed(block).get("ATTITUDE") for block in read_blocks(short_log, size=5_000)]
+    joined = Table.concatenate([part for part in parts if part is not None])
+    assert np.array_equal(joined["roll"], whole["roll"])
+    assert np.array_equal(joined.frame, whole.frame)
+    assert len(whole.select(whole["roll"] > 0)) == np.count_nonzero(whole["roll"] > 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "problem", "remedy"),
+    [
+        ("empty.tlog", b"", "empty", "closed the log"),
+        ("log.BIN", b"\xa3\x95\x80\x80" + bytes(100), "DataFlash", ".tlog"),
+        ("log.ulg", b"ULog\x01\x12\x35" + bytes(100), "ULog", ".tlog"),
+        ("flight.rrd", b"RRF2" + bytes(100), "Rerun", ".tlog"),
+        ("log.gz", b"\x1f\x8b" + bytes(100), "gzip", "unpack"),
+        ("log.zip", b"PK\x03\x04" + bytes(100), "zip", "unpack"),
+        ("notes.txt", "Fuß und Hand\n".encode() * 20, "text file", ".tlog"),
+        ("noise.tlog", bytes(range(128, 256)) * 40, "no MAVLink frame", ".tlog"),
+    ],
+)
+def test_what_is_no_log_is_named(tmp_path: Path, name: str, content: bytes, problem: str, remedy: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(UnreadableLogError, match=problem) as caught:
+        read_log(path)
+    assert str(path) in caught.value.problem
+    assert remedy in caught.value.remedy
+
+
+def test_a_log_without_time_stamps_is_named(short_log: Path, tmp_path: Path) -> None:
+    data = short_log.read_bytes()
+    frames, position = [], 0
+    while position < len(data) and len(frames) < 50:
+        size = data[position + 9] + 12
+        frames.append(data[position + 8 : position + 8 + size])
+        position += 8 + size
+    raw = tmp_path / "flight.tlog.raw"
+    raw.write_bytes(b"".join(frames))
+    with pytest.raises(UnreadableLogError, match="without time stamps"):
+        read_log(raw)
+
+
+def test_missing_files_and_folders_are_named(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableLogError, match="no such file"):
+        read_log(tmp_path / "missing.tlog")
+    with pytest.raises(UnreadableLogError, match=r"folder.*\*\.tlog"):
+        read_log(tmp_path)
+
+
+def test_a_file_that_may_not_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "flight.tlog"
+    path.touch()
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(UnreadableLogError, match="Permission denied"):
+        read_log(path)
+
+
+def test_vehicles_are_told_from_ground_stations() -> None:
+    counts = {(255, 190, "HEARTBEAT"): 5, (2, 1, "SERVO_OUTPUT_RAW"): 1, (1, 1, "ATTITUDE"): 1}
+    assert vehicles_of(counts) == (1, 2)
+
+
+def test_actuators_give_histories_by_name(growing_log: Path, growing_record: FlightRecord) -> None:
+    log = mavhums.read_log(growing_log)
+    histories = mavhums.actuators(log)
+    assert set(histories) == {"aileron_left", "aileron_right", "elevator", "rudder"}
+    elevator = histories["elevator"]
+    truth = growing_record.actuators["elevator"]
+    assert np.allclose(elevator.frame["V5"], truth.values[:, 4], atol=1e-6)
+    assert elevator.provenance["V11"] == "DEBUG_FLOAT_ARRAY[EMA,3].data[10]"
+    seconds = (elevator.frame.index - elevator.frame.index[0]).total_seconds()
+    assert np.allclose(seconds, truth.time_s - truth.time_s[0], atol=2e-6)

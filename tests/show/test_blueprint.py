@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from mavhums.assessment import Assessment, Verdict
+from mavhums.quantities import KEYS
+
+pytest.importorskip("rerun", reason="layouts need the extra 'viewer'")
+
+from mavhums.show import layout
+
+New = Callable[..., Verdict]
+Assess = Callable[..., Assessment]
+ALL = frozenset({*KEYS, "friction", "network"})
+
+
+def names(part: Any) -> Iterator[str]:
+    if getattr(part, "name", None):
+        yield str(part.name)
+    for child in getattr(part, "contents", ()):
+        if not isinstance(child, str):
+            yield from names(child)
+
+
+def tree(assessment: Assessment, **present: frozenset[str]) -> list[str]:
+    paths = {f"/vehicle_1/{actuator}": keys for actuator, keys in present.items()}
+    return list(names(layout(assessment, paths).root_container))
+
+
+def test_the_answer_comes_first_then_the_worst_actuator(assessment: Assessment) -> None:
+    found = tree(assessment, aileron_left=ALL, elevator=ALL, rudder=ALL)
+    assert found[:4] == [
+        "Condition of every actuator",
+        "elevator: emergency",
+        "Friction, N·m, against its limits",
+        "Network: probability of emergency",
+    ]
+    assert found.index("rudder: undecided") < found.index("aileron_left: normal") < found.index("Events")
+    assert found[-1] == "Report"
+
+
+def test_all_twelve_quantities_are_named_with_their_units(assessment: Assessment) -> None:
+    titles = [name for name in tree(assessment, elevator=ALL) if name.startswith("V")]
+    shown = " ".join(titles).replace(",", "").split()
+    assert sorted(key for key in KEYS if key in shown) == sorted(KEYS)
+    assert "V1 input, V3 output angle, °" in titles
+    assert "V6 supply, V9 rotor, V12 output power, W" in titles
+    assert "V5 supply current, A" in titles
+
+
+def test_what_is_absent_gets_no_plot(assessment: Assessment) -> None:
+    found = tree(assessment, elevator=frozenset({"V3", "friction"}), rudder=frozenset())
+    assert "V3 output shaft angle, °" in found
+    assert not [name for name in found if name.startswith("Network") or name.startswith("rudder")]
+    only = tree(assessment, elevator=frozenset({"network"}))
+    assert only[1:4] == ["elevator: emergency", "Network: probability of emergency", "Events"]
+
+
+def test_a_tab_says_what_was_worse(new_verdict: New, new_assessment: Assess) -> None:
+    verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
+    assert "elevator: normal, was emergency" in tree(new_assessment(verdict), elevator=ALL)
+
+
+def test_many_actuators_leave_room_below(assessment: Assessment) -> None:
+    paths = {f"/vehicle_1/servo_{number}": ALL for number in range(32)}
+    left: Any = next(iter(layout(assessment, paths).root_container.contents))
+    assert left.row_shares[0] == pytest.approx(0.4)

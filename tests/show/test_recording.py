@@ -1,0 +1,397 @@
+from __future__ import annotations
+
+import builtins
+import math
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mavhums.actuator.profile import Limits, load_airframe
+from mavhums.assessment import NOTICE, Assessment, Interval, Verdict
+from mavhums.errors import MavhumsError, MissingExtraError
+from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.quantities import KEYS
+from mavhums.show import Recorder, markdown
+
+if TYPE_CHECKING:
+    from tests.show.conftest import Flight
+
+rr = pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
+chunk = pytest.importorskip("rerun.chunk")
+
+New = Callable[..., Verdict]
+Assess = Callable[..., Assessment]
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _strict() -> Iterator[None]:
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+def write(path: Path, events: Iterable[Event], assessment: Assessment, **options: Any) -> Path:
+    with Recorder(path, recording_id="flight", **options) as recorder:
+        recorder.consume(events)
+        recorder.close(assessment)
+    return path
+
+
+def rows(path: Path, entity: str, component: str) -> tuple[Floats, list[Any]]:
+    """Flight times in seconds and the component's values, in the order of time."""
+    time: list[float] = []
+    values: list[Any] = []
+    for part in chunk.RrdReader(path).stream().filter(content=entity, is_static=False):
+        batch = part.to_record_batch()
+        if component in batch.schema.names:
+            time += [duration.value / 1e9 for duration in batch.column("flight_time")]
+            values += batch.column(component).to_pylist()
+    order = np.argsort(time, kind="stable")
+    return np.array(time)[order], [values[place] for place in order]
+
+
+def scalars(path: Path, entity: str, component: str = "Scalars:scalars") -> tuple[Floats, Floats]:
+    time, values = rows(path, entity, component)
+    return time, np.array(values, dtype=np.float64)
+
+
+def static(path: Path, entity: str) -> dict[str, list[Any]]:
+    found: dict[str, list[Any]] = {}
+    for part in chunk.RrdReader(path).stream().filter(content=entity, is_static=True):
+        batch = part.to_record_batch()
+        for name in batch.schema.names:
+            found[name] = batch.column(name).to_pylist()[-1]
+    return found
+
+
+def entities(path: Path) -> set[str]:
+    return {part.entity_path for part in chunk.RrdReader(path).stream()}
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory, flight: Flight, assessment: Assessment) -> Path:
+    return write(tmp_path_factory.mktemp("show") / "flight.rrd", flight.events(), assessment)
+
+
+@pytest.mark.parametrize("actuator", ["elevator", "rudder"])
+def test_every_sample_is_there_to_the_last_bit(actuator: str, recording: Path, flight: Flight) -> None:
+    expected = flight.samples(actuator, 0, 1)
+    whole = [flight.samples(actuator, second, second + 1) for second in range(100)]
+    values = np.concatenate([part.values for part in whole])
+    for place, key in enumerate(KEYS):
+        time, found = scalars(recording, f"/vehicle_1/{actuator}/quantities", f"mavhums:{key}")
+        np.testing.assert_array_equal(found[:, 0], values[:, place])
+        np.testing.assert_allclose(time[: expected.time_s.size], expected.time_s, atol=1e-9)
+
+
+def test_friction_has_its_interval_and_gaps_where_nothing_was_estimated(
+    recording: Path, flight: Flight
+) -> None:
+    time, found = scalars(recording, "/vehicle_1/aileron_right/friction")
+    windows = [flight.window("aileron_right", end) for end in range(10, 101)]
+    np.testing.assert_array_equal(time, [window.end_s for window in windows])
+    for row, window in zip(found, windows, strict=True):
+        if (interval := window.friction_nm) is None:
+            assert np.isnan(row).all()
+        else:
+            assert row.tolist() == [interval.estimate, interval.low, interval.high]
+    assert np.isnan(found).any()
+    _, votes = scalars(recording, "/vehicle_1/elevator/network")
+    assert votes[:, 0].tolist() == [flight.window("elevator", end).p_emergency for end in range(10, 101)]
+
+
+def test_limits_come_from_the_profile_that_the_log_names(recording: Path) -> None:
+    time, found = scalars(recording, "/vehicle_1/elevator/limits")
+    assert found.tolist() == [[0.375, 0.875]] * 2
+    assert time.tolist() == [0.5, 100.0]
+    names = static(recording, "/vehicle_1/elevator/limits")["SeriesLines:names"]
+    assert names == ["normal up to 0.375", "emergency from 0.875"]
+
+
+def test_conditions_change_where_they_did_and_not_where_it_was_certain(
+    recording: Path, flight: Flight
+) -> None:
+    changes = [event for event in flight.events() if isinstance(event, ConditionChanged)]
+    time, states = rows(recording, "/vehicle_1/elevator", "StateChange:state")
+    assert states == [["normal"], ["degraded"], ["emergency"]]
+    expected = [event.since_s for event in changes if event.actuator == "elevator"]
+    np.testing.assert_allclose(time, expected)
+    still, undecided = rows(recording, "/vehicle_1/rudder", "StateChange:state")
+    assert (still.tolist(), undecided) == ([0.0], [["undecided"]])
+    style = static(recording, "/vehicle_1/elevator")
+    assert style["StateConfiguration:values"] == ["normal", "degraded", "emergency", "undecided"]
+    assert len(set(style["StateConfiguration:colors"])) == 4
+
+
+def test_what_happened_is_told(recording: Path) -> None:
+    _, texts = rows(recording, "/events", "TextLog:text")
+    _, levels = rows(recording, "/events", "TextLog:level")
+    lines = [text for (text,) in texts]
+    assert lines[:2] == ["vehicle 1: ArduPlane V4.6.0", "judged by the airframe profile paper"]
+    assert lines[-1].startswith("elevator (vehicle 1): degraded → emergency since ")
+    assert levels[-1] == ["ERROR"]
+    assert ["WARN"] in levels
+
+
+def test_the_report_and_the_properties_travel_along(recording: Path, assessment: Assessment) -> None:
+    report = static(recording, "/report")
+    assert report["TextDocument:text"] == [markdown(assessment)]
+    assert report["TextDocument:media_type"] == ["text/markdown"]
+    mine = static(recording, "/__properties/mavhums")
+    assert mine["worst_actuator"] == ["elevator"]
+    assert mine["condition"] == ["emergency"]
+    assert mine["vehicle"] == [1]
+    assert mine["airframe"] == ["paper"]
+    assert mine["notice"] == [NOTICE]
+    info = static(recording, "/__properties")
+    assert info["RecordingInfo:name"] == ["2025-06-01.tlog"]
+    start = info["RecordingInfo:start_time"][0]
+    assert start == 1_748_772_000_000_000_000
+
+
+def test_it_is_small_in_few_chunks_and_verifies(recording: Path) -> None:
+    assert recording.stat().st_size < 10e6
+    chunks = list(chunk.RrdReader(recording).stream())
+    assert len(chunks) < 100
+    command = Path(sysconfig.get_path("scripts")) / "rerun"
+    subprocess.run([command, "rrd", "verify", recording], check=True, capture_output=True)
+
+
+def test_absent_quantities_are_absent(
+    tmp_path: Path, new_flight: type[Flight], assessment: Assessment
+) -> None:
+    absent = tuple(key for key in KEYS if key not in ("V1", "V5"))
+    events = new_flight(absent=absent, duration=12).events()
+    path = write(tmp_path / "sparse.rrd", events, assessment)
+    for part in chunk.RrdReader(path).stream().filter(content="/vehicle_1/elevator/quantities"):
+        names = set(part.to_record_batch().schema.names)
+        assert {name for name in names if name.startswith("mavhums:")} == {"mavhums:V1", "mavhums:V5"}
+    events = new_flight(absent=KEYS, duration=12).events()
+    assert "/vehicle_1/elevator/quantities" not in entities(write(path, events, assessment))
+
+
+def test_what_falls_silent_leaves_a_gap_and_not_a_straight_line(
+    tmp_path: Path, new_assessment: Assess
+) -> None:
+    def block(start: int, value: float) -> Samples:
+        values = np.full((4096, 12), np.nan)
+        values[:, 0], values[:, 4] = 1.0, value
+        return Samples(1, "elevator", start + np.arange(4096) / 100, values)
+
+    blocks = [block(0, math.nan), block(100, 0.5), block(200, math.nan), block(300, 0.7)]
+    window = Window(1, "elevator", 0.0, 10.0, 0.5, None, 0.5, "normal")
+    path = write(tmp_path / "gap.rrd", [*blocks, window], new_assessment())
+    time, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
+    assert (time[0], time[-1]) == (100.0, pytest.approx(340.95))
+    assert np.isnan(found[(time >= 200) & (time < 300)]).all()
+    assert "/vehicle_1/elevator/network" in entities(path)
+    assert "/vehicle_1/elevator/friction" not in entities(path)
+
+
+def test_blocks_may_be_cut_anywhere(tmp_path: Path, flight: Flight, new_assessment: Assess) -> None:
+    whole = flight.samples("elevator", 0, 100)
+    rng = np.random.default_rng(5)
+    cuts = [0, 0, *np.sort(rng.integers(0, whole.time_s.size, 40)), whole.time_s.size]
+    parts = [Samples(1, "elevator", whole.time_s[a:b], whole.values[a:b]) for a, b in pairwise(cuts)]
+    one = write(tmp_path / "one.rrd", [whole], new_assessment())
+    many = write(tmp_path / "many.rrd", parts, new_assessment())
+    for key in KEYS:
+        for left, right in zip(
+            scalars(one, "/vehicle_1/elevator/quantities", f"mavhums:{key}"),
+            scalars(many, "/vehicle_1/elevator/quantities", f"mavhums:{key}"),
+            strict=True,
+        ):
+            np.testing.assert_array_equal(left, right)
+
+
+def test_long_flights_are_written_as_they_come(tmp_path: Path, new_assessment: Assess) -> None:
+    path = tmp_path / "long.rrd"
+    interval = Interval(estimate=0.2, low=0.1, high=0.3)
+    with Recorder(path, recording_id="flight") as recorder:
+        for second in range(5000):
+            end = float(second)
+            recorder.consume([Window(1, "rudder", end - 10, end, 1.0, interval, 0.1, "normal")])
+            recorder.consume([ConditionChanged(1, "rudder", end, end, "normal", "degraded", "r")])
+            recorder.consume([Notice(end, None, "x")])
+        recorder.close(new_assessment())
+    for entity, component in (
+        ("/vehicle_1/rudder/friction", "Scalars:scalars"),
+        ("/vehicle_1/rudder", "StateChange:state"),
+        ("/events", "TextLog:text"),
+    ):
+        time, _ = rows(path, entity, component)
+        assert 5000 <= time.size <= 10001
+
+
+def test_a_state_found_late_never_hides_below_an_earlier_one(tmp_path: Path, new_assessment: Assess) -> None:
+    empty = Samples(1, "rudder", np.zeros(0), np.zeros((0, 12)))
+    window = Window(1, "rudder", 2.0, 12.0, 1.0, None, None, "undecided")
+    changes = [
+        ConditionChanged(1, "rudder", 20.0, 15.0, "undecided", "degraded", "r"),
+        ConditionChanged(1, "rudder", 21.0, 14.0, "degraded", "emergency", "r"),
+    ]
+    path = write(tmp_path / "late.rrd", [empty, window, *changes], new_assessment())
+    time, states = rows(path, "/vehicle_1/rudder", "StateChange:state")
+    assert states == [["undecided"], ["degraded"], ["emergency"]]
+    assert time.tolist() == [2.0, 15.0, pytest.approx(15.000001)]
+
+
+def test_an_actuator_without_telemetry_is_shown_as_undecided(
+    tmp_path: Path, new_verdict: New, new_assessment: Assess
+) -> None:
+    silent = new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"vehicle": None})
+    path = write(tmp_path / "silent.rrd", [], new_assessment(silent))
+    assert rows(path, "/no_vehicle/rudder", "StateChange:state")[1] == [["undecided"]]
+    assert "vehicle" not in static(path, "/__properties/mavhums")
+
+
+def test_a_given_profile_draws_its_own_limits(
+    tmp_path: Path, new_flight: type[Flight], assessment: Assessment
+) -> None:
+    paper = load_airframe("paper")
+    limits = Limits(normal=0.1, emergency=0.2)
+    tight = paper.actuators[2].model_copy(update={"limits": limits})
+    mine = paper.model_copy(update={"actuators": (tight,)})
+    path = write(tmp_path / "own.rrd", new_flight(duration=12).events(), assessment, airframe=mine)
+    time, found = scalars(path, "/vehicle_1/elevator/limits")
+    assert found.tolist() == [[0.1, 0.2]] * 2
+    assert time[0] == 0.0
+    assert "/vehicle_1/rudder/limits" not in entities(path)
+
+
+@pytest.mark.parametrize("name", ["nobody", "../../etc/passwd"])
+def test_a_profile_that_is_not_packaged_is_told_but_never_opened(
+    name: str, tmp_path: Path, flight: Flight, new_assessment: Assess
+) -> None:
+    events: list[Event] = [AirframeNamed(0.0, name), flight.samples("elevator", 0, 1)]
+    path = write(tmp_path / "unknown.rrd", events, new_assessment())
+    assert "/vehicle_1/elevator/limits" not in entities(path)
+    assert rows(path, "/events", "TextLog:text")[1] == [[f"judged by the airframe profile {name}"]]
+
+
+@pytest.mark.parametrize("start", [None, "2025-06-01T10:00:00", "2025-06-01T12:00:00+02:00"])
+def test_name_and_start_of_a_recording(start: str | None, tmp_path: Path, new_assessment: Assess) -> None:
+    empty = new_assessment()
+    log = empty.log.model_copy(update={"path": None, "start_utc": start})
+    bare = empty.model_copy(update={"log": log, "airframe": None})
+    path = write(tmp_path / "link.rrd", [Notice(0.0, None, "the clock rewound")], bare)
+    info = static(path, "/__properties")
+    assert info["RecordingInfo:name"] == ["link"]
+    assert info.get("RecordingInfo:start_time") == (None if start is None else [1_748_772_000_000_000_000])
+    assert "airframe" not in static(path, "/__properties/mavhums")
+    assert rows(path, "/events", "TextLog:text")[1] == [["log: the clock rewound"]]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_error_leaves_neither_half_a_recording_nor_a_temporary_file(
+    error: type[BaseException], tmp_path: Path, flight: Flight
+) -> None:
+    path = tmp_path / "flight.rrd"
+    path.write_bytes(b"the older one")
+    seen: list[Path] = []
+
+    def events() -> Iterator[Event]:
+        yield flight.samples("elevator", 0, 50)
+        seen.extend(tmp_path.iterdir())
+        raise error
+
+    with pytest.raises(error), Recorder(path, recording_id="flight") as recorder:
+        recorder.consume(events())
+    assert len(seen) == 2
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == b"the older one"
+
+
+def test_an_error_while_closing_leaves_nothing(
+    tmp_path: Path, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mavhums.show.blueprint.layout", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write(tmp_path / "flight.rrd", [], assessment)
+    assert not list(tmp_path.iterdir())
+
+
+def test_leaving_without_closing_keeps_nothing(tmp_path: Path, flight: Flight) -> None:
+    with Recorder(tmp_path / "flight.rrd", recording_id="flight") as recorder:
+        recorder.consume([flight.samples("elevator", 0, 50)])
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_newer_recording_replaces_the_older(tmp_path: Path, assessment: Assessment) -> None:
+    path = tmp_path / "flight.rrd"
+    path.write_bytes(b"the older one")
+    write(path, [], assessment)
+    assert path.read_bytes().startswith(b"RRF2")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_place_that_cannot_be_written_is_an_error_that_names_it(
+    tmp_path: Path, assessment: Assessment
+) -> None:
+    with pytest.raises(MavhumsError, match=r"cannot write .*nowhere"):
+        write(tmp_path / "nowhere" / "flight.rrd", [], assessment)
+    folder = tmp_path / "folder.rrd"
+    folder.mkdir()
+    with pytest.raises(MavhumsError, match="cannot write"):
+        write(folder, [], assessment)
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_recording_without_its_end_is_not_published(
+    tmp_path: Path, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mavhums.show.recording._FOOTER", b"no such end")
+    with pytest.raises(MavhumsError, match="its end is missing: is the disk full"):
+        write(tmp_path / "flight.rrd", [], assessment)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+def test_a_full_disk_is_an_error(tmp_path: Path) -> None:
+    code = """
+import resource, sys
+import numpy as np
+from mavhums.assessment import Assessment, LogSummary, Losses
+from mavhums.errors import MavhumsError
+from mavhums.events import Samples
+from mavhums.show import Recorder
+
+log = LogSummary(path=None, sha256=None, start_utc=None, duration_s=0, vehicles=(), losses=Losses())
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+try:
+    with Recorder(sys.argv[1], recording_id="flight") as recorder:
+        values = np.random.default_rng(1).normal(size=(50_000, 12))
+        recorder.consume([Samples(1, "elevator", np.arange(50_000.0), values)])
+        recorder.close(Assessment(log=log, airframe=None, model=None, verdicts=()))
+except MavhumsError as error:
+    print(error)
+"""
+    command = [sys.executable, "-c", code, str(tmp_path / "flight.rrd")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "is the disk full?" in done.stdout
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_rerun_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    load = builtins.__import__
+
+    def without_rerun(name: str, *rest: Any) -> Any:
+        if name == "rerun":
+            raise ImportError(name)
+        return load(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without_rerun)
+    with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[viewer\]'"):
+        Recorder(tmp_path / "flight.rrd", recording_id="flight")

@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import pytest
+
+from mavhums.assessment import NOTICE, Assessment, Condition, Losses, Since, Suspect, Verdict
+from mavhums.quantities import KEYS
+from mavhums.show import markdown
+
+New = Callable[..., Verdict]
+Assess = Callable[..., Assessment]
+
+
+def first_line(assessment: Assessment) -> str:
+    return markdown(assessment).splitlines()[0]
+
+
+def test_the_first_line_is_the_answer(assessment: Assessment) -> None:
+    assert first_line(assessment) == "# elevator: EMERGENCY since 1m12s"
+
+
+def test_it_says_what_to_do_why_how_sure_and_what_was_lost(assessment: Assessment) -> None:
+    text = markdown(assessment)
+    assert "do not fly; inspect gearbox, bearings and hinge line" in text
+    assert (
+        "- the friction interval reaches the emergency limit: 1.003 N·m (limit 0.875), 1m12s to 1m40s" in text
+    )
+    assert "friction 1.003 (0.973–1.033) N·m with its 95 % interval" in text
+    assert "the network says emergency with >99 %" in text
+    assert "91 of 91 windows could be judged, the actuator moved 72 % of the time" in text
+    assert "**Suspected:** friction (97 %)." in text
+    assert "2025-06-01T10:01:12Z" in text
+    assert "1,234 bytes skipped, 3 damaged regions, 2 frames with a wrong checksum and 1 frame of an" in text
+    assert NOTICE in text.splitlines()[2]
+
+
+def test_every_quantity_names_its_source_or_that_there_is_none(
+    new_verdict: New, new_assessment: Assess
+) -> None:
+    verdict = new_verdict("elevator", "normal", 0.2, 0.0)
+    sources = {key: value for key, value in verdict.provenance.items() if key != "V11"}
+    text = markdown(new_assessment(verdict.model_copy(update={"provenance": sources})))
+    for key in KEYS:
+        assert re.search(rf"^\| {key} .* \| (DEBUG_FLOAT_ARRAY|not in the log)", text, re.MULTILINE)
+    assert "| V11 output shaft torque, N·m | not in the log |" in text
+
+
+def test_actuators_with_the_same_sources_share_a_table(new_verdict: New, new_assessment: Assess) -> None:
+    one, two = (new_verdict(name, "normal", 0.2, 0.0) for name in ("elevator", "rudder"))
+    shared = {"tier": None, "provenance": {"V1": "SERVO_OUTPUT_RAW"}}
+    text = markdown(new_assessment(one.model_copy(update=shared), two.model_copy(update=shared)))
+    assert text.count("came from") == 1
+    assert "## Where the values of elevator and rudder came from" in text
+    assert "Telemetry tier" not in text
+
+
+def test_reasons_shared_by_all_are_said_once_and_in_the_first_line(
+    new_verdict: New, new_assessment: Assess
+) -> None:
+    verdicts = [new_verdict(name, "undecided", 0.0, None) for name in ("elevator", "rudder")]
+    text = markdown(new_assessment(*verdicts))
+    assert text.startswith("# All 2 actuators undecided: it stood still throughout")
+    assert text.count("**Why:**") == text.count("**What to do:** record a flight") == 1
+    assert "## elevator and rudder: undecided" in text
+
+
+def test_different_reasons_are_told_apart(new_verdict: New, new_assessment: Assess) -> None:
+    still = new_verdict("rudder", "undecided", 0.0, None)
+    bare = still.model_copy(update={"actuator": "elevator", "reason": None, "remedy": None})
+    text = markdown(new_assessment(still, bare))
+    assert text.startswith("# All 2 actuators undecided\n")
+    assert "## elevator: undecided\n\n**Why:** no reason was given" in text
+
+
+@pytest.mark.parametrize(
+    ("conditions", "line"),
+    [
+        ((), "# No actuator was found in this log"),
+        (("normal",), "# The only actuator is normal"),
+        (("normal", "normal"), "# All 2 actuators normal"),
+        (("undecided", "normal"), "# 1 of 2 actuators undecided: it stood still throughout, and friction"),
+        (("emergency", "normal"), "# a: EMERGENCY since 5.0s"),
+        (("emergency", "emergency"), "# a and b: EMERGENCY"),
+        (("degraded", "undecided"), "# a: DEGRADED since 5.0s"),
+    ],
+)
+def test_headlines(
+    conditions: tuple[Condition, ...], line: str, new_verdict: New, new_assessment: Assess
+) -> None:
+    since = {"undecided": None}
+    verdicts = [
+        new_verdict("aileron_left", state, 0.5, since.get(state, 5.0)).model_copy(update={"actuator": letter})
+        for letter, state in zip("ab", conditions, strict=False)
+    ]
+    assert first_line(new_assessment(*verdicts)).startswith(line)
+
+
+def test_what_was_an_emergency_is_not_forgotten(new_verdict: New, new_assessment: Assess) -> None:
+    verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
+    text = markdown(new_assessment(verdict))
+    assert text.startswith("# elevator: EMERGENCY during the flight, normal at its end")
+    assert "normal, was **emergency**" in text
+    assert "It has been normal since 1m30s" in text
+    assert "do not fly" in text
+    without = markdown(new_assessment(verdict.model_copy(update={"since": None, "evidence": ()})))
+    assert "It has been normal at the end" in without
+    assert "**Why:**" not in without
+
+
+def test_an_emergency_by_other_means_than_friction(new_verdict: New, new_assessment: Assess) -> None:
+    bare = {"friction_nm": None, "p_emergency": None, "since": None}
+    suspects = (Suspect(fault="friction", confidence=0.1), Suspect(fault="jam", confidence=0.9))
+    verdict = new_verdict("elevator", "emergency", 1.0, 3.0).model_copy(update={**bare, "suspects": suspects})
+    text = markdown(new_assessment(verdict))
+    assert text.startswith("# elevator: EMERGENCY\n")
+    assert "inspect gearbox and linkage for what blocks them" in text
+    assert "**How sure:** 91 of 91 windows" in text
+    odd = verdict.model_copy(update={"suspects": (Suspect(fault="demagnetised", confidence=0.9),)})
+    assert "inspect the actuator and its wiring" in markdown(new_assessment(odd))
+
+
+def test_texts_from_outside_stay_texts(new_verdict: New, new_assessment: Assess) -> None:
+    name = "a|b\n# x <b>[l](u) `c` \x1b[31m"
+    verdict = new_verdict("elevator", "normal", 0.2, 0.0).model_copy(update={"actuator": name})
+    text = markdown(new_assessment(verdict))
+    row = next(line for line in text.splitlines() if line.startswith(r"| a\|"))
+    assert row.startswith(r"| a\|b�# x \<b>\[l\](u) \`c\` �\[31m | normal |")
+    assert "\x1b" not in text
+
+
+def test_vehicles_are_named_where_there_are_several(new_verdict: New, new_assessment: Assess) -> None:
+    one = new_verdict("elevator", "emergency", 1.0, 5.0)
+    two = new_verdict("elevator", "normal", 0.2, 0.0).model_copy(update={"vehicle": 2})
+    text = markdown(new_assessment(one, two))
+    assert text.startswith("# 1: elevator: EMERGENCY since 5.0s")
+    assert "| 2: elevator | normal |" in text
+
+
+def test_a_live_link_without_model_or_airframe(assessment: Assessment) -> None:
+    log = assessment.log.model_copy(update={"path": None, "start_utc": None, "losses": Losses()})
+    bare = assessment.model_copy(update={"log": log, "airframe": None, "model": None, "verdicts": ()})
+    text = markdown(bare)
+    assert "- File: a live link\n- Start: not known; duration: 1m40s\n- Lost: nothing\n" in text
+    assert "Airframe: none named; network: none" in text
+
+
+def test_since_outlives_rounding(new_verdict: New, new_assessment: Assess) -> None:
+    late = Since(flight_time_s=59.96, utc="2025-06-01T10:00:59Z")
+    verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"since": late})
+    assert first_line(new_assessment(verdict)) == "# elevator: DEGRADED since 1m00s"

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from typing import Literal
+
+import pytest
+from rich.console import Console
+
+from mavhums.assessment import NOTICE, Assessment, Verdict
+from mavhums.show import render
+
+New = Callable[..., Verdict]
+Assess = Callable[..., Assessment]
+
+
+def rendered(assessment: Assessment, *, width: int = 80, terminal: bool = False) -> str:
+    file = io.StringIO()
+    colours: Literal["auto", "truecolor"] = "truecolor" if terminal else "auto"
+    render(assessment, Console(file=file, width=width, force_terminal=terminal, color_system=colours))
+    return file.getvalue()
+
+
+def flat(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_the_answer_first_then_the_worst_actuator_first(assessment: Assessment) -> None:
+    lines = rendered(assessment).splitlines()
+    assert lines[0] == "elevator: EMERGENCY since 1m12s"
+    rows = [line.split()[0] for line in lines if "/91" in line]
+    assert rows == ["elevator", "rudder", "aileron_left", "aileron_right"]
+    elevator = next(line for line in lines if "91/91" in line)
+    assert elevator.split() == [
+        *("elevator", "EMERGENCY", "1.003", "(0.973–1.033)", ">99", "%", "1m12s", "72", "%", "91/91")
+    ]
+
+
+def test_it_fits_80_columns_and_no_name_is_cut(assessment: Assessment) -> None:
+    lines = rendered(assessment).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert any("aileron_right " in line for line in lines)
+
+
+@pytest.mark.parametrize("width", [60, 200])
+def test_the_figures_stay_whole_at_other_widths(width: int, assessment: Assessment) -> None:
+    text = flat(rendered(assessment, width=width))
+    assert "1.003 (0.973–1.033)" in text
+    assert NOTICE[1:] in text
+
+
+def test_no_colour_codes_where_it_is_not_a_terminal(assessment: Assessment) -> None:
+    assert "\x1b" not in rendered(assessment)
+
+
+def test_colours_on_a_terminal_and_words_too(assessment: Assessment) -> None:
+    text = rendered(assessment, terminal=True)
+    assert "\x1b[1;38;2;213;94;0mEMERGENCY" in text
+    assert "\x1b[1;38;2;0;158;115mnormal" in text
+
+
+def test_below_the_table_evidence_remedies_losses_and_the_notice(assessment: Assessment) -> None:
+    text = flat(rendered(assessment))
+    assert "friction interval reaches the emergency limit: 1.003 N·m (limit 0.875), 1m12s to 1m40s" in text
+    assert "what to do: do not fly; inspect gearbox, bearings and hinge line" in text
+    assert "rudder: undecided why: it stood still throughout" in text
+    assert "Lost of the log: 1,234 bytes skipped" in text
+    assert text.endswith("Not an airworthiness decision; validated in simulation only.")
+
+
+def test_equal_reasons_are_said_once(new_verdict: New, new_assessment: Assess) -> None:
+    names = ("aileron_left", "aileron_right", "elevator", "rudder")
+    text = flat(rendered(new_assessment(*(new_verdict(name, "undecided", 0.0, None) for name in names))))
+    assert text.count("record a flight") == 1
+    assert "aileron_left, aileron_right, elevator and rudder: undecided why:" in text
+
+
+def test_what_was_worse_is_shown(new_verdict: New, new_assessment: Assess) -> None:
+    verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
+    text = flat(rendered(new_assessment(verdict), width=120))
+    assert "elevator normal was EMERGENCY 0.300" in text
+
+
+def test_a_long_list_of_findings_is_cut_and_says_so(new_verdict: New, new_assessment: Assess) -> None:
+    verdict = new_verdict("elevator", "emergency", 1.0, 5.0)
+    many = verdict.model_copy(update={"evidence": verdict.evidence * 3})
+    assert "and 4 more findings (--json has them all)" in rendered(new_assessment(many))
+
+
+def test_markup_and_control_codes_from_outside_are_inert(new_verdict: New, new_assessment: Assess) -> None:
+    named = {"actuator": "[red]x\x1b[2J\x07"}
+    verdict = new_verdict("elevator", "undecided", 0.0, None).model_copy(update=named)
+    text = rendered(new_assessment(verdict))
+    assert "\x1b" not in text
+    assert "\x07" not in text
+    assert "[red]x�[2J�: undecided" in text
+
+
+def test_a_log_without_actuators(new_assessment: Assess) -> None:
+    text = rendered(new_assessment())
+    assert text.startswith("No actuator was found in this log\nLost of the log: nothing.")
