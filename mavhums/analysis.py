@@ -60,7 +60,7 @@ def analyse(
         from mavhums.show import Recorder
 
         identity = f"{Path(path).name}-{_sha256(path)[:16]}"
-        with Recorder(recording, recording_id=identity, airframe=profile) as recorder:
+        with Recorder(recording, recording_id=identity) as recorder:
 
             def both(events: Sequence[Event]) -> None:
                 recorder.consume(events)

@@ -47,16 +47,19 @@ class Engine:
         self._given = airframe
         self._model = model
         self._mappers = [] if airframe is None else [Mapper(airframe)]
+        self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._instrumented: set[int] = set()
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return what they bring about."""
-        return list(self._follow(self._decoder.feed(block)))
+        events = self._opening
+        self._opening = []
+        return [*events, *self._follow(self._decoder.feed(block))]
 
     def finish(self) -> list[Event]:
         """Say that nothing follows; judge what is left."""
-        events = list(self._follow(self._decoder.feed(b"", final=True)))
+        events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True))]
         for monitor in self._monitors.values():
             events.extend(monitor.finish())
         return events
@@ -99,7 +102,7 @@ class Engine:
             if said.known:
                 airframe = load_airframe(said.name)
                 self._mappers.append(Mapper(airframe, vehicle=said.vehicle, from_frame=said.frame))
-                yield AirframeNamed(time_s, airframe.name)
+                yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
         texts = tables.get("STATUSTEXT")

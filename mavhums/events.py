@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.actuator.profile import Airframe
 from mavhums.assessment import Condition, Interval
 
 __all__ = ["AirframeNamed", "ConditionChanged", "Event", "Notice", "Samples", "Window"]
@@ -61,10 +62,11 @@ class ConditionChanged:
 
 @dataclass(frozen=True, slots=True)
 class AirframeNamed:
-    """The profile by which the log is judged from here on."""
+    """The profile by which a vehicle, every one if None, is judged from here on."""
 
     time_s: float
-    airframe: str
+    vehicle: int | None
+    airframe: Airframe
 
 
 @dataclass(frozen=True, slots=True)

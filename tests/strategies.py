@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 from typing import Any, NamedTuple
 
@@ -89,4 +90,4 @@ def cuts(size: int) -> st.SearchStrategy[list[int]]:
 def blocks(data: bytes, places: list[int]) -> list[bytes]:
     """Cut ``data`` at ``places``."""
     bounds = [0, *places, len(data)]
-    return [data[a:b] for a, b in zip(bounds, bounds[1:], strict=False)]
+    return [data[a:b] for a, b in itertools.pairwise(bounds)]

@@ -10,7 +10,7 @@ from secrets import token_hex
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
+from mavhums.actuator.profile import Limits
 from mavhums.assessment import Assessment, Condition
 from mavhums.errors import MavhumsError, MissingExtraError
 from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
@@ -45,8 +45,6 @@ class Recorder:
         The recording to write; an older one is replaced.
     recording_id
         What tells this flight from others; the same flight keeps the same.
-    airframe
-        The profile whose limits are drawn. None: the one that the log names, if it is packaged.
 
     Raises
     ------
@@ -60,9 +58,7 @@ class Recorder:
     ...     recorder.close(engine.assessment())
     """
 
-    def __init__(
-        self, path: str | os.PathLike[str], *, recording_id: str, airframe: Airframe | None = None
-    ) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, recording_id: str) -> None:
         try:
             import rerun as rr
 
@@ -71,7 +67,7 @@ class Recorder:
             raise MissingExtraError("writing a recording", "viewer") from error
         self._path = Path(path)
         self._temporary = self._path.with_name(f".{self._path.name}.{token_hex(4)}.part")
-        self._airframe, self._judged_from_s = airframe, 0.0
+        self._limits: dict[tuple[int | None, str], tuple[Limits, float]] = {}
         self._stream: rr.RecordingStream = rr.RecordingStream(
             "mavhums", recording_id=recording_id, send_properties=False
         )
@@ -122,11 +118,11 @@ class Recorder:
 
         for verdict in assessment.verdicts:
             self._track(verdict.vehicle, verdict.actuator)
-        limits = {part.name: part.limits for part in self._airframe.actuators} if self._airframe else {}
-        for (_, actuator), track in self._tracks.items():
+        for (vehicle, actuator), track in self._tracks.items():
             track.finish()
-            if actuator in limits:
-                track.limits(limits[actuator], self._judged_from_s)
+            known = self._limits.get((vehicle, actuator)) or self._limits.get((None, actuator))
+            if known:
+                track.limits(*known)
         self._texts.flush()
         report = rr.TextDocument(markdown(assessment), media_type=rr.MediaType.MARKDOWN)
         self._stream.log("/report", report, static=True)
@@ -168,10 +164,9 @@ class Recorder:
         self._stream.send_property("mavhums", rr.AnyValues(**properties))
 
     def _name_airframe(self, event: AirframeNamed) -> None:
-        self._texts.add(event.time_s, "INFO", f"judged by the airframe profile {event.airframe}")
-        known = self._airframe is not None and self._airframe.name == event.airframe
-        if not known and event.airframe in packaged_airframes():
-            self._airframe, self._judged_from_s = load_airframe(event.airframe), event.time_s
+        self._texts.add(event.time_s, "INFO", f"judged by the airframe profile {event.airframe.name}")
+        for part in event.airframe.actuators:
+            self._limits[event.vehicle, part.name] = part.limits, event.time_s
 
     def _track(self, vehicle: int | None, actuator: str) -> Track:
         key = (vehicle, actuator)

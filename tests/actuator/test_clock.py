@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -37,14 +39,16 @@ def test_where_blocks_end_does_not_matter(times: list[tuple[int, int]], places: 
     expected = whole.to_utc_us(sent, received)
     clock = SenderClock()
     bounds = [0, *(min(place, len(times)) for place in places), len(times)]
-    parts = [clock.to_utc_us(sent[a:b], received[a:b]) for a, b in zip(bounds, bounds[1:], strict=False)]
+    parts = [clock.to_utc_us(sent[a:b], received[a:b]) for a, b in itertools.pairwise(bounds)]
     assert np.array_equal(np.concatenate(parts), expected)
     assert clock.segments == whole.segments
 
 
 def test_a_reboot_starts_a_segment_after_three_samples() -> None:
     sent = array([100_000_000, 100_010_000, 5_000, 15_000, 25_000, 35_000])
-    received = array([10**9, 10**9 + 10_000, 10**9 + 8_000_000, *(10**9 + 8_000_000 + 10_000 * k for k in (1, 2, 3))])
+    received = array(
+        [10**9, 10**9 + 10_000, 10**9 + 8_000_000, *(10**9 + 8_000_000 + 10_000 * k for k in (1, 2, 3))]
+    )
     clock = SenderClock()
     utc = clock.to_utc_us(sent, received)
     assert clock.segments == 2

@@ -25,7 +25,8 @@ def array_message(servo: int, values: list[float], *, name: bytes = b"EMA", time
 def decode(*messages: Any, system: int = 1) -> dict[str, Table]:
     link = v2.MAVLink(None, srcSystem=system, srcComponent=1)
     data = b"".join(
-        struct.pack(">Q", START_US + 10_000 * k) + bytes(message.pack(link)) for k, message in enumerate(messages)
+        struct.pack(">Q", START_US + 10_000 * k) + bytes(message.pack(link))
+        for k, message in enumerate(messages)
     )
     return Decoder().feed(data, final=True)
 

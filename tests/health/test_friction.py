@@ -19,7 +19,13 @@ Array = NDArray[np.float64]
 
 
 def synthetic(
-    friction: float, *, noise: float = 0.0, seed: int = 0, rate_hz: float = 100.0, seconds: int = 10, v11: bool = True
+    friction: float,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
+    rate_hz: float = 100.0,
+    seconds: int = 10,
+    v11: bool = True,
 ) -> list[Slot]:
     """Slots in which the torque balance holds exactly, plus white noise in the torque."""
     rng = np.random.default_rng(seed)

@@ -53,7 +53,11 @@ def test_reordering_within_the_allowance_is_mended() -> None:
     at = np.array([0.1, 0.5, 1.05, 0.9, 1.2, 2.5])
     slots, late = cut(at, [1, 2, 3, 4, 5])
     assert late == 0
-    assert [slot.time_s.tolist() for slot in slots] == [[0.1, 0.5, 0.9], [0.5, 0.9, 1.05, 1.2], [1.05, 1.2, 2.5]]
+    assert [slot.time_s.tolist() for slot in slots] == [
+        [0.1, 0.5, 0.9],
+        [0.5, 0.9, 1.05, 1.2],
+        [1.05, 1.2, 2.5],
+    ]
 
 
 def test_what_comes_after_its_slot_was_closed_is_counted() -> None:

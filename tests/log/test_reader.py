@@ -58,7 +58,9 @@ def test_tables_join_and_select(short_log: Path) -> None:
         ("noise.tlog", bytes(range(128, 256)) * 40, "no MAVLink frame", ".tlog"),
     ],
 )
-def test_what_is_no_log_is_named(tmp_path: Path, name: str, content: bytes, problem: str, remedy: str) -> None:
+def test_what_is_no_log_is_named(
+    tmp_path: Path, name: str, content: bytes, problem: str, remedy: str
+) -> None:
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(UnreadableLogError, match=problem) as caught:

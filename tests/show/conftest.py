@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mavhums.actuator import load_airframe
 from mavhums.assessment import (
     Assessment,
     Condition,
@@ -96,7 +97,7 @@ class Flight:
     def events(self) -> Iterator[Event]:
         held: dict[str, Condition] = dict.fromkeys(NAMES, "undecided")
         yield Notice(0.4, 1, "ArduPlane V4.6.0")
-        yield AirframeNamed(0.5, "paper")
+        yield AirframeNamed(0.5, 1, load_airframe("paper"))
         for second in range(self.duration):
             for actuator in NAMES:
                 yield self.samples(actuator, second, second + 1)

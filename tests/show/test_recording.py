@@ -39,8 +39,8 @@ def _strict() -> Iterator[None]:
     rr.set_strict_mode(False)
 
 
-def write(path: Path, events: Iterable[Event], assessment: Assessment, **options: Any) -> Path:
-    with Recorder(path, recording_id="flight", **options) as recorder:
+def write(path: Path, events: Iterable[Event], assessment: Assessment) -> Path:
+    with Recorder(path, recording_id="flight") as recorder:
         recorder.consume(events)
         recorder.close(assessment)
     return path
@@ -254,28 +254,21 @@ def test_an_actuator_without_telemetry_is_shown_as_undecided(
     assert "vehicle" not in static(path, "/__properties/mavhums")
 
 
-def test_a_given_profile_draws_its_own_limits(
-    tmp_path: Path, new_flight: type[Flight], assessment: Assessment
+@pytest.mark.parametrize("vehicle", [None, 1])
+def test_the_profile_of_a_vehicle_draws_its_limits(
+    vehicle: int | None, tmp_path: Path, flight: Flight, assessment: Assessment
 ) -> None:
     paper = load_airframe("paper")
     limits = Limits(normal=0.1, emergency=0.2)
     tight = paper.actuators[2].model_copy(update={"limits": limits})
     mine = paper.model_copy(update={"actuators": (tight,)})
-    path = write(tmp_path / "own.rrd", new_flight(duration=12).events(), assessment, airframe=mine)
+    events: list[Event] = [AirframeNamed(0.0, vehicle, mine), AirframeNamed(0.0, 2, paper)]
+    events += [flight.samples("elevator", 0, 1)]
+    path = write(tmp_path / "own.rrd", events, assessment)
     time, found = scalars(path, "/vehicle_1/elevator/limits")
     assert found.tolist() == [[0.1, 0.2]] * 2
     assert time[0] == 0.0
     assert "/vehicle_1/rudder/limits" not in entities(path)
-
-
-@pytest.mark.parametrize("name", ["nobody", "../../etc/passwd"])
-def test_a_profile_that_is_not_packaged_is_told_but_never_opened(
-    name: str, tmp_path: Path, flight: Flight, new_assessment: Assess
-) -> None:
-    events: list[Event] = [AirframeNamed(0.0, name), flight.samples("elevator", 0, 1)]
-    path = write(tmp_path / "unknown.rrd", events, new_assessment())
-    assert "/vehicle_1/elevator/limits" not in entities(path)
-    assert rows(path, "/events", "TextLog:text")[1] == [[f"judged by the airframe profile {name}"]]
 
 
 @pytest.mark.parametrize("start", [None, "2025-06-01T10:00:00", "2025-06-01T12:00:00+02:00"])

@@ -1,0 +1,35 @@
+# `make demo` and `make test` do all set-up themselves, in .venv.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test lint model pictures clean
+
+demo: .venv/.ready
+	$(BIN)/python examples/demo.py demo
+
+test: .venv/.ready
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest -q
+	$(BIN)/coverage combine -q
+	$(BIN)/coverage report --fail-under=95
+
+lint: .venv/.ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+# The model that ships with the package.
+model: .venv/.ready
+	$(BIN)/mavhums train --airframe paper -o mavhums/learn/models/paper-instrumented.safetensors
+
+# The pictures in the README; needs the Debian packages mesa-vulkan-drivers and ca-certificates.
+pictures: .venv/.ready demo
+	$(BIN)/python examples/picture.py demo/flight.rrd docs/growing-friction.png
+
+clean:
+	rm -rf .venv demo build dist .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis
+
+.venv/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all,dev]'
+	touch $@

@@ -1,0 +1,77 @@
+"""The card of a model: what a network is for, and how it came to be."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+__all__ = ["FORMAT", "Card", "Selection"]
+
+FORMAT: Final = "mavhums.model/1"
+
+_Text = Annotated[str, Field(min_length=1)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Selection(_Section):
+    """What the two stages of feature selection found (paper, section 3, figure 15).
+
+    Attributes
+    ----------
+    chi_square
+        Statistic of each quantity, by key.
+    p_values
+        Of those statistics, by key.
+    groups
+        Keys that explain one another; a constant quantity is in none.
+    selected
+        The quantity of each group with the largest statistic, in the order V1…V12.
+    """
+
+    chi_square: dict[str, float]
+    p_values: dict[str, float]
+    groups: tuple[tuple[str, ...], ...]
+    selected: tuple[str, ...]
+
+
+class Card(_Section):
+    """Everything about a model but its weights.
+
+    Attributes
+    ----------
+    format
+        Version of the model file.
+    name
+        Of the model, as verdicts quote it.
+    features
+        Keys of the network's inputs, in their order.
+    tier
+        The telemetry tier that the training data came from.
+    conditions
+        Of training: flights, friction levels, options; free, but JSON.
+    metrics
+        Accuracies and other figures, by name.
+    selection
+        Why these features.
+    seed
+        From which the training is repeatable.
+    command
+        That regenerates the file.
+    versions
+        Of the libraries that trained it, by name.
+    """
+
+    format: Literal["mavhums.model/1"] = FORMAT
+    name: _Text
+    features: Annotated[tuple[_Text, ...], Field(min_length=1)]
+    tier: _Text
+    conditions: dict[str, JsonValue] = {}
+    metrics: dict[str, float] = {}
+    selection: Selection
+    seed: int
+    command: _Text
+    versions: dict[str, str] = {}

@@ -1,0 +1,174 @@
+"""A trained network as plain numpy: an onboard computer needs neither scikit-learn nor torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mavhums.learn.scaling import unit_interval
+from mavhums.quantities import KEYS, column
+
+__all__ = ["MARGIN", "Network", "TanhNetwork"]
+
+MARGIN = 0.1
+"""How far beyond the trained range a sample may lie, as a part of that range."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TanhNetwork:
+    """A network with k inputs, one hidden layer of h tanh neurons, and two linear outputs.
+
+    The outputs are the binary neurons of the paper's table 3: the first wins for an emergency
+    (1, 0), the second for normal operation (0, 1).
+
+    Attributes
+    ----------
+    minimum, maximum
+        Of each input in the training data, shape (k,); they scale it onto the unit interval.
+    w1, b1
+        Weights and biases of the hidden layer, shapes (k, h) and (h,).
+    w2, b2
+        Weights and biases of the outputs, shapes (h, 2) and (2,).
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit together, a number is not finite, or a minimum exceeds its maximum.
+    """
+
+    minimum: NDArray[np.float64]
+    maximum: NDArray[np.float64]
+    w1: NDArray[np.float64]
+    b1: NDArray[np.float64]
+    w2: NDArray[np.float64]
+    b2: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Take read-only copies, and refuse what is not a network."""
+        inputs, hidden = np.shape(self.minimum)[:1], np.shape(self.b1)[:1]
+        weights = {"w1": inputs + hidden, "b1": hidden, "w2": (*hidden, 2), "b2": (2,)}
+        if 0 in inputs + hidden:
+            raise ValueError("a network needs at least one input and one hidden neuron")
+        for name, shape in {"minimum": inputs, "maximum": inputs, **weights}.items():
+            array = np.array(getattr(self, name), dtype=np.float64, order="C")
+            if array.shape != shape or not shape:
+                raise ValueError(f"{name} has the shape {array.shape}, which does not fit the other tensors")
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name} holds a number that is not finite")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if (self.minimum > self.maximum).any():
+            raise ValueError("a minimum exceeds its maximum")
+
+    @property
+    def tensors(self) -> dict[str, NDArray[np.float64]]:
+        """The six arrays by name."""
+        return {field.name: getattr(self, field.name) for field in fields(TanhNetwork)}
+
+    def outputs(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the two outputs for ``features`` of shape (n, k), as shape (n, 2)."""
+        hidden = np.tanh(unit_interval(features, self.minimum, self.maximum) @ self.w1 + self.b1)
+        outputs: NDArray[np.float64] = hidden @ self.w2 + self.b2
+        return outputs
+
+    def p_first(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the softmax of the first output, the emergency's, of shape (n,), each within [0, 1]."""
+        outputs = self.outputs(features)
+        # The softmax of two is a logistic function, and in this form it cannot overflow.
+        return 0.5 + 0.5 * np.tanh((outputs[:, 0] - outputs[:, 1]) / 2)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Network(TanhNetwork):
+    """A network that knows which of the quantities V1–V12 are its inputs.
+
+    Attributes
+    ----------
+    keys
+        The quantities in the order of the inputs, length k.
+
+    Raises
+    ------
+    ValueError
+        As for :class:`TanhNetwork`, or if a key is none of V1…V12 or appears twice.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> network = Network(
+    ...     keys=("V5",), minimum=[-1], maximum=[1], w1=[[4.0]], b1=[-2.0], w2=[[3.0, -3.0]], b2=[0.0, 0.0]
+    ... )
+    >>> values = np.zeros((3, 12))
+    >>> values[:, 4] = [-1, 0, 1]
+    >>> network.p_emergency(values).round(3)
+    array([0.003, 0.5  , 0.997])
+    """
+
+    keys: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse keys that do not name the inputs."""
+        super().__post_init__()
+        object.__setattr__(self, "keys", tuple(self.keys))
+        unknown = [key for key in self.keys if key not in KEYS]
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} is none of V1…V12")
+        if len(set(self.keys)) != len(self.keys) or len(self.keys) != len(self.minimum):
+            raise ValueError(f"{len(self.keys)} keys do not name {len(self.minimum)} inputs, each once")
+
+    def p_emergency(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Return the network's probability of an emergency for each sample.
+
+        Parameters
+        ----------
+        values
+            V1…V12, shape (n, 12); only the columns of ``keys`` are read.
+
+        Returns
+        -------
+        NDArray
+            Shape (n,), within [0, 1]; NaN where a quantity that is needed is not finite, or so large
+            that the sums overflow.
+
+        Raises
+        ------
+        ValueError
+            If ``values`` has not twelve columns.
+        """
+        features = self._features(values)
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(features).all(axis=1))
+        with np.errstate(over="ignore", invalid="ignore"):
+            probability = self.p_first(np.where(finite[:, np.newaxis], features, self.minimum))
+        return np.where(finite, probability, np.nan)
+
+    def inside(self, values: ArrayLike, margin: float = MARGIN) -> NDArray[np.bool_]:
+        """Return which samples the network can judge.
+
+        Parameters
+        ----------
+        values
+            V1…V12, shape (n, 12).
+        margin
+            How far beyond the trained minimum and maximum counts as inside, as a part of their
+            distance.
+
+        Returns
+        -------
+        NDArray
+            Shape (n,): every quantity of ``keys`` is finite and within the widened range.
+        """
+        features = self._features(values)
+        with np.errstate(over="ignore"):
+            scaled = unit_interval(features, self.minimum, self.maximum)
+        # A quantity that was constant in training has no range to widen: it must be that constant.
+        allowed = np.where(self.maximum > self.minimum, margin, 0.0)
+        bounded = (scaled >= -allowed) & (scaled <= np.sign(self.maximum - self.minimum) + allowed)
+        return np.asarray(bounded.all(axis=1))
+
+    def _features(self, values: ArrayLike) -> NDArray[np.float64]:
+        array = np.asarray(values, dtype=np.float64)
+        if array.ndim != 2 or array.shape[1] != len(KEYS):
+            raise ValueError(f"values must have the shape (n, {len(KEYS)}), not {array.shape}")
+        return array[:, [column(key) for key in self.keys]]

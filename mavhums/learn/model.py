@@ -1,0 +1,149 @@
+"""The model file: one safetensors file with the weights, and the card as JSON in its metadata."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import safetensors
+import safetensors.numpy
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from mavhums.errors import MavhumsError
+from mavhums.learn.card import Card
+from mavhums.learn.inference import Network
+
+__all__ = ["Model", "ModelError", "default_model", "load_model", "save_model"]
+
+_CARD_KEY = "mavhums.card"
+_DEFAULT = "models/paper-instrumented.safetensors"
+_LARGEST = 16 * 2**20
+_TENSORS = frozenset({"minimum", "maximum", "w1", "b1", "w2", "b2"})
+_REMEDY = "train one with `mavhums train -o MODEL`"
+
+
+class ModelError(MavhumsError):
+    """A model file is missing, damaged, or not what this version can serve."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A network, its card, and the SHA-256 of its file in hexadecimal."""
+
+    network: Network
+    card: Card
+    hash: str
+
+
+def save_model(path: str | Path, network: Network, card: Card) -> Model:
+    """Write a model file; the same network and card give the same bytes.
+
+    The file appears whole or not at all: it is written beside its place and then moved there.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be written.
+    ValueError
+        If the card names other features than the network.
+    """
+    if card.features != network.keys:
+        raise ValueError(f"the card names the features {card.features}, the network {network.keys}")
+    data = safetensors.numpy.save(network.tensors, metadata={_CARD_KEY: card.model_dump_json()})
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            temporary.write_bytes(data)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise ModelError(
+            f"{path}: cannot be written: {error.strerror}", "name a folder that exists"
+        ) from error
+    return Model(network, card, hashlib.sha256(data).hexdigest())
+
+
+def load_model(path: str | Path) -> Model:
+    """Read a model file, and believe nothing that it says before it is checked.
+
+    Raises
+    ------
+    ModelError
+        If the file is missing, damaged, of another version, or holds no network over V1–V12.
+
+    Examples
+    --------
+    >>> load_model("absent.safetensors")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    mavhums.learn.model.ModelError: absent.safetensors: no model to be read there: train one ...
+    """
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(_LARGEST + 1)
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{path}: no model to be read there", _REMEDY) from error
+    return _parse(data, str(path))
+
+
+def default_model() -> Model:
+    """Return the model that ships with mavhums: the paper's actuator, telemetry tier instrumented.
+
+    Raises
+    ------
+    ModelError
+        If the installation lacks it.
+    """
+    try:
+        data = resources.files("mavhums.learn").joinpath(_DEFAULT).read_bytes()
+    except OSError as error:
+        raise ModelError(f"the packaged model {_DEFAULT} is missing", "reinstall mavhums") from error
+    return _parse(data, _DEFAULT)
+
+
+def _parse(data: bytes, source: str) -> Model:
+    if len(data) > _LARGEST:
+        raise ModelError(f"{source}: larger than any model ({_LARGEST // 2**20} MiB)", _REMEDY)
+    try:
+        entries = safetensors.deserialize(data)  # type: ignore[no-untyped-call]
+    except safetensors.SafetensorError as error:
+        raise ModelError(f"{source}: not a whole safetensors file", f"copy it again or {_REMEDY}") from error
+    card = _card(data, source)
+    tensors = {}
+    for name, entry in entries:
+        if entry["dtype"] != "F64":
+            raise ModelError(f"{source}: tensor {name} is not of 64-bit floats", _REMEDY)
+        tensors[name] = _array(entry["data"], entry["shape"])
+    if tensors.keys() != _TENSORS:
+        raise ModelError(f"{source}: holds other tensors than {', '.join(sorted(_TENSORS))}", _REMEDY)
+    try:
+        network = Network(keys=card.features, **tensors)
+    except ValueError as error:
+        raise ModelError(f"{source}: {error}", _REMEDY) from error
+    return Model(network, card, hashlib.sha256(data).hexdigest())
+
+
+def _card(data: bytes, source: str) -> Card:
+    # safetensors returns no metadata for bytes; it has just checked that this header is sound.
+    length = int.from_bytes(data[:8], "little")
+    metadata = json.loads(data[8 : 8 + length]).get("__metadata__") or {}
+    if _CARD_KEY not in metadata:
+        raise ModelError(f"{source}: has no card, so it is no model of mavhums", _REMEDY)
+    try:
+        return Card.model_validate_json(metadata[_CARD_KEY])
+    except ValidationError as error:
+        first = error.errors(include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"]) or "card"
+        remedy = "use the mavhums that wrote it" if place == "format" else _REMEDY
+        raise ModelError(f"{source}: {place}: {first['msg']}", remedy) from error
+
+
+def _array(data: bytes | bytearray, shape: list[int]) -> NDArray[np.float64]:
+    return np.frombuffer(data, dtype="<f8").reshape(shape).astype(np.float64)

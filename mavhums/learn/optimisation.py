@@ -1,0 +1,143 @@
+"""Training of a network's weights, in torch; imported only when something is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+__all__ = ["Training", "train"]
+
+_ROUND = 10
+"""Iterations between two looks at the validation samples."""
+
+Samples = tuple[NDArray[np.float64], NDArray[np.bool_]]
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """Weights as in :class:`mavhums.learn.inference.TanhNetwork`, and how they were reached."""
+
+    w1: NDArray[np.float64]
+    b1: NDArray[np.float64]
+    w2: NDArray[np.float64]
+    b2: NDArray[np.float64]
+    loss: float
+    iterations: int
+
+
+def train(
+    samples: Samples,
+    *,
+    hidden: int,
+    weight_decay: float,
+    max_iter: int,
+    seed: int,
+    validation: Samples | None = None,
+    patience: int = 50,
+) -> Training:
+    """Minimise cross-entropy plus weight decay by L-BFGS with a strong Wolfe line search.
+
+    Parameters
+    ----------
+    samples
+        Features on the unit interval, shape (n, k), and whether each is an emergency, shape (n,).
+    hidden
+        Neurons in the hidden layer.
+    weight_decay
+        Half of it times the sum of squared weights, biases excepted, is added to the mean loss.
+    max_iter
+        Most iterations.
+    seed
+        Of the initial weights; the global state of torch is neither read nor changed.
+    validation
+        If given, training ends when the loss on these samples has not fallen for ``patience``
+        iterations, and the weights with the smallest such loss are returned.
+
+    Returns
+    -------
+    Training
+        On one thread, so that the number of cores has no say in the sums.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    inputs = samples[0].shape[1]
+    weights = [
+        (torch.rand(shape, generator=generator, dtype=torch.float64) * 2 - 1).mul_(bound).requires_grad_()
+        for shape, bound in (
+            ((inputs, hidden), (6 / (inputs + hidden)) ** 0.5),
+            ((hidden,), (6 / (inputs + hidden)) ** 0.5),
+            ((hidden, 2), (6 / (hidden + 2)) ** 0.5),
+            ((2,), (6 / (hidden + 2)) ** 0.5),
+        )
+    ]
+    features, target = _tensors(samples)
+    held_out = _tensors(validation) if validation else None
+    # The evaluations must never end a round, because a round cut short is taken for convergence.
+    optimiser = torch.optim.LBFGS(
+        weights,
+        max_iter=_ROUND,
+        max_eval=1000 * _ROUND,
+        history_size=20,
+        line_search_fn="strong_wolfe",
+        tolerance_grad=1e-6,
+    )
+
+    def closure() -> torch.Tensor:
+        optimiser.zero_grad()
+        decay = weights[0].square().sum() + weights[2].square().sum()
+        loss = _cross_entropy(weights, features, target) + weight_decay / 2 * decay
+        torch.autograd.backward(loss)
+        return loss.detach()
+
+    best, best_loss, best_iteration, iterations = _copy(weights), float("inf"), 0, 0
+    with _one_thread():
+        while iterations < max_iter:
+            allowed = min(_ROUND, max_iter - iterations)
+            optimiser.param_groups[0]["max_iter"] = allowed
+            optimiser.step(closure)  # type: ignore[no-untyped-call]
+            done = optimiser.state[weights[0]]["n_iter"] - iterations
+            iterations += done
+            if held_out:
+                with torch.no_grad():
+                    loss = float(_cross_entropy(weights, *held_out))
+                if loss < best_loss:
+                    best, best_loss, best_iteration = _copy(weights), loss, iterations
+                elif iterations - best_iteration >= patience:
+                    break
+            if done < allowed:
+                break
+        final = best if held_out else _copy(weights)
+        with torch.no_grad():
+            loss = float(_cross_entropy(final, features, target))
+    w1, b1, w2, b2 = (weight.numpy() for weight in final)
+    return Training(w1=w1, b1=b1, w2=w2, b2=b2, loss=loss, iterations=iterations)
+
+
+def _tensors(samples: Samples) -> tuple[torch.Tensor, torch.Tensor]:
+    features, emergency = samples
+    labels = np.column_stack([emergency, ~emergency]).astype(np.float64)
+    return torch.tensor(features, dtype=torch.float64), torch.tensor(labels)
+
+
+def _cross_entropy(weights: list[torch.Tensor], features: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+    w1, b1, w2, b2 = weights
+    outputs = torch.tanh(features @ w1 + b1) @ w2 + b2
+    return torch.nn.functional.cross_entropy(outputs, target)
+
+
+def _copy(weights: list[torch.Tensor]) -> list[torch.Tensor]:
+    return [weight.detach().clone() for weight in weights]
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

@@ -1,0 +1,263 @@
+"""From samples to a network: feature selection, several trainings, and the choice among them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import JsonValue
+
+import mavhums
+from mavhums.learn.card import Card, Selection
+from mavhums.learn.inference import Network
+from mavhums.learn.network import TanhNetworkClassifier
+from mavhums.learn.redundancy import PairwiseRedundancyFilter
+from mavhums.quantities import KEYS, column
+
+__all__ = ["Candidate", "TrainingResult", "select_features", "train_network"]
+
+_HELD_OUT = 0.25
+_BLOCKS = 12
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One trained network: its hidden neurons, its seed, and its accuracies, each within [0, 1]."""
+
+    hidden: int
+    seed: int
+    training_accuracy: float
+    validation_accuracy: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingResult:
+    """The chosen network, and what it was chosen from.
+
+    Attributes
+    ----------
+    network
+        The candidate with the best validation accuracy.
+    chosen
+        Its row among ``candidates``.
+    candidates
+        All that were trained, in that order.
+    selection
+        Chi-square, groups and selected keys.
+    validation
+        What was held out: ``"flights"`` or ``"blocks"`` of time.
+    seed
+        The one given to :func:`train_network`.
+    """
+
+    network: Network
+    chosen: Candidate
+    candidates: tuple[Candidate, ...]
+    selection: Selection
+    validation: Literal["flights", "blocks"]
+    seed: int
+
+    @property
+    def training_accuracy(self) -> float:
+        """Part of the samples trained on that the network classifies right."""
+        return self.chosen.training_accuracy
+
+    @property
+    def validation_accuracy(self) -> float:
+        """Part of the samples held out that the network classifies right."""
+        return self.chosen.validation_accuracy
+
+    def card(
+        self,
+        *,
+        name: str,
+        tier: str,
+        command: str,
+        conditions: Mapping[str, JsonValue] | None = None,
+        metrics: Mapping[str, float] | None = None,
+    ) -> Card:
+        """Return the card for the model file; what is given is added to what training knows."""
+        found = {"training_accuracy": self.training_accuracy, "validation_accuracy": self.validation_accuracy}
+        chosen: dict[str, JsonValue] = {
+            "networks": len(self.candidates),
+            "hidden": self.chosen.hidden,
+            "validation": self.validation,
+        }
+        libraries = {package: version(package) for package in ("numpy", "scikit-learn", "scipy", "torch")}
+        return Card(
+            name=name,
+            features=self.network.keys,
+            tier=tier,
+            conditions=chosen | dict(conditions or {}),
+            metrics=found | dict(metrics or {}),
+            selection=self.selection,
+            seed=self.seed,
+            command=command,
+            versions={"mavhums": mavhums.__version__} | libraries,
+        )
+
+
+def select_features(values: ArrayLike, emergency: ArrayLike, *, keys: Sequence[str] = KEYS) -> Selection:
+    """Rank quantities by chi-square, and keep the best of each group that explains itself.
+
+    Parameters
+    ----------
+    values
+        V1…V12, shape (n, 12), finite in the columns of ``keys``.
+    emergency
+        Class of each sample, shape (n,).
+    keys
+        The quantities to choose from, those that the telemetry tier provides.
+
+    Raises
+    ------
+    ValueError
+        If the data are not as described, or no quantity varies.
+    """
+    columns = [column(key) for key in keys]
+    redundancy = PairwiseRedundancyFilter().fit(np.asarray(values, dtype=np.float64)[:, columns], emergency)
+    ranking = redundancy.ranking_
+    return Selection(
+        chi_square=dict(zip(keys, ranking.scores_.tolist(), strict=True)),
+        p_values=dict(zip(keys, ranking.p_values_.tolist(), strict=True)),
+        groups=tuple(tuple(keys[feature] for feature in group) for group in redundancy.groups_),
+        selected=tuple(keys[feature] for feature in redundancy.get_support(indices=True)),
+    )
+
+
+def train_network(
+    values: ArrayLike,
+    emergency: ArrayLike,
+    flights: ArrayLike,
+    *,
+    seed: int,
+    networks: int = 10,
+    hidden: Sequence[int] = range(4, 17),
+    keys: Sequence[str] = KEYS,
+    progress: Callable[[int, int], None] | None = None,
+) -> TrainingResult:
+    """Select features, train several networks on them, and choose one without test data.
+
+    A quarter of the training data is held out, and neither selection nor training sees it. Where
+    each class has at least two flights, whole flights are held out; a flight belongs to the class
+    of most of its samples. With fewer, as in the paper's split, each flight is cut into twelve
+    equal blocks of time, and whole blocks are held out: the validation accuracy is then
+    optimistic, because the blocks that remain stem from the same flight.
+
+    Parameters
+    ----------
+    values
+        V1…V12, shape (n, 12), each flight's rows in the order of time; finite in the columns of
+        ``keys``.
+    emergency
+        Whether each sample is of the emergency class, shape (n,).
+    flights
+        Number of the flight of each sample, shape (n,).
+    seed
+        Makes the result repeatable.
+    networks
+        How many to train.
+    hidden
+        Numbers of hidden neurons, gone through in turn, shuffled.
+    keys
+        The quantities to choose from, those that the telemetry tier provides.
+    progress
+        Called with the networks trained and their number, after each.
+
+    Raises
+    ------
+    ValueError
+        If the data are not as described, or a class has too few samples to hold some out.
+    MissingExtraError
+        If torch is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> flights = np.repeat([0, 1], 300)
+    >>> values = np.random.default_rng(0).normal(size=(600, 12)) + 4 * flights[:, np.newaxis]
+    >>> result = train_network(values, flights == 1, flights, seed=0, networks=2, keys=("V5", "V9"))
+    >>> result.network.keys, result.validation, result.validation_accuracy > 0.95
+    (('V5', 'V9'), 'blocks', True)
+    """
+    samples, labels, flight = _checked(values, emergency, flights, keys)
+    if networks < 1 or not len(hidden):
+        raise ValueError("at least one network, and one number of hidden neurons, must be asked for")
+    random = np.random.default_rng(seed)
+    held_out, validation = _hold_out(labels, flight, random)
+    selection = select_features(samples[~held_out], labels[~held_out], keys=keys)
+    features = samples[:, [column(key) for key in selection.selected]]
+    neurons = np.resize(random.permutation(np.asarray(hidden)), networks).tolist()
+    seeds = random.integers(2**31 - 1, size=networks).tolist()
+    trained = []
+    for number, (size, network_seed) in enumerate(zip(neurons, seeds, strict=True), start=1):
+        classifier = TanhNetworkClassifier(hidden=size, random_state=network_seed)
+        classifier.fit(features[~held_out], labels[~held_out])
+        right = classifier.predict(features) == labels
+        candidate = Candidate(
+            size, network_seed, float(right[~held_out].mean()), float(right[held_out].mean())
+        )
+        trained.append((candidate, classifier.network_))
+        if progress:
+            progress(number, networks)
+    chosen, network = max(trained, key=lambda pair: (pair[0].validation_accuracy, -pair[0].hidden))
+    return TrainingResult(
+        network=Network(keys=selection.selected, **network.tensors),
+        chosen=chosen,
+        candidates=tuple(candidate for candidate, _ in trained),
+        selection=selection,
+        validation=validation,
+        seed=seed,
+    )
+
+
+def _checked(
+    values: ArrayLike, emergency: ArrayLike, flights: ArrayLike, keys: Sequence[str]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp]]:
+    samples = np.asarray(values, dtype=np.float64)
+    labels = np.asarray(emergency)
+    if samples.ndim != 2 or samples.shape[1] != len(KEYS):
+        raise ValueError(f"values must have the shape (n, {len(KEYS)}), not {samples.shape}")
+    if labels.shape != samples.shape[:1] or labels.dtype != np.bool_:
+        raise ValueError("emergency must be one boolean for each sample")
+    if np.shape(flights) != samples.shape[:1]:
+        raise ValueError("flights must be one number for each sample")
+    for key in keys:
+        if not np.isfinite(samples[:, column(key)]).all():
+            raise ValueError(f"{key} is not finite throughout; leave it out of keys, or drop those samples")
+    return samples, labels, np.unique(np.asarray(flights), return_inverse=True)[1]
+
+
+def _hold_out(
+    emergency: NDArray[np.bool_], flight: NDArray[np.intp], random: np.random.Generator
+) -> tuple[NDArray[np.bool_], Literal["flights", "blocks"]]:
+    chosen = _choose(emergency, flight, random)
+    if chosen is not None:
+        return np.isin(flight, chosen), "flights"
+    blocks = np.empty_like(flight)
+    for number in np.unique(flight):
+        rows = np.flatnonzero(flight == number)
+        blocks[rows] = number * _BLOCKS + np.arange(len(rows)) * _BLOCKS // len(rows)
+    chosen = _choose(emergency, blocks, random)
+    if chosen is None:
+        raise ValueError("each class needs samples enough to hold some out, in two blocks of time at least")
+    return np.isin(blocks, chosen), "blocks"
+
+
+def _choose(
+    emergency: NDArray[np.bool_], group: NDArray[np.intp], random: np.random.Generator
+) -> NDArray[np.intp] | None:
+    """Draw a quarter of each class's groups, at least one; None if a class has fewer than two."""
+    numbers = np.unique(group)
+    is_emergency = np.array([emergency[group == number].mean() >= 0.5 for number in numbers], dtype=bool)
+    drawn = []
+    for label in (False, True):
+        members = numbers[is_emergency == label]
+        if len(members) < 2:
+            return None
+        drawn.append(random.permutation(members)[: max(1, round(_HELD_OUT * len(members)))])
+    return np.concatenate(drawn)

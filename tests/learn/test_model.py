@@ -1,0 +1,228 @@
+import hashlib
+import json
+import stat
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import safetensors.numpy
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.learn import Card, ModelError, Network, default_model, load_model, save_model
+from mavhums.learn import model as model_module
+
+Tensors = dict[str, NDArray[np.generic]]
+
+
+@pytest.fixture
+def path(tmp_path: Path, network: Network, card: Card) -> Path:
+    save_model(tmp_path / "test.safetensors", network, card)
+    return tmp_path / "test.safetensors"
+
+
+def write(path: Path, tensors: Tensors, card: str | None) -> None:
+    path.write_bytes(safetensors.numpy.save(tensors, metadata={"mavhums.card": card} if card else None))
+
+
+def test_what_is_saved_is_loaded(
+    path: Path, network: Network, card: Card, values: NDArray[np.float64]
+) -> None:
+    model = load_model(path)
+    assert model.card == card
+    assert model.network.keys == network.keys
+    np.testing.assert_array_equal(model.network.p_emergency(values), network.p_emergency(values))
+    assert model.hash == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_same_model_gives_the_same_bytes(
+    path: Path, tmp_path: Path, network: Network, card: Card
+) -> None:
+    again = save_model(str(tmp_path / "again"), network, card)
+    assert (tmp_path / "again").read_bytes() == path.read_bytes()
+    loaded = load_model(path)
+    assert save_model(tmp_path / "third", loaded.network, loaded.card).hash == again.hash
+    moved = replace(network, b2=network.b2 + 1e-15)
+    assert save_model(tmp_path / "other", moved, card).hash != again.hash
+
+
+def test_the_file_is_safetensors_with_one_metadata_key(path: Path, card: Card) -> None:
+    with safetensors.safe_open(path, "numpy") as file:
+        metadata = file.metadata()
+        assert set(file.keys()) == {"minimum", "maximum", "w1", "b1", "w2", "b2"}
+    assert list(metadata) == ["mavhums.card"]
+    assert json.loads(metadata["mavhums.card"]) == card.model_dump(mode="json")
+
+
+def test_a_save_that_fails_leaves_the_old_file_and_nothing_else(
+    path: Path, network: Network, card: Card, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = path.read_bytes()
+
+    def fail(self: Path, target: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(ModelError, match=r"test\.safetensors: cannot be written: No space left"):
+        save_model(path, replace(network, b2=np.zeros(2)), card)
+    assert path.read_bytes() == before
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_others_may_read_a_saved_model(path: Path) -> None:
+    path.with_name("plain").touch()
+    assert stat.S_IMODE(path.stat().st_mode) == stat.S_IMODE(path.with_name("plain").stat().st_mode)
+
+
+def test_a_folder_that_does_not_exist_is_named(tmp_path: Path, network: Network, card: Card) -> None:
+    with pytest.raises(ModelError, match=r"absent/model: cannot be written.*name a folder"):
+        save_model(tmp_path / "absent" / "model", network, card)
+
+
+def test_card_and_network_must_agree(tmp_path: Path, network: Network, card: Card) -> None:
+    with pytest.raises(ValueError, match="the card names the features"):
+        save_model(tmp_path / "model", network, card.model_copy(update={"features": ("V1", "V2", "V3")}))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["absent", "", "nul\0"])
+def test_a_missing_file_is_named_with_the_remedy(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ModelError, match=r"no model to be read there.*mavhums train") as caught:
+        load_model(f"{tmp_path}/{name}")
+    assert str(tmp_path) in caught.value.problem
+
+
+@pytest.mark.parametrize("data", [b"", b"not a model", b"\xff" * 64, (2**62).to_bytes(8, "little") + b"{}"])
+def test_another_kind_of_file_is_refused(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+    with pytest.raises(ModelError, match=r"test\.safetensors: not a whole safetensors file"):
+        load_model(path)
+
+
+def test_a_file_cut_anywhere_is_refused(path: Path) -> None:
+    data = path.read_bytes()
+    for length in range(0, len(data), 7):
+        path.write_bytes(data[:length])
+        with pytest.raises(ModelError, match="not a whole safetensors file"):
+            load_model(path)
+
+
+def test_a_file_too_large_is_not_taken_into_memory(path: Path) -> None:
+    with path.open("r+b") as file:
+        file.truncate(2**28)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ModelError, match="larger than any model"):
+            load_model(path)
+        assert tracemalloc.get_traced_memory()[1] < 2**26
+    finally:
+        tracemalloc.stop()
+
+
+def without(name: str) -> Callable[[Tensors], Tensors]:
+    return lambda tensors: {key: tensor for key, tensor in tensors.items() if key != name}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (without("b2"), "holds other tensors than"),
+        (lambda tensors: tensors | {"w3": np.zeros(2)}, "holds other tensors than"),
+        (lambda tensors: tensors | {"w1": np.zeros((3, 4), dtype=np.float32)}, "w1 is not of 64-bit floats"),
+        (lambda tensors: tensors | {"w1": np.zeros((4, 3))}, "w1 has the shape"),
+        (lambda tensors: tensors | {"b2": np.array([0, np.nan])}, "b2 holds a number that is not finite"),
+    ],
+)
+def test_tensors_that_make_no_network_are_refused(
+    path: Path, network: Network, card: Card, change: Callable[[Tensors], Tensors], message: str
+) -> None:
+    write(path, change(dict(network.tensors)), card.model_dump_json())
+    with pytest.raises(ModelError, match=rf"test\.safetensors: .*{message}"):
+        load_model(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": "mavhums.model/9"}, "format: .*use the mavhums that wrote it"),
+        ({"features": ["V2", "V5", "V99"]}, "'V99' is none of V1"),
+        ({"features": []}, "features: "),
+        ({"features": ["V2"]}, "1 keys do not name 3 inputs"),
+        ({"seed": "three"}, "seed: "),
+        ({"pickle": "cos\nsystem"}, "pickle: Extra inputs"),
+        ({"metrics": {"accuracy": float("nan")}}, r"metrics\.accuracy: "),
+    ],
+)
+def test_cards_that_cannot_be_trusted_are_refused(
+    path: Path, network: Network, card: Card, change: dict[str, object], message: str
+) -> None:
+    write(path, dict(network.tensors), json.dumps(card.model_dump(mode="json") | change))
+    with pytest.raises(ModelError, match=rf"test\.safetensors: {message}"):
+        load_model(path)
+
+
+@pytest.mark.parametrize(
+    ("card_text", "message"),
+    [
+        (None, "has no card"),
+        ("{", "card: Invalid JSON"),
+        ("[" * 10_000, "card: Invalid JSON"),
+        ("[]", "card: "),
+    ],
+)
+def test_cards_that_are_none_are_refused(
+    path: Path, network: Network, card_text: str | None, message: str
+) -> None:
+    write(path, dict(network.tensors), card_text)
+    with pytest.raises(ModelError, match=message):
+        load_model(path)
+
+
+@st.composite
+def hostile(draw: st.DrawFn) -> Callable[[bytes], bytes]:
+    """A way to damage a file: some bytes overwritten, the end cut off, something appended."""
+    writes = draw(st.lists(st.tuples(st.integers(0, 5000), st.integers(0, 255)), max_size=6))
+    cut, tail = draw(st.none() | st.integers(0, 5000)), draw(st.binary(max_size=16))
+
+    def damage(data: bytes) -> bytes:
+        damaged = bytearray(data)
+        for place, byte in writes:
+            damaged[place % len(data)] = byte
+        return bytes(damaged[:cut]) + tail
+
+    return damage
+
+
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(damage=hostile())
+@example(damage=bytes)
+def test_hostile_bytes_give_a_model_or_a_model_error(
+    path: Path, network: Network, card: Card, damage: Callable[[bytes], bytes]
+) -> None:
+    save_model(path, network, card)
+    path.write_bytes(damage(path.read_bytes()))
+    try:
+        model = load_model(path)
+    except ModelError as error:
+        assert str(path) in error.problem  # noqa: PT017
+        assert error.remedy  # noqa: PT017
+    else:
+        assert all(np.isfinite(tensor).all() for tensor in model.network.tensors.values())
+        assert model.hash == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_packaged_model_is_read_from_the_package(
+    path: Path, network: Network, card: Card, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = path.parent / "models"
+    monkeypatch.setattr(model_module, "resources", SimpleNamespace(files=lambda name: path.parent))
+    with pytest.raises(ModelError, match=r"packaged model .* is missing: reinstall mavhums"):
+        default_model()
+    folder.mkdir()
+    saved = save_model(folder / "paper-instrumented.safetensors", network, card)
+    assert default_model().hash == saved.hash

@@ -1,0 +1,158 @@
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from sklearn.base import clone
+from sklearn.datasets import make_moons
+
+from mavhums.errors import MissingExtraError
+from mavhums.learn import TanhNetworkClassifier
+from mavhums.learn.optimisation import train
+
+MOONS, SIDE = make_moons(400, noise=0.2, random_state=0)
+
+
+def fitted(**parameters: Any) -> TanhNetworkClassifier:
+    return TanhNetworkClassifier(**{"hidden": 8, "random_state": 0} | parameters).fit(MOONS, SIDE)
+
+
+def weights(classifier: TanhNetworkClassifier) -> NDArray[np.float64]:
+    return np.concatenate([tensor.ravel() for tensor in classifier.network_.tensors.values()])
+
+
+def test_learns_what_no_line_separates() -> None:
+    corners = np.random.default_rng(0).uniform(-1, 1, (400, 2))
+    emergency = corners[:, 0] * corners[:, 1] > 0
+    classifier = TanhNetworkClassifier(hidden=6, random_state=1).fit(corners, emergency)
+    assert classifier.score(corners, emergency) > 0.97
+    assert classifier.classes_.tolist() == [False, True]
+
+
+def test_predicts_as_torch_does() -> None:
+    classifier = fitted()
+    network = classifier.network_
+    scaled = (MOONS - MOONS.min(axis=0)) / (MOONS.max(axis=0) - MOONS.min(axis=0))
+    w1, b1, w2, b2 = (torch.tensor(network.tensors[name]) for name in ("w1", "b1", "w2", "b2"))
+    outputs = torch.tanh(torch.tensor(scaled) @ w1 + b1) @ w2 + b2
+    # Emergency is coded (1, 0), so its output comes first and its class second.
+    expected = torch.softmax(outputs, dim=1).flip(1).numpy()
+    np.testing.assert_allclose(classifier.predict_proba(MOONS), expected, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(classifier.predict(MOONS), expected.argmax(axis=1))
+
+
+def test_loss_is_the_cross_entropy_of_the_samples() -> None:
+    classifier = fitted()
+    chosen = classifier.predict_proba(MOONS)[np.arange(400), SIDE]
+    assert classifier.loss_ == pytest.approx(-np.log(chosen).mean())
+
+
+def test_units_do_not_matter() -> None:
+    probability = fitted().predict_proba(MOONS)
+    scaled = MOONS * [1024, 2**-10]
+    other = TanhNetworkClassifier(hidden=8, random_state=0).fit(scaled, SIDE)
+    np.testing.assert_array_equal(other.predict_proba(scaled), probability)
+
+
+def test_the_same_seed_gives_the_same_network_whatever_the_state_of_torch() -> None:
+    torch.manual_seed(1)
+    first = fitted(validation_fraction=0.2)
+    torch.manual_seed(2)
+    state = torch.get_rng_state()
+    second = fitted(validation_fraction=0.2)
+    np.testing.assert_array_equal(weights(first), weights(second))
+    assert torch.equal(torch.get_rng_state(), state)
+    assert not np.array_equal(weights(first), weights(fitted(validation_fraction=0.2, random_state=1)))
+
+
+def test_trains_on_one_thread_and_restores_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    threads, used = torch.get_num_threads(), set()
+    cross_entropy = torch.nn.functional.cross_entropy
+
+    def spy(outputs: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+        used.add(torch.get_num_threads())
+        return cross_entropy(outputs, target)
+
+    monkeypatch.setattr(torch.nn.functional, "cross_entropy", spy)
+    torch.set_num_threads(2)
+    try:
+        fitted(max_iter=2)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
+    assert used == {1}
+
+
+def test_weight_decay_keeps_the_weights_small() -> None:
+    assert np.square(fitted(weight_decay=0.1).network_.w1).sum() < np.square(fitted().network_.w1).sum() / 10
+
+
+def test_more_iterations_bring_the_loss_down_and_are_counted() -> None:
+    brief, long = fitted(max_iter=15), fitted(max_iter=60)
+    assert (brief.n_iter_, long.n_iter_) == (15, 60)
+    assert long.loss_ < brief.loss_
+
+
+def test_training_ends_when_it_has_converged() -> None:
+    assert fitted(hidden=1, weight_decay=0.1, max_iter=5000).n_iter_ < 1000
+
+
+def test_early_stopping_returns_the_weights_best_on_what_was_held_out() -> None:
+    random = np.random.default_rng(3)
+    features, emergency = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
+    held_out = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
+
+    def loss(max_iter: int, validation: bool) -> tuple[float, int]:
+        found = train(
+            (features, emergency), hidden=12, weight_decay=0, max_iter=max_iter, seed=0,
+            validation=held_out if validation else None, patience=20,
+        )  # fmt: skip
+        hidden = np.tanh(held_out[0] @ found.w1 + found.b1) @ found.w2 + found.b2
+        difference = hidden[:, 0] - hidden[:, 1]
+        return float(np.logaddexp(0, np.where(held_out[1], -difference, difference)).mean()), found.iterations
+
+    stopped, iterations = loss(500, validation=True)
+    looked_at = [loss(count, validation=False)[0] for count in range(10, iterations + 1, 10)]
+    assert iterations == 10 * (1 + int(np.argmin(looked_at))) + 20
+    assert stopped == pytest.approx(min(looked_at), rel=1e-6)
+    assert stopped < loss(500, validation=False)[0]
+
+
+def test_validation_samples_are_not_trained_on() -> None:
+    assert not np.array_equal(weights(fitted()), weights(fitted(validation_fraction=0.3)))
+    with pytest.raises(ValueError, match="test_size"):
+        TanhNetworkClassifier(validation_fraction=0.01).fit(MOONS[:20], SIDE[:20])
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [([0, 1, 2, 0], "Only binary classification is supported"), ([1, 1, 1, 1], "one class")],
+)
+def test_needs_two_classes(target: list[int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        TanhNetworkClassifier().fit(MOONS[:4], target)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        ("hidden", 0), ("hidden", 2.5), ("max_iter", 0), ("patience", -1), ("weight_decay", -1e-9),
+        ("weight_decay", float("nan")), ("weight_decay", "some"), ("validation_fraction", 1.0),
+        ("validation_fraction", "half"),
+    ],
+)  # fmt: skip
+def test_refuses_parameters_that_mean_nothing(parameter: str, value: Any) -> None:
+    with pytest.raises(ValueError, match=f"^{parameter} must"):
+        fitted(**{parameter: value})
+
+
+def test_without_torch_it_still_predicts_but_says_how_to_train(monkeypatch: pytest.MonkeyPatch) -> None:
+    classifier = fitted()
+    expected = classifier.predict(MOONS)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "mavhums.learn.optimisation")
+    np.testing.assert_array_equal(classifier.predict(MOONS), expected)
+    with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
+        clone(classifier).fit(MOONS, SIDE)

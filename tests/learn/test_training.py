@@ -1,0 +1,212 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from mavhums.learn import ModelError, load_model, save_model, select_features, train_network
+from mavhums.learn import training as training_module
+from mavhums.learn.network import TanhNetworkClassifier
+from mavhums.quantities import KEYS, column
+
+Flights = Callable[..., tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]]
+FEW: dict[str, Any] = {"seed": 0, "networks": 2, "hidden": (3,)}
+
+
+@pytest.fixture
+def trained_on(monkeypatch: pytest.MonkeyPatch) -> list[tuple[NDArray[np.float64], NDArray[np.bool_]]]:
+    """Every call of the classifier's fit, with what it was given."""
+    calls: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
+    fit = TanhNetworkClassifier.fit
+
+    def spy(
+        self: TanhNetworkClassifier, X: NDArray[np.float64], y: NDArray[np.bool_]
+    ) -> TanhNetworkClassifier:
+        calls.append((X, y))
+        return fit(self, X, y)
+
+    monkeypatch.setattr(TanhNetworkClassifier, "fit", spy)
+    return calls
+
+
+def test_selects_one_quantity_of_each_group(flights: Flights) -> None:
+    values, emergency, _ = flights(0.2, 1.0)
+    selection = select_features(values, emergency)
+    assert ("V1", "V2", "V3") in selection.groups
+    for linear in ({"V5", "V8"}, {"V7", "V10"}):
+        assert any(linear <= set(group) for group in selection.groups)
+    assert sorted(key for group in selection.groups for key in group) == sorted(KEYS)
+    assert selection.chi_square["V5"] == pytest.approx(selection.chi_square["V8"])
+    assert selection.chi_square["V5"] > selection.chi_square["V1"]
+    assert all(0 <= p <= 1 for p in selection.p_values.values())
+    for group in selection.groups:
+        best = max(group, key=lambda key: selection.chi_square[key])
+        assert [key for key in group if key in selection.selected] == [best]
+
+
+def test_selects_only_among_the_keys_given(flights: Flights) -> None:
+    values, emergency, _ = flights(0.2, 1.0)
+    values[:, column("V11")] = np.nan
+    selection = select_features(values, emergency, keys=("V5", "V8", "V10"))
+    assert selection.groups == (("V5", "V8"), ("V10",))
+    assert set(selection.chi_square) == {"V5", "V8", "V10"}
+
+
+def test_the_network_tells_flights_it_never_saw(flights: Flights) -> None:
+    result = train_network(*flights(0.2, 1.0), **FEW)
+    values, emergency, _ = flights(0.25, 0.3, 0.9, 0.95)
+    assert ((result.network.p_emergency(values) > 0.5) == emergency).mean() > 0.9
+    assert result.network.inside(values).mean() > 0.9
+    assert result.network.keys == result.selection.selected
+    assert result.training_accuracy > 0.9
+
+
+def test_whole_flights_are_held_out_where_there_are_enough(flights: Flights, trained_on: list[Any]) -> None:
+    values, emergency, numbers = flights(0.2, 0.25, 0.3, 0.9, 1.0, 0.95)
+    result = train_network(values, emergency, numbers * 7 + 3, **FEW)
+    assert result.validation == "flights"
+    columns = [column(key) for key in result.network.keys]
+    seen = {row.tobytes() for row in trained_on[0][0]}
+    used = np.array([row.tobytes() in seen for row in np.ascontiguousarray(values[:, columns])])
+    per_flight = np.array([used[numbers == number].mean() for number in range(6)])
+    assert set(per_flight) == {0.0, 1.0}
+    assert per_flight[:3].sum() == per_flight[3:].sum() == 2
+    right = (result.network.p_emergency(values) > 0.5) == emergency
+    assert result.validation_accuracy == pytest.approx(right[~used].mean())
+    assert result.training_accuracy == pytest.approx(right[used].mean())
+    np.testing.assert_array_equal(result.network.minimum, values[used][:, columns].min(axis=0))
+
+
+def test_with_one_flight_of_each_class_whole_blocks_of_time_are_held_out(
+    flights: Flights, trained_on: list[Any]
+) -> None:
+    values, emergency, numbers = flights(0.2, 1.0)
+    result = train_network(values, emergency, numbers, **FEW)
+    assert result.validation == "blocks"
+    columns = [column(key) for key in result.network.keys]
+    seen = {row.tobytes() for row in trained_on[0][0]}
+    used = np.array([row.tobytes() in seen for row in np.ascontiguousarray(values[:, columns])])
+    per_block = used.reshape(2, 12, -1).mean(axis=2)
+    assert set(per_block.ravel()) == {0.0, 1.0}
+    assert per_block.sum(axis=1).tolist() == [9, 9]
+
+
+def test_flights_may_be_interleaved(flights: Flights) -> None:
+    values, emergency, numbers = flights(0.2, 1.0)
+    order = np.argsort(np.tile(np.arange(240), 2), kind="stable")
+    first = train_network(values, emergency, numbers, **FEW)
+    second = train_network(values[order], emergency[order], numbers[order], **FEW)
+    assert second.validation == "blocks"
+    assert second.selection.groups == first.selection.groups
+    np.testing.assert_array_equal(second.network.minimum, first.network.minimum)
+
+
+def test_selection_does_not_see_what_is_held_out(flights: Flights, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows: list[int] = []
+
+    def spy(values: ArrayLike, emergency: ArrayLike, **options: Any) -> Any:
+        rows.append(len(np.asarray(values)))
+        return select_features(values, emergency, **options)
+
+    monkeypatch.setattr(training_module, "select_features", spy)
+    train_network(*flights(0.2, 0.25, 0.9, 1.0), **FEW)
+    assert rows == [480]
+
+
+def test_the_best_on_the_held_out_samples_is_chosen(flights: Flights) -> None:
+    result = train_network(*flights(0.3, 0.45, 0.55, 0.7), seed=1, networks=5, hidden=(1, 2, 3, 4))
+    assert len(result.candidates) == 5
+    assert {candidate.hidden for candidate in result.candidates} == {1, 2, 3, 4}
+    best = max(candidate.validation_accuracy for candidate in result.candidates)
+    assert (
+        result.validation_accuracy
+        == best
+        > min(candidate.validation_accuracy for candidate in result.candidates)
+    )
+    assert result.network.w1.shape[1] == result.chosen.hidden
+
+
+def test_among_equals_the_smallest_network_is_chosen() -> None:
+    numbers = np.repeat([0, 1], 120)
+    values = np.random.default_rng(0).normal(size=(240, 12)) + 50 * numbers[:, np.newaxis]
+    result = train_network(
+        values, numbers == 1, numbers, seed=0, networks=4, hidden=(5, 3, 2, 4), keys=("V5",)
+    )
+    assert {candidate.validation_accuracy for candidate in result.candidates} == {1.0}
+    assert result.chosen.hidden == 2
+
+
+def test_the_same_seed_gives_the_same_result(flights: Flights) -> None:
+    data = flights(0.2, 0.4, 0.6, 1.0)
+    first, second = train_network(*data, **FEW), train_network(*data, **FEW)
+    assert first.candidates == second.candidates
+    for name, tensor in first.network.tensors.items():
+        np.testing.assert_array_equal(second.network.tensors[name], tensor)
+    assert train_network(*data, **FEW | {"seed": 1}).candidates != first.candidates
+
+
+def test_progress_is_told_after_each_network(flights: Flights) -> None:
+    seen: list[tuple[int, int]] = []
+    data = flights(0.2, 1.0)
+    train_network(
+        *data, seed=0, networks=3, hidden=(2,), progress=lambda done, total: seen.append((done, total))
+    )
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Path) -> None:
+    result = train_network(*flights(0.2, 1.0), **FEW)
+    card = result.card(
+        name="paper",
+        tier="instrumented",
+        command="mavhums train",
+        conditions={"flights": 2},
+        metrics={"test": 0.9},
+    )
+    assert card.features == result.network.keys
+    assert card.conditions == {"networks": 2, "hidden": 3, "validation": "blocks", "flights": 2}
+    assert card.metrics["validation_accuracy"] == result.validation_accuracy
+    assert card.metrics["test"] == 0.9
+    assert card.seed == 0
+    assert set(card.versions) == {"mavhums", "numpy", "scikit-learn", "scipy", "torch"}
+    assert result.card(name="a", tier="b", command="c").metrics.keys() == {
+        "training_accuracy",
+        "validation_accuracy",
+    }
+    saved = save_model(tmp_path / "model", result.network, card)
+    assert load_model(tmp_path / "model").card == saved.card
+    with pytest.raises(ModelError):
+        load_model(tmp_path / "other")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"values": np.zeros((480, 3))}, r"values must have the shape \(n, 12\)"),
+        ({"emergency": np.zeros(480)}, "emergency must be one boolean for each sample"),
+        ({"emergency": np.zeros(479, dtype=bool)}, "emergency must be one boolean"),
+        ({"flights": np.zeros(3)}, "flights must be one number for each sample"),
+        ({"networks": 0}, "at least one network"),
+        ({"hidden": ()}, "at least one network"),
+        ({"emergency": np.zeros(480, dtype=bool)}, "each class needs samples enough"),
+        ({"keys": ("V5", "V0")}, "not in tuple"),
+    ],
+)
+def test_refuses_data_that_cannot_be_learned_from(
+    flights: Flights, change: dict[str, Any], message: str
+) -> None:
+    values, emergency, numbers = flights(0.2, 1.0)
+    data: dict[str, Any] = {"values": values, "emergency": emergency, "flights": numbers, **FEW}
+    with pytest.raises(ValueError, match=message):
+        train_network(**data | change)
+
+
+def test_a_quantity_with_gaps_is_named(flights: Flights) -> None:
+    values, emergency, numbers = flights(0.2, 1.0)
+    values[17, column("V9")] = np.nan
+    with pytest.raises(ValueError, match="V9 is not finite throughout"):
+        train_network(values, emergency, numbers, **FEW)
+    keys = tuple(key for key in KEYS if key != "V9")
+    assert "V9" not in train_network(values, emergency, numbers, **FEW, keys=keys).network.keys
