@@ -31,7 +31,7 @@ def synthetic(
     rng = np.random.default_rng(seed)
     slots = []
     for index in range(seconds):
-        t = index + (np.arange(round(rate_hz)) + 0.5) / rate_hz
+        t: Array = index + (np.arange(round(rate_hz), dtype=np.float64) + 0.5) / rate_hz
         angle = 0.3 * np.sin(2.1 * t) + 0.1 * np.sin(5.3 * t)
         speed = 0.63 * np.cos(2.1 * t) + 0.53 * np.cos(5.3 * t)
         acceleration = -1.323 * np.sin(2.1 * t) - 2.809 * np.sin(5.3 * t)
