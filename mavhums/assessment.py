@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
+    "ALL",
     "NOTICE",
     "SCHEMA",
     "Assessment",
@@ -37,6 +38,9 @@ __all__ = [
 
 SCHEMA = "mavhums.assessment/1"
 NOTICE = "not an airworthiness decision; validated in simulation only"
+
+ALL = "all"
+"""Stands for the actuator where a verdict is on all of a vehicle's."""
 
 Condition = Literal["normal", "degraded", "emergency", "undecided"]
 

@@ -191,7 +191,7 @@ class Monitor:
                 end_s=episode.end_s,
                 value=episode.peak,
                 limit=limits.emergency if episode.condition == "emergency" else limits.normal,
-                rule=f"{episode.condition}: {rule(episode.condition, limits)}",
+                rule=rule(episode.condition, limits),
             )
         if self._last is not None and self._last.p_emergency is not None:
             yield Evidence(
@@ -205,9 +205,7 @@ class Monitor:
 
     def _agreement(self, share: float) -> str:
         opposed = {"normal": share > 0.5, "emergency": share <= 0.5}.get(self._decision.condition, False)
-        text = (
-            "share of moving samples in the last window that the network calls an emergency; friction decides"
-        )
+        text = "network: part of the window's moving samples that it calls an emergency; friction decides"
         return f"{text}, and the network disagrees" if opposed else text
 
     def _suspects(self) -> tuple[Suspect, ...]:

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.tiers import Tier
-from mavhums.assessment import Coverage, Evidence, Interval, Since, Suspect, Verdict
+from mavhums.assessment import ALL, Coverage, Evidence, Interval, Since, Suspect, Verdict
 from mavhums.health.monitor import WINDOW_S, Findings
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
@@ -77,7 +77,7 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
         remedy = f"name one with --airframe (a TOML file, or one of: {known})"
     return Verdict(
         vehicle=vehicle,
-        actuator="all",
+        actuator=ALL,
         condition="undecided",
         worst="undecided",
         tier=tier.name if tier else None,
