@@ -46,12 +46,16 @@ def main(folder: Path) -> int:
     render(assessments[SHOWN], console)
     console.print(f"\n{wrong} of {sum(len(a.verdicts) for a in assessments.values())} verdicts are wrong.")
     console.print(f"Logs, truth.json, verdicts.json and flight.rrd are in {folder}/.", highlight=False)
-    console.print(f"Open the recording with:  {_viewer()} {folder}/flight.rrd", highlight=False, soft_wrap=True)
+    console.print(
+        f"Open the recording with:  {_viewer()} {folder}/flight.rrd", highlight=False, soft_wrap=True
+    )
     return int(wrong > 0)
 
 
 def _compare(assessments: dict[str, Assessment], truth: dict[str, dict[str, object]]) -> tuple[Table, int]:
-    table = Table(title="The elevator's verdicts against the truth", title_justify="left", box=None, pad_edge=False)
+    table = Table(
+        title="The elevator's verdicts against the truth", title_justify="left", box=None, pad_edge=False
+    )
     table.add_column("flight", no_wrap=True)
     table.add_column("true T_c, N·m", no_wrap=True)
     table.add_column("estimate, 95 %", no_wrap=True)
@@ -97,7 +101,9 @@ def _class(friction_nm: float) -> str:
 def _write(path: Path, assessments: dict[str, Assessment]) -> None:
     objects = [json.loads(assessment.to_json()) for assessment in assessments.values()]
     partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps({"schema": "mavhums.assessment/1", "assessments": objects}, indent=2) + "\n")
+    partial.write_text(
+        json.dumps({"schema": "mavhums.assessment/1", "assessments": objects}, indent=2) + "\n"
+    )
     partial.replace(path)
 
 
