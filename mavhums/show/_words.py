@@ -107,8 +107,8 @@ def headline(assessment: Assessment) -> str:
     ranked = assessment.ranked()
     if not ranked:
         return "No actuator was found in this log"
-    worst = [verdict for verdict in ranked if verdict.worst == ranked[0].worst]
-    word = ranked[0].worst
+    word = ranked[0].gravest
+    worst = [verdict for verdict in ranked if verdict.gravest == word]
     if word == "normal":
         return f"{_all(worst, ranked)} normal"
     if word == "undecided":
@@ -134,7 +134,7 @@ def advice(verdict: Verdict) -> str:
     """Return what to do about an actuator, by the worst it went through and the fault suspected."""
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     parts = _PARTS.get(suspects[0].fault if suspects else "friction", "the actuator and its wiring")
-    return ADVICE[verdict.worst].format(parts=parts)
+    return ADVICE[verdict.gravest].format(parts=parts)
 
 
 def finding(item: Evidence) -> str:
