@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums_sim.ema import CONTROL_PERIOD_S
+from mavhums_sim.motion import CONTROL_PERIOD_S
 
 __all__ = ["SURFACES", "Cyclogram", "takeoff"]
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums_sim.cyclogram import SURFACES, Cyclogram, takeoff
-from mavhums_sim.ema import EmaParameters, Motion, simulate
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.motion import Motion, simulate
 from mavhums_sim.sensors import SensorNoise, sample_times, sense
 
 __all__ = ["HEALTHY_FRICTION_NM", "ActuatorRecord", "Flight", "FlightRecord", "fly"]

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums_sim.ema import EmaParameters, Motion
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.motion import Motion
 
 __all__ = ["SensorNoise", "sample_times", "sense"]
 
