@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 from mavhums_sim._integrate import Course, integrate_one_mass, integrate_two_masses
 from mavhums_sim.ema import EmaParameters
 
-__all__ = ["CONTROL_PERIOD_S", "STEP_S", "Degradation", "Motion", "simulate"]
+__all__ = ["CONTROL_PERIOD_S", "MOVING_RAD_S", "STEP_S", "Degradation", "Motion", "simulate"]
 
 CONTROL_PERIOD_S = 1e-3
 STEP_S = 1e-4
+MOVING_RAD_S = radians(0.1)  # slower is the controller's last creep into friction
 
 Array = NDArray[np.float64]
 
@@ -85,8 +87,8 @@ class Motion:
 
     @property
     def moving_fraction(self) -> float:
-        """Share of the time in which the output shaft turned."""
-        return float(np.mean(self.speed != 0.0))
+        """Share of the time in which the output shaft turned faster than :data:`MOVING_RAD_S`."""
+        return float(np.mean(np.abs(self.speed) > MOVING_RAD_S))
 
 
 def simulate(

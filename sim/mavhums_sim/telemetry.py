@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import FlightRecord
-from mavhums_sim.sensors import sample_times
+from mavhums_sim.sensors import ELECTRONICS_A, sample_times
 
 __all__ = ["EPOCH_US", "MESSAGES", "messages", "write_tlog"]
 
@@ -107,11 +107,11 @@ def _streams(record: FlightRecord) -> list[_Stream]:
                 parameters[k][0].encode(), parameters[k][1], 9, len(parameters), k
             ),
         ),
-        _aircraft_state(record, at(25.0)),
-        _air_data(record, at(10.0)),
-        _battery(record, at(2.0)),
-        _servo_outputs(record, at(50.0)),
-        _esc_telemetry(record, at(20.0)),
+        _aircraft_state(record, at(flight.rates.attitude)),
+        _air_data(record, at(flight.rates.air_data)),
+        _battery(record, at(flight.rates.battery)),
+        _servo_outputs(record, at(flight.rates.servo_output)),
+        _esc_telemetry(record, at(flight.rates.esc)),
     ]
     streams += [_instrumented(record, surface) for surface in SURFACES]
     return streams
@@ -168,17 +168,19 @@ def _air_data(record: FlightRecord, times: Array) -> _Stream:
 
 
 def _battery(record: FlightRecord, times: Array) -> _Stream:
-    volts = record.flight.parameters.supply_voltage
+    shared_sag = np.min([a.motion.degradation.sag for a in record.actuators.values()], axis=0)
+    sag = np.interp(times, record.cyclogram.time_s, shared_sag)
+    volts = record.flight.parameters.supply_voltage - sag
     watts = sum(
         np.interp(times, a.motion.time_s, a.motion.voltage * a.motion.current)
         for a in record.actuators.values()
     )
-    current = np.asarray(watts) / volts + 0.2
-    cells = [round(volts * 1000)] + [65535] * 9
+    current = np.asarray(watts) / volts + ELECTRONICS_A * len(record.actuators)
+    millivolts = np.rint(volts * 1000).astype(int)
     return _Stream(
         times,
         lambda k: mavlink.MAVLink_battery_status_message(
-            0, 0, 1, 32767, cells, round(float(current[k]) * 100), -1, -1, 80
+            0, 0, 1, 32767, [int(millivolts[k]), *[65535] * 9], round(float(current[k]) * 100), -1, -1, 80
         ),
     )
 
@@ -201,10 +203,10 @@ def _servo_outputs(record: FlightRecord, times: Array) -> _Stream:
 
 def _esc_telemetry(record: FlightRecord, times: Array) -> _Stream:
     def read(column: int, scale: float) -> NDArray[np.int64]:
-        signals = [np.interp(times, a.time_s, np.abs(a.values[:, column])) for a in record.actuators.values()]
+        signals = [np.interp(times, a.time_s, np.abs(a.esc[:, column])) for a in record.actuators.values()]
         return np.clip(np.rint(np.stack(signals, axis=1) * scale), 0, 65535).astype(np.int64)
 
-    centivolts, centiamperes, speed = read(3, 100.0), read(4, 100.0), read(6, 1.0)
+    centivolts, centiamperes, speed = read(0, 100.0), read(1, 100.0), read(2, 1.0)
     return _Stream(
         times,
         lambda k: mavlink.MAVLink_esc_telemetry_1_to_4_message(
