@@ -25,27 +25,24 @@ _DEAD_BAND_DEG = 0.4
 def preflight(seed: int, duration_s: float = 100.0) -> Cyclogram:
     """Return the check before flight: the aircraft stands, each surface in turn goes full and free.
 
-    To either side at 30…50 °/s with rests between; while one moves the others stand.
+    Twice to either side at 10…15 °/s, with rests between; while one moves the others stand.
     """
     rng, time = _begin(seed, duration_s)
     zero = np.zeros_like(time)
     degrees = dict.fromkeys(SURFACES, zero)
     share = duration_s / len(SURFACES)
     for turn, index in enumerate(rng.permutation(len(SURFACES))):
-        travel, rate = rng.uniform(20.0, 25.0), rng.uniform(30.0, 50.0)
-        corners = np.cumsum([turn * share + 0.05 * share, *_sweeps(share, travel / rate)])
+        travel = rng.uniform(20.0, 25.0)
+        quarter = min(travel / rng.uniform(10.0, 15.0), 0.1 * share)
+        rest = (0.9 * share - 8.0 * quarter) / 4.0
+        lasting = quarter * np.array([1, 0, 2, 0, 2, 0, 2, 0, 1]) + rest * np.array(
+            [0, 1, 0, 1, 0, 1, 0, 1, 0]
+        )
+        corners = (turn + 0.05) * share + np.concatenate([[0.0], np.cumsum(lasting)])
         levels = travel * np.array([0, 1, 1, -1, -1, 1, 1, -1, -1, 0])
         degrees[SURFACES[index]] = np.interp(time, corners, levels)
-    return _flown(
-        "preflight", time, degrees, zero, dict.fromkeys(SURFACES, zero), zero, zero, zero + np.pi / 2
-    )
-
-
-def _sweeps(share: float, quarter: float) -> list[float]:
-    """Durations between the corners of two sweeps to either side, with rests in what time is left."""
-    moving = [quarter, 2 * quarter, 2 * quarter, 2 * quarter, quarter]
-    rest = max(0.9 * share - sum(moving), 0.0) / 4
-    return [moving[0], rest, moving[1], rest, moving[2], rest, moving[3], rest, moving[4]]
+    still = dict.fromkeys(SURFACES, zero)
+    return _flown("preflight", time, degrees, zero, still, zero, zero, zero + np.pi / 2)
 
 
 def cruise(seed: int, duration_s: float = 100.0) -> Cyclogram:

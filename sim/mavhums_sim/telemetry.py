@@ -18,12 +18,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import FlightRecord
+from mavhums_sim.link import BOOT_US, EPOCH_US, Link, transmit
 from mavhums_sim.sensors import ELECTRONICS_A, sample_times
 
 __all__ = ["EPOCH_US", "MESSAGES", "messages", "write_tlog"]
 
-EPOCH_US = 1_767_258_000_000_000  # 2026-01-01 09:00:00 UTC
-_BOOT_US = 30_000_000  # the vehicle has run for half a minute when the log starts
 _FUNCTIONS = {"aileron_left": 4, "aileron_right": 4, "elevator": 19, "rudder": 21}
 _PWM_TRIM, _PWM_PER_DEGREE = 1500.0, 500.0 / 60.0
 
@@ -61,28 +60,26 @@ def messages(record: FlightRecord) -> Iterator[tuple[float, Message]]:
         yield float(times[k]), streams[owner[k]].build(int(index[k]))
 
 
-def write_tlog(record: FlightRecord, path: Path) -> dict[str, int]:
+def write_tlog(record: FlightRecord, path: Path, link: Link | None = None) -> dict[str, int]:
     """Write the flight's ``.tlog`` atomically and return the number of messages by type.
+
+    Parameters
+    ----------
+    link
+        Between aircraft and log; loses and reorders nothing if omitted.
 
     Raises
     ------
     OSError
         If the file cannot be written; what was at ``path`` before is then still there.
     """
-    link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-    rng = np.random.default_rng([record.flight.seed, 3])
     counts: dict[str, int] = {}
-    received = 0
     partial = path.with_name(f".{path.name}.partial")
     try:
         with partial.open("wb") as file:
-            for time_s, message in messages(record):
-                latency_us = 2_000 + rng.exponential(1_000)
-                received = max(received, EPOCH_US + round(time_s * 1e6 + latency_us))
-                file.write(struct.pack(">Q", received) + message.pack(link))
-                link.seq = (link.seq + 1) % 256
-                name = message.get_type()
-                counts[name] = counts.get(name, 0) + 1
+            for frame in transmit(messages(record), link or Link(), record.flight.seed):
+                file.write(struct.pack(">Q", frame.received_us) + frame.data)
+                counts[frame.name] = counts.get(frame.name, 0) + 1
         os.replace(partial, path)  # noqa: PTH105 - atomic, and says so
     finally:
         partial.unlink(missing_ok=True)
@@ -138,7 +135,7 @@ def _parameters() -> list[tuple[str, float]]:
 
 
 def _boot_ms(time_s: float) -> int:
-    return (_BOOT_US + round(time_s * 1e6)) // 1000
+    return (BOOT_US + round(time_s * 1e6)) // 1000
 
 
 def _aircraft_state(record: FlightRecord, times: Array) -> _Stream:
@@ -196,7 +193,7 @@ def _servo_outputs(record: FlightRecord, times: Array) -> _Stream:
     return _Stream(
         times,
         lambda k: mavlink.MAVLink_servo_output_raw_message(
-            (_BOOT_US + round(times[k] * 1e6)) % 2**32, 0, *(round(float(p)) for p in pulses[k]), *[0] * 12
+            (BOOT_US + round(times[k] * 1e6)) % 2**32, 0, *(round(float(p)) for p in pulses[k]), *[0] * 12
         ),
     )
 
@@ -227,6 +224,6 @@ def _instrumented(record: FlightRecord, surface: str) -> _Stream:
     return _Stream(
         actuator.time_s,
         lambda k: mavlink.MAVLink_debug_float_array_message(
-            _BOOT_US + round(actuator.time_s[k] * 1e6), b"EMA", servo, actuator.values[k].tolist() + spare
+            BOOT_US + round(actuator.time_s[k] * 1e6), b"EMA", servo, actuator.values[k].tolist() + spare
         ),
     )
