@@ -89,7 +89,7 @@ def test_unwritable_file_is_one_line_and_exits_1(
 def test_interrupt_exits_130(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("mavhums_sim.campaign.run_campaign", interrupted)
