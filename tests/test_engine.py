@@ -200,7 +200,7 @@ def test_what_the_telemetry_leaves_out_is_named(growing_record: FlightRecord) ->
     ]
     assessment = judge(only_commands)
     assert {v.condition for v in assessment.verdicts} == {"undecided"}
-    assert all("only V1 (pwm)" in str(v.reason) and v.remedy for v in assessment.verdicts)
+    assert all("V1, the command, alone (pwm)" in str(v.reason) and v.remedy for v in assessment.verdicts)
     without_rudder = [
         data
         for (_, data), (_, message) in zip(packed(growing_record), messages(growing_record), strict=True)

@@ -61,20 +61,23 @@ def judged(
     )
 
 
-def unjudged_actuator(vehicle: int, actuator: Actuator, tier: Tier | None) -> Verdict:
+def unjudged_actuator(
+    vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
+) -> Verdict:
     """Return the verdict on an actuator of which the log carries too little."""
     if tier is None:
         reason = f"the log carries no telemetry of servo {actuator.servo}"
     elif tier.judged:
         reason = f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
     else:
-        reason = f"the log carries only {tier.gives} ({tier.name}), which does not show the friction"
+        reason = f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
         condition="undecided",
         worst="undecided",
         tier=tier.name if tier else None,
+        provenance=provenance,
         reason=reason,
         remedy=_INSTRUMENT,
     )
