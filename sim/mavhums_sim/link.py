@@ -161,7 +161,7 @@ def _shift_clock(message: Message, shift_s: float) -> None:
 
 def _as_mavlink1(message: Message) -> Message | None:
     """Return the message without its extensions, or None if MAVLink 1 has no such message."""
-    kind = mavlink1.mavlink_map.get(message.id)
+    kind = mavlink1.mavlink_map.get(message.get_msgId())
     if kind is None:
         return None
     return kind(*(getattr(message, f"_{name}_raw", getattr(message, name)) for name in kind.fieldnames))

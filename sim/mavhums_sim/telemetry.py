@@ -126,10 +126,14 @@ def _boot_ms(time_s: float) -> int:
     return (BOOT_US + round(time_s * 1e6)) // 1000
 
 
+def _rate_of_change(signal: Array, times: Array) -> Array:
+    return np.gradient(signal, times) if times.size > 1 else np.zeros_like(times)
+
+
 def _aircraft_state(record: FlightRecord, times: Array) -> Stream:
     flown = record.cyclogram
     angles = [np.interp(times, flown.time_s, signal) for signal in (flown.roll, flown.pitch, flown.yaw)]
-    rates = [np.gradient(signal, times) for signal in angles]
+    rates = [_rate_of_change(signal, times) for signal in angles]
     return Stream(
         times,
         lambda k: mavlink.MAVLink_attitude_message(
@@ -142,7 +146,7 @@ def _air_data(record: FlightRecord, times: Array) -> Stream:
     flown = record.cyclogram
     airspeed = np.interp(times, flown.time_s, flown.airspeed)
     altitude = np.interp(times, flown.time_s, flown.altitude)
-    climb = np.gradient(altitude, times)
+    climb = _rate_of_change(altitude, times)
     heading = np.degrees(np.interp(times, flown.time_s, flown.yaw)) % 360
     return Stream(
         times,
