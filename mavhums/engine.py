@@ -146,6 +146,7 @@ class Engine:
                     monitor.findings(),
                     start_utc=_utc(self._decoder.first_time_us or 0),
                     end_s=self._flight_time(self._decoder.last_time_us or 0),
+                    late=mapper.late(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
                 )

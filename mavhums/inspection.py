@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from mavhums.actuator.fleet import Fleet
 from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
-from mavhums.actuator.tiers import TIERS, Tier
+from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.assessment import Losses
 from mavhums.log import Decoder, read_blocks
 from mavhums.log.vehicles import vehicles_of
@@ -149,7 +149,7 @@ def _vehicle(vehicle: int, tier: Tier | None, mapper: Mapper | None) -> VehicleT
     airframe = mapper.airframe if mapper else None
     judged = tier is not None and tier.judged
     if not judged:
-        remedy = f"to be judged, send {TIERS[0].gives} of each servo as DEBUG_FLOAT_ARRAY named EMA"
+        remedy = TO_BE_JUDGED
     elif airframe is None:
         remedy = f"name an airframe profile with --airframe, for example: {', '.join(packaged_airframes())}"
     else:

@@ -46,10 +46,10 @@ def test_magnitudes_find_their_signs(flown: tuple[Array, Array]) -> None:
     voltage = motor(current, speed)
     rpm = speed * 30 / np.pi
     rate = np.degrees(speed / EMA.gear_ratio) * 1.1
-    given = {
-        "V4": np.round(np.abs(voltage), 2),
-        "V5": np.round(np.abs(current), 2),
-        "V7": np.round(np.abs(rpm)),
+    given: dict[str, Array] = {
+        "V4": np.abs(voltage).round(2),
+        "V5": np.abs(current).round(2),
+        "V7": np.abs(rpm).round(0),
     }
     deriver = Deriver(ACTUATOR)
     values = deriver.complete(aligned(given, "esc-unsigned", signed=False, rate=rate))
