@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Table"]
+__all__ = ["MAVLINK1", "ODD_TIME", "PADDED", "SIGNED", "Table"]
+
+MAVLINK1, SIGNED, PADDED, ODD_TIME = 1, 2, 4, 8
+"""Bits of ``Table.flags``."""
+
+_PARTS = ("frame", "time_us", "system", "component", "sequence", "flags", "fields")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +33,10 @@ class Table:
         Time of reception, microseconds of UTC since 1970.
     system, component, sequence
         From the frame's header.
+    flags
+        How the frame came: ``MAVLINK1``, ``SIGNED`` (not verified), ``PADDED`` (accepted with
+        zeros put back that the sender trimmed after it had computed the CRC), ``ODD_TIME`` (its
+        time stamp was damaged; ``time_us`` is that of its neighbour).
     fields
         Record array: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
     """
@@ -38,6 +47,7 @@ class Table:
     system: NDArray[np.uint8]
     component: NDArray[np.uint8]
     sequence: NDArray[np.uint8]
+    flags: NDArray[np.uint8]
     fields: NDArray[np.void]
 
     def __len__(self) -> int:
@@ -48,28 +58,16 @@ class Table:
 
     def select(self, rows: NDArray[Any]) -> Table:
         """Return the rows that a mask or an index array names."""
-        return Table(
-            self.name,
-            self.frame[rows],
-            self.time_us[rows],
-            self.system[rows],
-            self.component[rows],
-            self.sequence[rows],
-            self.fields[rows],
-        )
+        return Table(self.name, *(getattr(self, part)[rows] for part in _PARTS))
 
     @classmethod
     def concatenate(cls, tables: list[Table]) -> Table:
         """Join tables of one message type, in order."""
-        return cls(
-            tables[0].name,
-            np.concatenate([table.frame for table in tables]),
-            np.concatenate([table.time_us for table in tables]),
-            np.concatenate([table.system for table in tables]),
-            np.concatenate([table.component for table in tables]),
-            np.concatenate([table.sequence for table in tables]),
-            np.concatenate([table.fields for table in tables]),
-        )
+        if len(tables) == 1:
+            return tables[0]
+        *header, fields = ([getattr(table, part) for table in tables] for part in _PARTS)
+        joined = np.concatenate([rows.view(np.uint8) for rows in map(np.ascontiguousarray, fields)])
+        return cls(tables[0].name, *map(np.concatenate, header), joined.view(fields[0].dtype))
 
     def texts(self, field: str) -> list[str]:
         """Return a char field as text, cut at the first NUL."""

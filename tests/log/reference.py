@@ -1,0 +1,199 @@
+"""The scanner once more, slow and written for clarity: the oracle of the kernel.
+
+It reads a whole stream at once, with a CRC of another library and Python's integers.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from fastcrc import crc16
+
+from mavhums.log.dialect import Definition, Dialect
+
+MINUTE_US, DAY_US = 60_000_000, 86_400_000_000
+YEAR_2000_US, YEAR_2100_US = 946_684_800_000_000, 4_102_444_800_000_000
+MAGIC = (0xFD, 0xFE)
+
+
+class Frame(NamedTuple):
+    """An intact frame: its record's offset in the stream, its payload as sent."""
+
+    offset: int
+    time_us: int
+    id: int
+    system: int
+    component: int
+    sequence: int
+    payload: bytes
+    version: int
+    signed: bool
+    padded: bool
+    odd_time: bool
+
+
+@dataclass
+class Scan:
+    """All that was found in a stream, known messages and unknown ones in the order of the stream."""
+
+    frames: list[Frame] = field(default_factory=list)
+    regions: list[tuple[int, int]] = field(default_factory=list)
+    bad_crc: Counter[int] = field(default_factory=Counter)
+    cut_end: int = 0
+    zeros: int = 0
+    odd_times: int = 0
+    jumps: int = 0
+    rewinds: int = 0
+    trials: int = 0
+
+
+class _Parts(NamedTuple):
+    version: int
+    signed: bool
+    sequence: int
+    system: int
+    component: int
+    id: int
+    covered: bytes
+    payload: bytes
+    crc: int
+    end: int
+
+
+def scan(data: bytes, dialect: Dialect, *, stamp: int = 8) -> Scan:
+    """Return every frame of a stream, and what lies between them."""
+    found = Scan()
+    position = skipped_from = 0
+    last_us: int | None = None
+    while position < len(data):
+        parts = _parts(data, position + stamp)
+        definition = dialect.definitions.get(parts.id) if parts else None
+        in_step = position == skipped_from
+        padded = False
+        accepted = False
+        if parts and definition:
+            accepted = _crc(parts.covered, definition) == parts.crc
+            if accepted and not in_step:
+                accepted = _near(data, position, stamp, last_us) or _follows(data, parts.end, stamp)
+            elif not accepted and in_step:
+                if parts.version == 2 and _follows(data, parts.end, stamp):
+                    padded = accepted = _fits_when_padded(parts, definition, found)
+                if not accepted:
+                    found.bad_crc[parts.id] += 1
+        elif parts:
+            accepted = in_step and _some_seed_fits(parts) and _follows(data, parts.end, stamp)
+        if not accepted or parts is None:
+            position += 1
+            continue
+        time_us, odd = last_us if last_us is not None else -1, False
+        if stamp and definition:
+            time_us, odd = _time(data, position, parts.end, last_us)
+            if last_us is not None and not odd:
+                found.jumps += time_us > last_us + MINUTE_US
+                found.rewinds += time_us < last_us - 1_000_000
+            found.odd_times += odd
+            last_us = time_us
+        if not in_step:
+            found.regions.append((skipped_from, position - skipped_from))
+        found.frames.append(
+            Frame(
+                position, time_us, parts.id, parts.system, parts.component, parts.sequence, parts.payload,
+                parts.version, parts.signed, padded, odd,
+            )
+        )  # fmt: skip
+        position = skipped_from = parts.end
+    _finish(found, data[skipped_from:], skipped_from)
+    return found
+
+
+def _parts(data: bytes, start: int) -> _Parts | None:
+    if start >= len(data) or data[start] not in MAGIC:
+        return None
+    version = 2 if data[start] == 0xFD else 1
+    head = data[start : start + (10 if version == 2 else 6)]
+    if len(head) < (10 if version == 2 else 6) or (version == 2 and head[2] > 1):
+        return None
+    signed = version == 2 and head[2] == 1
+    body = start + len(head)
+    crc_at = body + head[1]
+    end = crc_at + 2 + (13 if signed else 0)
+    if end > len(data):
+        return None
+    sequence, system, component = head[4:7] if version == 2 else head[2:5]
+    number = int.from_bytes(head[7:10], "little") if version == 2 else head[5]
+    crc = int.from_bytes(data[crc_at : crc_at + 2], "little")
+    covered = data[start + 1 : crc_at]
+    return _Parts(version, signed, sequence, system, component, number, covered, data[body:crc_at], crc, end)
+
+
+def _crc(covered: bytes, definition: Definition) -> int:
+    return crc16.mcrf4xx(covered + bytes([definition.crc_extra]))
+
+
+def _fits_when_padded(parts: _Parts, definition: Definition, found: Scan) -> bool:
+    for size in range(definition.wire.itemsize, len(parts.payload), -1):
+        found.trials += 1
+        zeros = bytes(size - len(parts.payload))
+        if _crc(bytes([size]) + parts.covered[1:] + zeros, definition) == parts.crc:
+            return True
+    return False
+
+
+def _some_seed_fits(parts: _Parts) -> bool:
+    return any(crc16.mcrf4xx(parts.covered + bytes([seed])) == parts.crc for seed in range(256))
+
+
+def _follows(data: bytes, end: int, stamp: int) -> bool:
+    return end == len(data) or (end + stamp < len(data) and data[end + stamp] in MAGIC)
+
+
+def _stamp(data: bytes, place: int) -> int:
+    return int.from_bytes(data[place : place + 8], "big")
+
+
+def _near(data: bytes, position: int, stamp: int, last_us: int | None) -> bool:
+    return bool(stamp) and last_us is not None and abs(_stamp(data, position) - last_us) <= DAY_US
+
+
+def _time(data: bytes, position: int, end: int, last_us: int | None) -> tuple[int, bool]:
+    """Return the frame's time, and whether its stamp was damaged."""
+    time_us = _stamp(data, position)
+    following = None
+    if end < len(data) and _follows(data, end, 8) and _stamp(data, end) < YEAR_2100_US:
+        following = _stamp(data, end)
+    plausible = time_us < YEAR_2100_US
+    if last_us is None:
+        if plausible and (following is None or abs(following - time_us) <= DAY_US):
+            return time_us, False
+        if following is None:
+            return YEAR_2000_US, True
+        if plausible and (second := _parts(data, end + 8)) is not None:
+            if second.end == len(data) or not _follows(data, second.end, 8):
+                return time_us, False
+            third = _stamp(data, second.end)
+            if abs(third - time_us) <= abs(third - following):
+                return time_us, False
+        return following, True
+    step = abs(time_us - last_us)
+    if not plausible:
+        return last_us, True
+    if step <= MINUTE_US:
+        return time_us, False
+    if following is None:
+        odd = step > DAY_US
+    else:
+        odd = step + abs(following - time_us) - abs(following - last_us) > 2 * MINUTE_US
+    return (last_us if odd else time_us), odd
+
+
+def _finish(found: Scan, rest: bytes, offset: int) -> None:
+    """What follows the last frame: zeros, an unfinished record, or damage if it is too long for one."""
+    zeros = len(rest) - len(rest.rstrip(b"\0"))
+    found.zeros = zeros if zeros >= 16 else 0
+    left = len(rest) - found.zeros
+    if left > 8 + 10 + 255 + 2 + 13:
+        found.regions.append((offset, left))
+    else:
+        found.cut_end = left
