@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from mavhums.log._jit import inlined, kernel
 
 __all__ = ["GUARD", "crc_of", "finish_crc", "load_word", "seed_of"]
 
@@ -56,8 +58,7 @@ _BYTE = np.uint64(0xFF)
 _ONES = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
 
 
-@intrinsic
-def load_word(typing_context: Any, data: Any, index: Any) -> Any:
+def _load_word(typing_context: Any, data: Any, index: Any) -> Any:
     """Load the eight bytes at ``index`` of a contiguous uint8 array, little endian."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -70,8 +71,11 @@ def load_word(typing_context: Any, data: Any, index: Any) -> Any:
     return types.uint64(data, types.int64), generate
 
 
-@njit(cache=True, nogil=True, inline="always")  # type: ignore[untyped-decorator, unused-ignore]
-def crc_of(data: NDArray[np.uint8], start: int, end: int) -> int:
+load_word: Any = intrinsic(_load_word)
+
+
+@inlined
+def crc_of(data: NDArray[np.uint8], start: int, end: int) -> Any:
     """Return the CRC of ``data[start:end]``, of at most 265 bytes, without crc_extra.
 
     ``GUARD`` bytes before ``start`` must be readable.
@@ -98,14 +102,14 @@ def crc_of(data: NDArray[np.uint8], start: int, end: int) -> int:
     return crc ^ np.uint64(_START[np.uint64(size)])
 
 
-@njit(cache=True, nogil=True, inline="always")  # type: ignore[untyped-decorator, unused-ignore]
-def finish_crc(crc: int, crc_extra: int) -> int:
+@inlined
+def finish_crc(crc: Any, crc_extra: int) -> Any:
     """Return the CRC after the seed of the message's definition."""
     return (crc >> np.uint64(8)) ^ np.uint64(_T0[(crc ^ np.uint64(crc_extra)) & _BYTE])
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def seed_of(crc: int, received: int) -> int:
+@kernel
+def seed_of(crc: Any, received: Any) -> int:
     """Return the crc_extra with which ``crc`` ends in ``received``, or -1 if there is none.
 
     One of 256 damaged frames has one by chance.
@@ -114,4 +118,4 @@ def seed_of(crc: int, received: int) -> int:
     index = np.uint64(_BY_HIGH_BYTE[(entry >> np.uint64(8)) & _BYTE])
     if np.uint64(_T0[index]) != entry:
         return -1
-    return np.int64((index ^ crc) & _BYTE)
+    return int((index ^ crc) & _BYTE)

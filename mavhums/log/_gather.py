@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mavhums.log._crc import GUARD
-from mavhums.log._kernel import FLAG_MAVLINK1
+from mavhums.log._frame import FLAG_MAVLINK1
+from mavhums.log._jit import kernel
 
 __all__ = ["count", "gather"]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def count(rows: NDArray[np.void], wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the number of rows of each wanted message, shape as ``wanted``."""
     counts = np.zeros(wanted.size, dtype=np.int64)
@@ -23,7 +23,7 @@ def count(rows: NDArray[np.void], wanted: NDArray[np.bool_]) -> NDArray[np.int64
     return counts
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def gather(
     data: NDArray[np.uint8],
     base: int,

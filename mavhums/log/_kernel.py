@@ -9,29 +9,31 @@ The rules, in the order in which they are asked at each place:
    the zeros that a sender trimmed after it had computed the CRC; such a frame is flagged.
 4. An unknown message counts in step only, if some crc_extra fits its CRC and a magic byte follows.
 5. Anything else: one byte is skipped.
-
-A time more than a minute from the last is held against the next record's: if the way over it is a
-detour of more than two minutes it is damaged, else the clock was set or the link was silent.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from mavhums.log._crc import GUARD, crc_of, finish_crc, load_word, seed_of
+from mavhums.log._crc import GUARD, crc_of, finish_crc, seed_of
+from mavhums.log._frame import (
+    FLAG_MAVLINK1,
+    FLAG_ODD_TIME,
+    FLAG_PADDED,
+    NO,
+    WAIT,
+    YES,
+    follows,
+    frame_end,
+    parts_of,
+)
+from mavhums.log._jit import inlined, kernel
+from mavhums.log._times import DAY_US, judge_time, plausible, stamp_at
 
-__all__ = [
-    "FLAG_MAVLINK1",
-    "FLAG_ODD_TIME",
-    "FLAG_PADDED",
-    "FLAG_SIGNED",
-    "REGION",
-    "ROW",
-    "STATE",
-    "scan",
-]
+__all__ = ["REGION", "ROW", "STATE", "scan"]
 
 ROW = np.dtype(
     [
@@ -72,96 +74,14 @@ buffer the scan stopped, ``skipped`` and ``zeros`` count the bytes skipped and t
 since the last frame, ``trials`` the padded lengths tried. ``time_us`` is -1 before the first frame.
 """
 
-FLAG_MAVLINK1, FLAG_SIGNED, FLAG_PADDED, FLAG_ODD_TIME = 1, 2, 4, 8
-
-_V1, _V2 = 0xFE, 0xFD
-_STEP_US = 60 * 1_000_000
 _REWIND_US = 1_000_000
-_DAY_US = 86_400 * 1_000_000
-_YEAR_2000_US, _YEAR_2100_US = 946_684_800_000_000, 4_102_444_800_000_000
-_YES, _NO, _WAIT = 1, 0, -1
+_STEP_US = 60 * 1_000_000
+
+Record = Any
+"""An element of a structured array, within compiled code."""
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _frame_end(data: NDArray[np.uint8], start: int, size: int) -> int:
-    """Return where the frame at ``start`` ends, 0 if there is none, -1 if its head is incomplete."""
-    if start >= size:
-        return _WAIT
-    if data[start] == _V2:
-        if start + 10 > size:
-            return _WAIT
-        flags = data[start + 2]
-        if flags > 1:
-            return _NO
-        return start + 12 + np.int64(data[start + 1]) + 13 * np.int64(flags)
-    if data[start] == _V1:
-        if start + 6 > size:
-            return _WAIT
-        return start + 8 + np.int64(data[start + 1])
-    return _NO
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _follows(data: NDArray[np.uint8], end: int, size: int, stamp: int, final: bool) -> int:
-    """Return whether a magic byte, or the end of the log, follows the record that ends at ``end``."""
-    if end + stamp < size:
-        return _YES if data[end + stamp] == _V2 or data[end + stamp] == _V1 else _NO
-    if final:
-        return _YES if end == size else _NO
-    return _WAIT
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _stamp_at(data: NDArray[np.uint8], place: int) -> int:
-    word = load_word(data, place)
-    out = np.uint64(0)
-    for k in range(8):
-        out |= ((word >> np.uint64(8 * k)) & np.uint64(0xFF)) << np.uint64(56 - 8 * k)
-    return np.int64(out)
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _plausible(time_us: int) -> bool:
-    return 0 <= time_us < _YEAR_2100_US
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _is_detour(last: int, time_us: int, following: int) -> bool:
-    """Return whether ``time_us`` lies so far off the way from the last time to the following."""
-    if following < 0:
-        return abs(time_us - last) > _DAY_US
-    way = abs(time_us - last) + abs(following - time_us)
-    return way - abs(following - last) > 2 * _STEP_US
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _judge_first_time(
-    data: NDArray[np.uint8], time_us: int, following: int, end: int, final: bool
-) -> tuple[int, int]:
-    """Return the first frame's time, and whether its stamp is sound.
-
-    Where it is a day off the second record's, which begins at ``end``, the third one's decides.
-    """
-    sound = _plausible(time_us)
-    if following < 0 or (sound and abs(following - time_us) <= _DAY_US):
-        return (time_us if sound else _YEAR_2000_US), (_YES if sound else _NO)
-    if sound:
-        second_end = _frame_end(data, end + 8, data.size)
-        if second_end < 0 and not final:
-            return time_us, _WAIT
-        if second_end > 0:
-            follows = _follows(data, second_end, data.size, 8, final)
-            if follows == _WAIT:
-                return time_us, _WAIT
-            if follows == _NO or second_end == data.size:
-                return time_us, _YES
-            third = _stamp_at(data, second_end)
-            if abs(third - time_us) <= abs(third - following):
-                return time_us, _YES
-    return following, _NO
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _tries_until_crc_fits(
     data: NDArray[np.uint8], start: int, length: int, largest: int, seed: int, scratch: NDArray[np.uint8]
 ) -> int:
@@ -180,7 +100,78 @@ def _tries_until_crc_fits(
     return length - largest
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@inlined
+def _accept(
+    data: NDArray[np.uint8],
+    position: int,
+    place: int,
+    end: int,
+    stamp: int,
+    final: bool,
+    state: Record,
+    message: int,
+    flags: int,
+    seeds: NDArray[np.uint8],
+    largest: NDArray[np.int32],
+    scratch: NDArray[np.uint8],
+) -> tuple[int, int]:
+    """Return whether the frame whose CRC lies at ``place`` counts, and its flags."""
+    start = position + stamp
+    received = np.uint64(data[place]) | np.uint64(data[place + 1]) << np.uint64(8)
+    crc = crc_of(data, start + 1, place)
+    in_step = state.skipped == 0
+    if message < 0:
+        if in_step and seed_of(crc, received) >= 0:
+            return follows(data, end, stamp, final), flags
+        return NO, flags
+    if finish_crc(crc, seeds[message]) == received:
+        if in_step or (stamp and _is_near(state.time_us, stamp_at(data, position))):
+            return YES, flags
+        return follows(data, end, stamp, final), flags
+    length = int(data[start + 1])
+    if not in_step or flags & FLAG_MAVLINK1 or length >= largest[message]:
+        return NO, flags
+    follow = follows(data, end, stamp, final)
+    if follow != YES:
+        return follow, flags
+    tries = _tries_until_crc_fits(data, start, length, largest[message], seeds[message], scratch)
+    state.trials += abs(tries)
+    return (YES if tries > 0 else NO), flags | FLAG_PADDED
+
+
+@inlined
+def _is_near(last: int, time_us: int) -> bool:
+    return last >= 0 and plausible(time_us) and abs(time_us - last) <= DAY_US
+
+
+@inlined
+def _skip(state: Record, byte: int) -> None:
+    state.skipped += 1
+    state.zeros = state.zeros + 1 if byte == 0 else 0
+
+
+@inlined
+def _end_region(state: Record, region: Record, offset: int) -> None:
+    region.offset = offset - state.skipped
+    region.size = state.skipped
+    state.skipped = 0
+    state.zeros = 0
+
+
+@inlined
+def _note_time(state: Record, sound: bool, time_us: int) -> None:
+    last = state.time_us
+    if not sound:
+        state.odd_times += 1
+    elif last >= 0:
+        if time_us > last + _STEP_US:
+            state.jumps += 1
+        elif time_us < last - _REWIND_US:
+            state.rewinds += 1
+    state.time_us = time_us
+
+
+@kernel
 def scan(
     data: NDArray[np.uint8],
     stamp: int,
@@ -220,118 +211,53 @@ def scan(
     Number of rows, number of regions.
     """
     state = carried[0]
-    size = data.size
     position = GUARD
     found = 0
     ended = 0
-    while position < size:
+    while position < data.size:
         start = position + stamp
-        end = _frame_end(data, start, size)
-        if end > size or end < 0:
+        end = frame_end(data, start)
+        if end > data.size or end == WAIT:
             if not final:
                 break
-            end = 0
-        accepted = _NO
-        flags = 0
-        if end > 0:
-            length = np.int64(data[start + 1])
-            if data[start] == _V2:
-                head = 10
-                number = (
-                    np.int64(data[start + 7])
-                    | np.int64(data[start + 8]) << 8
-                    | np.int64(data[start + 9]) << 16
-                )
-                sender = start + 4
-                flags = FLAG_SIGNED if data[start + 2] else 0
-            else:
-                head = 6
-                number = np.int64(data[start + 5])
-                sender = start + 2
-                flags = FLAG_MAVLINK1
-            place = start + head + length
-            message = np.int64(ids[number]) if number < ids.size else np.int64(-1)
-            received = np.uint64(data[place]) | np.uint64(data[place + 1]) << np.uint64(8)
-            crc = crc_of(data, start + 1, place)
-            if message >= 0:
-                if finish_crc(crc, seeds[message]) == received:
-                    accepted = _YES
-                    if state.skipped:
-                        near = stamp and abs(_stamp_at(data, position) - state.time_us) <= _DAY_US
-                        if not near or state.time_us < 0:
-                            accepted = _follows(data, end, size, stamp, final)
-                elif state.skipped == 0:
-                    if flags != FLAG_MAVLINK1 and length < largest[message]:
-                        accepted = _follows(data, end, size, stamp, final)
-                        if accepted == _YES:
-                            tries = _tries_until_crc_fits(
-                                data, start, length, largest[message], seeds[message], scratch
-                            )
-                            state.trials += abs(tries)
-                            accepted = _YES if tries > 0 else _NO
-                            flags |= FLAG_PADDED
-                    if accepted == _NO:
-                        bad_crc[message] += 1
-            elif state.skipped == 0 and seed_of(crc, received) >= 0:
-                accepted = _follows(data, end, size, stamp, final)
-        if accepted == _WAIT:
-            break
-        if accepted == _NO:
-            state.skipped += 1
-            state.zeros = state.zeros + 1 if data[position] == 0 else 0
+            end = NO
+        accepted, message, number, sender, place, flags = NO, -1, 0, 0, 0, 0
+        if end != NO:
+            number, sender, place, flags = parts_of(data, start)
+            message = int(ids[number]) if number < ids.size else -1
+            accepted, flags = _accept(
+                data, position, place, end, stamp, final, state, message, flags, seeds, largest, scratch
+            )
+            if accepted == NO and message >= 0 and state.skipped == 0:
+                bad_crc[message] += 1
+        if accepted == NO:
+            _skip(state, data[position])
             position += 1
             continue
-        time_us = state.time_us
+        sound, time_us = YES, state.time_us
+        if accepted == YES and stamp and message >= 0:
+            sound, time_us = judge_time(data, position, end, state.time_us, final)
+        if min(accepted, sound) == WAIT:
+            break
         if stamp and message >= 0:
-            time_us = _stamp_at(data, position)
-            last = state.time_us
-            if last < 0 or not _plausible(time_us) or abs(time_us - last) > _STEP_US:
-                follows = _follows(data, end, size, stamp, final)
-                if follows == _WAIT:
-                    break
-                following = np.int64(-1)
-                if follows == _YES and end < size:
-                    following = _stamp_at(data, end)
-                    if not _plausible(following):
-                        following = -1
-                if last < 0:
-                    time_us, sound = _judge_first_time(data, time_us, following, end, final)
-                    if sound == _WAIT:
-                        break
-                    odd = sound == _NO
-                else:
-                    odd = not _plausible(time_us) or _is_detour(last, time_us, following)
-                    if odd:
-                        time_us = last
-                    elif time_us > last:
-                        state.jumps += 1
-                    else:
-                        state.rewinds += 1
-                if odd:
-                    flags |= FLAG_ODD_TIME
-                    state.odd_times += 1
-            elif time_us < last - _REWIND_US:
-                state.rewinds += 1
-            state.time_us = time_us
+            _note_time(state, sound == YES, time_us)
+        offset = state.base + (position - GUARD)
         if state.skipped:
-            regions[ended].offset = state.base + (position - GUARD) - state.skipped
-            regions[ended].size = state.skipped
+            _end_region(state, regions[ended], offset)
             ended += 1
-            state.skipped = 0
-            state.zeros = 0
         if flags & FLAG_PADDED:
             state.padded += 1
         row = rows[found]
-        row.offset = state.base + (position - GUARD)
+        row.offset = offset
         row.time_us = time_us
         row.id = number
-        row.crc = received
+        row.crc = np.int64(data[place]) | np.int64(data[place + 1]) << 8
         row.message = message
+        row.sequence = data[sender]
         row.system = data[sender + 1]
         row.component = data[sender + 2]
-        row.sequence = data[sender]
-        row.length = length
-        row.flags = flags
+        row.length = data[start + 1]
+        row.flags = flags | (FLAG_ODD_TIME if sound == NO else 0)
         found += 1
         position = end
     state.position = position

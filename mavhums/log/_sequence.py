@@ -9,9 +9,12 @@ between them was a loss (modulo 256, so a lower bound); if it speaks again, they
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mavhums.log._jit import kernel
 
 __all__ = ["LINK", "SENDER", "account"]
 
@@ -50,14 +53,14 @@ SENDER = np.dtype(
 """``id`` is 256 · system + component; ``link`` the counter that spoke last."""
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _step(link: NDArray[np.void], sequence: int) -> int:
-    step = (sequence - link.high) & 0xFF
+@kernel
+def _step(link: Any, sequence: int) -> int:
+    step: int = (sequence - link.high) & 0xFF
     return step - 256 if step >= 128 else step
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _belongs(link: NDArray[np.void], sequence: int, crc: int) -> bool:
+@kernel
+def _belongs(link: Any, sequence: int, crc: int) -> bool:
     if link.used == 0:
         return False
     step = _step(link, sequence)
@@ -66,11 +69,11 @@ def _belongs(link: NDArray[np.void], sequence: int, crc: int) -> bool:
     if step <= -_WINDOW:
         return False
     missed = (link.seen >> np.uint64(-step)) & _ONE == 0
-    return missed or link.crc[sequence & 63] == crc
+    return bool(missed or link.crc[sequence & 63] == crc)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _choose(sender: NDArray[np.void], sequence: int, crc: int) -> int:
+@kernel
+def _choose(sender: Any, sequence: int, crc: int) -> int:
     """Return the counter that the frame belongs to: the one with the smallest step; -1 if to none."""
     best, least = -1, 1000
     for k in range(_LINKS):
@@ -82,8 +85,8 @@ def _choose(sender: NDArray[np.void], sequence: int, crc: int) -> int:
     return best
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _open(sender: NDArray[np.void], sequence: int) -> int:
+@kernel
+def _open(sender: Any, sequence: int) -> int:
     oldest = 0
     for k in range(1, _LINKS):
         if sender.links[k].used < sender.links[oldest].used:
@@ -97,8 +100,8 @@ def _open(sender: NDArray[np.void], sequence: int) -> int:
     return oldest
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _settle(sender: NDArray[np.void], link: NDArray[np.void]) -> None:
+@kernel
+def _settle(sender: Any, link: Any) -> None:
     """Decide whether a new counter goes on where another broke off, or runs beside it."""
     before = sender.links[link.before]
     if before.used < link.opened:
@@ -109,8 +112,8 @@ def _settle(sender: NDArray[np.void], link: NDArray[np.void]) -> None:
     link.before = -1
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _follow(sender: NDArray[np.void], sequence: int, crc: int) -> None:
+@kernel
+def _follow(sender: Any, sequence: int, crc: int) -> None:
     chosen = _choose(sender, sequence, crc)
     if chosen < 0:
         chosen = _open(sender, sequence)
@@ -137,7 +140,7 @@ def _follow(sender: NDArray[np.void], sequence: int, crc: int) -> None:
         _settle(sender, link)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def account(
     rows: NDArray[np.void],
     first: int,
@@ -176,5 +179,5 @@ def account(
         sender.frames += 1
         if row.message >= 0:
             counts[place, row.message] += 1
-        _follow(sender, np.int64(row.sequence), row.crc)
+        _follow(sender, int(row.sequence), row.crc)
     return rows.size, known

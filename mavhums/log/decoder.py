@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
@@ -46,7 +47,7 @@ class Decoder:
     def __init__(
         self, messages: Iterable[str] | None = None, *, dialect: str | os.PathLike[str] | None = None
     ) -> None:
-        self._dialect = load_dialect(dialect)
+        self._dialect = load_dialect(None if dialect is None else Path(dialect))
         definitions = self._dialect.definitions.values()
         wanted = None if messages is None else set(messages)
         self._wanted = np.array([wanted is None or d.name in wanted for d in definitions])
@@ -141,6 +142,13 @@ class Decoder:
             begin, end = places[1][k], row_of[k]
             fields = payloads[places[0][k] : byte_of[k]].view(definition.wire)
             out[definition.name] = Table(
-                definition.name, frame[begin:end], time_us[begin:end], *header[:, begin:end], fields
+                definition.name,
+                frame[begin:end],
+                time_us[begin:end],
+                header[0, begin:end],
+                header[1, begin:end],
+                header[2, begin:end],
+                header[3, begin:end],
+                fields,
             )
         return out

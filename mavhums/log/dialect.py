@@ -7,7 +7,6 @@ them, and ``messages/*.xml`` beside this module for what those lack. A user's ow
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -97,7 +96,7 @@ class Dialect:
 
 
 @cache
-def load_dialect(path: str | os.PathLike[str] | None = None) -> Dialect:
+def load_dialect(path: Path | None = None) -> Dialect:
     """Return the shipped definitions, and before them those of a user's MAVLink XML.
 
     Where two shipped dialects define one id, the larger definition is kept; a user's always wins.
@@ -121,7 +120,7 @@ def load_dialect(path: str | os.PathLike[str] | None = None) -> Dialect:
             if known is None or definition.wire.itemsize > known.wire.itemsize:
                 definitions[definition.id] = definition
     if path is not None:
-        for document in reversed(list(_documents(Path(path), set()))):
+        for document in reversed(list(_documents(path, set()))):
             _merge_enums(enums, document)
             definitions |= {message.id: _definition(message) for message in document.message}
     return Dialect(dict(sorted(definitions.items())), enums)

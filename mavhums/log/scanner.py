@@ -141,7 +141,7 @@ class FrameScanner:
         self.regions += [(int(offset), int(size)) for offset, size in regions[:room]]
 
     def _finish(self) -> None:
-        """What follows the last frame is zeros, an unfinished record, or damage if it is too long for one."""
+        """Tell what follows the last frame: zeros, a cut record, or damage if it is too long for one."""
         self._final = True
         state = self._carried[0]
         zeros = int(state["zeros"]) if state["zeros"] >= _ZERO_RUN else 0

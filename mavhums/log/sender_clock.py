@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mavhums.log._crc import GUARD
-from mavhums.log._kernel import FLAG_MAVLINK1
+from mavhums.log._frame import FLAG_MAVLINK1
 from mavhums.log.dialect import Dialect
 from mavhums.log.scanner import Batch
 
@@ -58,5 +58,4 @@ class SenderClocks:
 
 
 def _place(wire: np.dtype[np.void]) -> int:
-    fields = wire.fields or {}
-    return fields[_FIELD][1] if _FIELD in fields else -1
+    return int(wire.fields[_FIELD][1]) if wire.fields and _FIELD in wire.fields else -1

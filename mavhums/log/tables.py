@@ -13,9 +13,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MAVLINK1", "ODD_TIME", "PADDED", "SIGNED", "Table"]
 
-MAVLINK1, SIGNED, PADDED, ODD_TIME = 1, 2, 4, 8
-"""Bits of ``Table.flags``."""
-
 _PARTS = ("frame", "time_us", "system", "component", "sequence", "flags", "fields")
 
 
@@ -58,16 +55,18 @@ class Table:
 
     def select(self, rows: NDArray[Any]) -> Table:
         """Return the rows that a mask or an index array names."""
-        return Table(self.name, *(getattr(self, part)[rows] for part in _PARTS))
+        return Table(self.name, **{part: getattr(self, part)[rows] for part in _PARTS})
 
     @classmethod
     def concatenate(cls, tables: list[Table]) -> Table:
         """Join tables of one message type, in order."""
         if len(tables) == 1:
             return tables[0]
-        *header, fields = ([getattr(table, part) for table in tables] for part in _PARTS)
-        joined = np.concatenate([rows.view(np.uint8) for rows in map(np.ascontiguousarray, fields)])
-        return cls(tables[0].name, *map(np.concatenate, header), joined.view(fields[0].dtype))
+        parts = {part: [getattr(table, part) for table in tables] for part in _PARTS}
+        wire = tables[0].fields.dtype
+        parts["fields"] = [np.ascontiguousarray(rows).view(np.uint8) for rows in parts["fields"]]
+        joined = {part: np.concatenate(rows) for part, rows in parts.items()}
+        return cls(tables[0].name, **joined | {"fields": joined["fields"].view(wire)})
 
     def texts(self, field: str) -> list[str]:
         """Return a char field as text, cut at the first NUL."""

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder, Table
 from mavhums.log._crc import GUARD
-from mavhums.log._kernel import FLAG_MAVLINK1, FLAG_ODD_TIME, FLAG_PADDED, FLAG_SIGNED
+from mavhums.log._frame import FLAG_MAVLINK1, FLAG_ODD_TIME, FLAG_PADDED, FLAG_SIGNED
 from mavhums.log.dialect import load_dialect
 from mavhums.log.scanner import Batch, FrameScanner
 from mavhums.log.tables import PADDED
@@ -32,10 +32,14 @@ def frames_of(batch: Batch) -> list[Frame]:
         head = 6 if flags & FLAG_MAVLINK1 else 10
         begin = int(row["offset"]) - batch.base + GUARD + batch.stamp + head
         payload = batch.data[begin : begin + int(row["length"])].tobytes()
-        header = (int(row[name]) for name in ("offset", "time_us", "id", "system", "component", "sequence"))
+        offset, time_us, number, system, component, sequence = (
+            int(row[name]) for name in ("offset", "time_us", "id", "system", "component", "sequence")
+        )
+        signed, padded, odd = (bool(flags & flag) for flag in (FLAG_SIGNED, FLAG_PADDED, FLAG_ODD_TIME))
         version = 1 if flags & FLAG_MAVLINK1 else 2
-        marks = (bool(flags & flag) for flag in (FLAG_SIGNED, FLAG_PADDED, FLAG_ODD_TIME))
-        out.append(Frame(*header, payload, version, *marks))
+        out.append(
+            Frame(offset, time_us, number, system, component, sequence, payload, version, signed, padded, odd)
+        )
     return out
 
 
