@@ -6,12 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log._jit import inlined
+from mavhums.log.flags import MAVLINK1, SIGNED
 
 __all__ = [
-    "FLAG_MAVLINK1",
-    "FLAG_ODD_TIME",
-    "FLAG_PADDED",
-    "FLAG_SIGNED",
     "HEAD_V1",
     "HEAD_V2",
     "MAGIC_V1",
@@ -23,8 +20,6 @@ __all__ = [
     "frame_end",
     "parts_of",
 ]
-
-FLAG_MAVLINK1, FLAG_SIGNED, FLAG_PADDED, FLAG_ODD_TIME = 1, 2, 4, 8
 
 YES, NO, WAIT = 1, 0, -1
 """Answers; ``WAIT`` where it lies in bytes to come."""
@@ -67,8 +62,8 @@ def follows(data: NDArray[np.uint8], end: int, stamp: int, final: bool) -> int:
 @inlined
 def parts_of(data: NDArray[np.uint8], start: int) -> tuple[int, int, int, int]:
     """Return of the frame at ``start``: message id, where the sequence number and the CRC lie, flags."""
-    length = np.int64(data[start + 1])
+    length = int(np.int64(data[start + 1]))
     if data[start] == MAGIC_V1:
-        return np.int64(data[start + 5]), start + 2, start + HEAD_V1 + length, FLAG_MAVLINK1
+        return int(np.int64(data[start + 5])), start + 2, start + HEAD_V1 + length, MAVLINK1
     number = np.int64(data[start + 7]) | np.int64(data[start + 8]) << 8 | np.int64(data[start + 9]) << 16
-    return number, start + 4, start + HEAD_V2 + length, FLAG_SIGNED if data[start + 2] else 0
+    return int(number), start + 4, start + HEAD_V2 + length, SIGNED if data[start + 2] else 0

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log._crc import GUARD
-from mavhums.log._frame import FLAG_MAVLINK1
 from mavhums.log._jit import kernel
+from mavhums.log.flags import MAVLINK1
 
 __all__ = ["count", "gather"]
 
@@ -73,7 +73,7 @@ def gather(
             header[1, out] = row.component
             header[2, out] = row.sequence
             header[3, out] = row.flags
-            source = row.offset - base + GUARD + stamp + (6 if row.flags & FLAG_MAVLINK1 else 10)
+            source = row.offset - base + GUARD + stamp + (6 if row.flags & MAVLINK1 else 10)
             size = np.int64(sizes[message])
             kept = min(np.int64(row.length), size)
             place = byte_of[message]

@@ -20,9 +20,6 @@ from numpy.typing import NDArray
 
 from mavhums.log._crc import GUARD, crc_of, finish_crc, seed_of
 from mavhums.log._frame import (
-    FLAG_MAVLINK1,
-    FLAG_ODD_TIME,
-    FLAG_PADDED,
     NO,
     WAIT,
     YES,
@@ -32,6 +29,7 @@ from mavhums.log._frame import (
 )
 from mavhums.log._jit import inlined, kernel
 from mavhums.log._times import DAY_US, judge_time, plausible, stamp_at
+from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED
 
 __all__ = ["REGION", "ROW", "STATE", "scan"]
 
@@ -129,14 +127,14 @@ def _accept(
             return YES, flags
         return follows(data, end, stamp, final), flags
     length = int(data[start + 1])
-    if not in_step or flags & FLAG_MAVLINK1 or length >= largest[message]:
+    if not in_step or flags & MAVLINK1 or length >= largest[message]:
         return NO, flags
     follow = follows(data, end, stamp, final)
     if follow != YES:
         return follow, flags
     tries = _tries_until_crc_fits(data, start, length, largest[message], seeds[message], scratch)
     state.trials += abs(tries)
-    return (YES if tries > 0 else NO), flags | FLAG_PADDED
+    return (YES if tries > 0 else NO), flags | PADDED
 
 
 @inlined
@@ -245,7 +243,7 @@ def scan(
         if state.skipped:
             _end_region(state, regions[ended], offset)
             ended += 1
-        if flags & FLAG_PADDED:
+        if flags & PADDED:
             state.padded += 1
         row = rows[found]
         row.offset = offset
@@ -257,7 +255,7 @@ def scan(
         row.system = data[sender + 1]
         row.component = data[sender + 2]
         row.length = data[start + 1]
-        row.flags = flags | (FLAG_ODD_TIME if sound == NO else 0)
+        row.flags = flags | (ODD_TIME if sound == NO else 0)
         found += 1
         position = end
     state.position = position

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mavhums.log._crc import GUARD
-from mavhums.log._frame import FLAG_MAVLINK1
 from mavhums.log.dialect import Dialect
+from mavhums.log.flags import MAVLINK1
 from mavhums.log.scanner import Batch
 
 __all__ = ["SenderClocks"]
@@ -35,7 +35,7 @@ class SenderClocks:
         if self._system is None and speak.size:
             self._system = int(rows["system"][speak[0]])
         speak = speak[rows["system"][speak] == self._system]
-        begin = rows["offset"] - batch.base + GUARD + np.where(rows["flags"] & FLAG_MAVLINK1, 6, 10)
+        begin = rows["offset"] - batch.base + GUARD + np.where(rows["flags"] & MAVLINK1, 6, 10)
         told_us = np.zeros(speak.size, dtype=np.int64)
         for byte in range(4):
             at = places[speak] + byte

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.log import convert
+from mavhums.log.convert import text_of
+
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
-__all__ = ["MAVLINK1", "ODD_TIME", "PADDED", "SIGNED", "Table"]
+__all__ = ["Table"]
 
 _PARTS = ("frame", "time_us", "system", "component", "sequence", "flags", "fields")
 
@@ -31,9 +36,7 @@ class Table:
     system, component, sequence
         From the frame's header.
     flags
-        How the frame came: ``MAVLINK1``, ``SIGNED`` (not verified), ``PADDED`` (accepted with
-        zeros put back that the sender trimmed after it had computed the CRC), ``ODD_TIME`` (its
-        time stamp was damaged; ``time_us`` is that of its neighbour).
+        How the frame came: bits of `mavhums.log.flags`.
     fields
         Record array: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
     """
@@ -70,27 +73,35 @@ class Table:
 
     def texts(self, field: str) -> list[str]:
         """Return a char field as text, cut at the first NUL."""
-        return [bytes(value).split(b"\0")[0].decode("utf-8", "replace") for value in self.fields[field]]
+        return [text_of(value) for value in self.fields[field].tolist()]
 
     def to_frame(self) -> pd.DataFrame:
         """Return a DataFrame indexed by time of reception (UTC).
 
         An array field of k elements becomes k columns, ``data[0]`` … ``data[k-1]``.
         """
-        import pandas as pd
+        return convert.to_frame(self)
 
-        columns: dict[str, Any] = {
-            "system": self.system,
-            "component": self.component,
-            "sequence": self.sequence,
-        }
-        for field in self.fields.dtype.names or ():
-            values = self.fields[field]
-            if values.dtype.kind == "S":
-                columns[field] = self.texts(field)
-            elif values.ndim == 1:
-                columns[field] = values
-            else:
-                columns |= {f"{field}[{k}]": values[:, k] for k in range(values.shape[1])}
-        index = pd.DatetimeIndex(self.time_us.astype("datetime64[us]"), tz="UTC", name="time")
-        return pd.DataFrame(columns, index=index)
+    def to_arrow(self) -> pa.Table:
+        """Return an Arrow table, array fields as fixed-size lists.
+
+        Raises
+        ------
+        MissingExtraError
+            If pyarrow is not installed.
+        """
+        return convert.to_arrow(self)
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> None:
+        """Write a Parquet file of the Arrow table.
+
+        Raises
+        ------
+        MissingExtraError
+            If pyarrow is not installed.
+        """
+        convert.to_parquet(self, path)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write a CSV file of the DataFrame."""
+        convert.to_csv(self, path)

@@ -16,10 +16,9 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder, Table
 from mavhums.log._crc import GUARD
-from mavhums.log._frame import FLAG_MAVLINK1, FLAG_ODD_TIME, FLAG_PADDED, FLAG_SIGNED
 from mavhums.log.dialect import load_dialect
+from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.scanner import Batch, FrameScanner
-from mavhums.log.tables import PADDED
 from tests.log import reference
 from tests.log.reference import DAY_US, Frame
 from tests.strategies import START_US, Record, blocks, cuts, records
@@ -29,14 +28,14 @@ def frames_of(batch: Batch) -> list[Frame]:
     out = []
     for row in batch.rows:
         flags = int(row["flags"])
-        head = 6 if flags & FLAG_MAVLINK1 else 10
+        head = 6 if flags & MAVLINK1 else 10
         begin = int(row["offset"]) - batch.base + GUARD + batch.stamp + head
         payload = batch.data[begin : begin + int(row["length"])].tobytes()
         offset, time_us, number, system, component, sequence = (
             int(row[name]) for name in ("offset", "time_us", "id", "system", "component", "sequence")
         )
-        signed, padded, odd = (bool(flags & flag) for flag in (FLAG_SIGNED, FLAG_PADDED, FLAG_ODD_TIME))
-        version = 1 if flags & FLAG_MAVLINK1 else 2
+        signed, padded, odd = (bool(flags & flag) for flag in (SIGNED, PADDED, ODD_TIME))
+        version = 1 if flags & MAVLINK1 else 2
         out.append(
             Frame(offset, time_us, number, system, component, sequence, payload, version, signed, padded, odd)
         )

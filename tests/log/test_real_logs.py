@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavhums.errors import UnreadableLogError
 from mavhums.log import Table, read_log
-from mavhums.log.tables import ODD_TIME
+from mavhums.log.flags import ODD_TIME
 from tests.conftest import real_logs
 
 DAMAGED = ("Avalanche", "LucaGemma", "ardusub_log_tools", "mavrik-control")
