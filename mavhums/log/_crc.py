@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mavhums.log._jit import inlined, kernel
 
-__all__ = ["GUARD", "crc_of", "finish_crc", "load_word", "seed_of"]
+__all__ = ["GUARD", "crc_of", "finish_crc", "load_word", "seed_of", "store_word"]
 
 GUARD = 8
 """Readable bytes that must lie before the first frame in a buffer."""
@@ -71,7 +71,21 @@ def _load_word(typing_context: Any, data: Any, index: Any) -> Any:
     return types.uint64(data, types.int64), generate
 
 
+def _store_word(typing_context: Any, data: Any, index: Any, word: Any) -> Any:
+    """Store eight bytes at ``index`` of a contiguous uint8 array, little endian."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        place = builder.gep(array.data, [arguments[1]])
+        store = builder.store(arguments[2], builder.bitcast(place, ir.IntType(64).as_pointer()))
+        store.align = 1
+        return context.get_dummy_value()
+
+    return types.void(data, types.int64, types.uint64), generate
+
+
 load_word: Any = intrinsic(_load_word)
+store_word: Any = intrinsic(_store_word)
 
 
 @inlined

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.log._crc import GUARD
-from mavhums.log._jit import kernel
+from mavhums.log._crc import GUARD, load_word, store_word
+from mavhums.log._jit import inlined, kernel
 from mavhums.log.flags import MAVLINK1
 
-__all__ = ["count", "gather"]
+__all__ = ["SPARE", "count", "gather"]
+
+SPARE = 8
 
 
 @kernel
@@ -21,6 +23,25 @@ def count(rows: NDArray[np.void], wanted: NDArray[np.bool_]) -> NDArray[np.int64
         if message >= 0 and wanted[message]:
             counts[message] += 1
     return counts
+
+
+@inlined
+def _copy(
+    data: NDArray[np.uint8], source: int, kept: int, out: NDArray[np.uint8], place: int, size: int
+) -> None:
+    """Copy ``kept`` bytes and fill up to ``size`` with zeros; ``out`` has a word to spare behind it.
+
+    Whole words are written: what runs over the end is the next record's, which is written later.
+    """
+    for j in range(0, size, 8):
+        left = kept - j
+        if left >= 8:
+            store_word(out, place + j, load_word(data, source + j))
+        elif left > 0:
+            word = load_word(data, source + kept - 8) >> np.uint64(64 - 8 * left)
+            store_word(out, place + j, word)
+        else:
+            store_word(out, place + j, np.uint64(0))
 
 
 @kernel
@@ -53,7 +74,8 @@ def gather(
     row_of, byte_of
         By message: where its next row and payload go; advanced.
     frame, time_us, header, payloads
-        Written. ``header`` has shape (4, n): system, component, sequence, flags.
+        Written. ``header`` has shape (4, n): system, component, sequence, flags. Behind each
+        message's payloads ``SPARE`` bytes are overwritten.
 
     Returns
     -------
@@ -74,13 +96,10 @@ def gather(
             header[2, out] = row.sequence
             header[3, out] = row.flags
             source = row.offset - base + GUARD + stamp + (6 if row.flags & MAVLINK1 else 10)
-            size = np.int64(sizes[message])
-            kept = min(np.int64(row.length), size)
+            size = int(sizes[message])
+            kept = min(int(row.length), size)
             place = byte_of[message]
             byte_of[message] = place + size
-            for j in range(kept):
-                payloads[place + j] = data[source + j]
-            for j in range(kept, size):
-                payloads[place + j] = 0
+            _copy(data, source, kept, payloads, place, size)
         ordinal += 1
     return ordinal

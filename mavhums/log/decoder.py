@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.assessment import Losses, Region
-from mavhums.log._gather import count, gather
+from mavhums.log._gather import SPARE, count, gather
 from mavhums.log.dialect import load_dialect
 from mavhums.log.intake import Intake
 from mavhums.log.ledger import Ledger
@@ -125,7 +125,7 @@ class Decoder:
     def _tables(self, batch: Batch, ordinal: int) -> dict[str, Table]:
         counts = count(batch.rows, self._wanted)
         row_of = np.cumsum(counts) - counts
-        bytes_by_message = counts * self._sizes
+        bytes_by_message = counts * self._sizes + SPARE
         byte_of = np.cumsum(bytes_by_message) - bytes_by_message
         total = int(counts.sum())
         frame, time_us = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)

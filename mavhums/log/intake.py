@@ -13,9 +13,8 @@ from mavhums.log.scanner import FrameScanner
 __all__ = ["Intake"]
 
 _CR, _LF, _CRLF = b"\r", b"\n", b"\r\n"
-_EVIDENCE = 8
-_EVIDENCE_OF_A_SHORT_LOG = 3
-_HELD = 1 << 16
+_EVIDENCE = 3
+_HELD = 1 << 12
 _HEAD = 1 << 10
 _MAGIC = (0xFD, 0xFE)
 
@@ -24,7 +23,8 @@ class Intake:
     """Decides how a stream is to be read, from its bytes alone, and passes them on.
 
     Bytes are held back only while a question is open: a kilobyte if the stream begins with a magic
-    byte, and from the first carriage return and line feed on until eight line feeds are seen.
+    byte, and if the first line feed follows a carriage return, until one comes that does not, or
+    four kilobytes have shown that more frames are found without the carriage returns.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Intake:
             if first >= 0:
                 begin = max(first - 1, 0)
                 before, data = data[:begin], data[begin:]
-                self._text = self._is_text(data[:_HELD], final)
+                self._text = self._is_text(data, final)
                 if self._text is False:
                     return before + data
                 if self._text is None:
@@ -80,14 +80,13 @@ class Intake:
 
     def _is_text(self, data: bytes, final: bool) -> bool | None:
         """Return whether ``data``, which begins at the first line feed, was converted; None if open."""
-        seen, place = 0, data.find(_LF)
-        while place >= 0 and seen < _EVIDENCE:
-            if place == 0 or data[place - 1 : place] != _CR:
-                return False
-            seen, place = seen + 1, data.find(_LF, place + 1)
-        if seen == _EVIDENCE or (final and seen >= _EVIDENCE_OF_A_SHORT_LOG):
-            return self._frames(data.replace(_CRLF, _LF)) > self._frames(data)
-        return False if final or len(data) == _HELD else None
+        head = data[:_HELD]
+        if head.count(_LF) > head.count(_CRLF):
+            return False
+        if len(head) < _HELD and not final:
+            return None
+        restored = head.replace(_CRLF, _LF)
+        return len(head) - len(restored) >= _EVIDENCE and self._frames(restored) > self._frames(head)
 
     def _frames(self, data: bytes) -> int:
         return FrameScanner(self._dialect).feed(data, final=True).rows.size

@@ -21,17 +21,11 @@ class Ledger:
     ----------
     unknown
         Number of frames by message id that the dialect does not define.
-    frames
-        Number of intact frames of known messages.
-    first_time_us, last_time_us
-        Times of the first and of the latest of them; None before the first.
     """
 
     def __init__(self, dialect: Dialect) -> None:
         self.unknown: dict[int, int] = {}
-        self.frames = 0
-        self.first_time_us: int | None = None
-        self.last_time_us: int | None = None
+        self._totals = np.zeros(3, dtype=np.int64)
         self._names = [definition.name for definition in dialect.definitions.values()]
         self._places = np.full(1 << 16, -1, dtype=np.int32)
         self._known = 0
@@ -42,24 +36,34 @@ class Ledger:
         """Take the next frames into account."""
         if rows.size == 0:
             return
-        done = 0
+        done, before = 0, self.frames
         while True:
             done, self._known = _sequence.account(
-                rows, done, self._places, self._known, self._senders, self._counts
+                rows, done, self._places, self._known, self._senders, self._counts, self._totals
             )
             if done == rows.size:
                 break
             self._senders = np.concatenate([self._senders, np.zeros_like(self._senders)])
             self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])
-        strangers = rows["message"] < 0
-        known = np.flatnonzero(~strangers)
-        for number, count in zip(*np.unique(rows["id"][strangers], return_counts=True), strict=True):
-            self.unknown[int(number)] = self.unknown.get(int(number), 0) + int(count)
-        self.frames += known.size
-        if known.size:
-            self.last_time_us = int(rows["time_us"][known[-1]])
-            if self.first_time_us is None:
-                self.first_time_us = int(rows["time_us"][known[0]])
+        if self.frames - before < rows.size:
+            numbers = rows["id"][rows["message"] < 0]
+            for number, count in zip(*np.unique(numbers, return_counts=True), strict=True):
+                self.unknown[int(number)] = self.unknown.get(int(number), 0) + int(count)
+
+    @property
+    def frames(self) -> int:
+        """Number of intact frames of known messages."""
+        return int(self._totals[0])
+
+    @property
+    def first_time_us(self) -> int | None:
+        """Time of the first of them; None before it."""
+        return int(self._totals[1]) if self.frames else None
+
+    @property
+    def last_time_us(self) -> int | None:
+        """Time of the latest of them; None before the first."""
+        return int(self._totals[2]) if self.frames else None
 
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:

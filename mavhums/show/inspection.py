@@ -104,7 +104,8 @@ def _losses(inspection: Inspection, console: Console) -> None:
     if losses.padded_frames:
         console.print(
             f"\nIn doubt: {losses.padded_frames:,} frames whose zeros were trimmed after the CRC "
-            f"was computed, accepted with the zeros put back; at most {losses.padded_false_bound:.2g} of them by chance.",
+            "was computed, accepted with the zeros put back; "
+            f"at most {losses.padded_false_bound:.2g} of them by chance.",
             highlight=False,
         )
 
