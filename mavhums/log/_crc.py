@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
@@ -84,8 +84,26 @@ def _store_word(typing_context: Any, data: Any, index: Any, word: Any) -> Any:
     return types.void(data, types.int64, types.uint64), generate
 
 
-load_word: Any = intrinsic(_load_word)
-store_word: Any = intrinsic(_store_word)
+def _load_bytes(data: NDArray[np.uint8], index: int) -> Any:
+    if index < 0:
+        raise IndexError
+    word = np.uint64(0)
+    for k in range(8):
+        word |= np.uint64(data[index + k]) << np.uint64(8 * k)
+    return word
+
+
+def _store_bytes(data: NDArray[np.uint8], index: int, word: Any) -> None:
+    if index < 0:
+        raise IndexError
+    for k in range(8):
+        data[index + k] = (word >> np.uint64(8 * k)) & np.uint64(0xFF)
+
+
+# With NUMBA_BOUNDSCHECK=1 every access of the kernels is checked, these too.
+_CHECKED = bool(getattr(config, "BOUNDSCHECK", False))
+load_word: Any = inlined(_load_bytes) if _CHECKED else intrinsic(_load_word)
+store_word: Any = inlined(_store_bytes) if _CHECKED else intrinsic(_store_word)
 
 
 @inlined
