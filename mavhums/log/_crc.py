@@ -21,8 +21,8 @@ from mavhums.log._jit import inlined, kernel
 
 __all__ = ["GUARD", "crc_of", "finish_crc", "load_word", "seed_of", "store_word"]
 
-GUARD = 8
-"""Readable bytes that must lie before the first frame in a buffer."""
+GUARD = 32
+"""Readable bytes before the first frame in a buffer: a signature, a stamp, and a word for the CRC."""
 
 _POLYNOMIAL = 0x8408
 _LONGEST = 10 + 255
@@ -110,7 +110,7 @@ store_word: Any = inlined(_store_bytes) if _CHECKED else intrinsic(_store_word)
 def crc_of(data: NDArray[np.uint8], start: int, end: int) -> Any:
     """Return the CRC of ``data[start:end]``, of at most 265 bytes, without crc_extra.
 
-    ``GUARD`` bytes before ``start`` must be readable.
+    Seven bytes before ``start`` must be readable.
     """
     size = end - start
     words = (size + 7) >> 3

@@ -14,6 +14,7 @@ __all__ = [
     "MAGIC_V1",
     "MAGIC_V2",
     "NO",
+    "SIGNATURE",
     "WAIT",
     "YES",
     "follows",
@@ -27,7 +28,7 @@ YES, NO, WAIT = 1, 0, -1
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 HEAD_V1, HEAD_V2 = 6, 10
 _CRC = 2
-_SIGNATURE = 13
+SIGNATURE = 13
 
 
 @inlined
@@ -41,7 +42,7 @@ def frame_end(data: NDArray[np.uint8], start: int) -> int:
         flags = data[start + 2]
         if flags > 1:
             return NO
-        return int(start + HEAD_V2 + _CRC + np.int64(data[start + 1]) + _SIGNATURE * np.int64(flags))
+        return int(start + HEAD_V2 + _CRC + np.int64(data[start + 1]) + SIGNATURE * np.int64(flags))
     if data[start] == MAGIC_V1:
         if start + HEAD_V1 > data.size:
             return WAIT

@@ -1,4 +1,8 @@
-"""How this room compiles its kernels."""
+"""How this room compiles its kernels.
+
+What is kept on disk is renewed when the kernel's own module changes, not when one does that it
+inlines: after editing such a module remove ``mavhums/log/__pycache__``.
+"""
 
 from __future__ import annotations
 

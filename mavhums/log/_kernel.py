@@ -4,7 +4,8 @@ The rules, in the order in which they are asked at each place:
 
 1. A magic byte after the time stamp; in MAVLink 2 no incompatibility flag but "signed".
 2. A known message counts with a good CRC; out of step it must also bear a time within a day of the
-   last, or be followed by a magic byte, for in the 64 KiB after damage one CRC fits by chance.
+   last, or be followed by a magic byte, for one CRC in 64 Ki fits by chance. Its time stamp may
+   have been cut off, or the signature before it; then what follows decides.
 3. A known message of MAVLink 2 with a bad CRC, in step and followed by a magic byte, is tried with
    the zeros that a sender trimmed after it had computed the CRC; such a frame is flagged.
 4. An unknown message counts in step only, if some crc_extra fits its CRC and a magic byte follows.
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from mavhums.log._crc import GUARD, crc_of, finish_crc, seed_of
 from mavhums.log._frame import (
     NO,
+    SIGNATURE,
     WAIT,
     YES,
     follows,
@@ -28,8 +30,8 @@ from mavhums.log._frame import (
     parts_of,
 )
 from mavhums.log._jit import inlined, kernel
-from mavhums.log._times import DAY_US, judge_time, plausible, stamp_at
-from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED
+from mavhums.log._times import DAY_US, judge_time, plausible, stamp_at, time_without_stamp
+from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
 
 __all__ = ["REGION", "ROW", "STATE", "scan"]
 
@@ -56,6 +58,8 @@ STATE = np.dtype(
         ("base", "i8"),
         ("position", "i8"),
         ("time_us", "i8"),
+        ("lost_step", "i8"),
+        ("reserve", "i8"),
         ("skipped", "i8"),
         ("zeros", "i8"),
         ("odd_times", "i8"),
@@ -68,8 +72,11 @@ STATE = np.dtype(
 """What is carried from block to block.
 
 ``base`` is the stream offset of the buffer's first byte after the guard, ``position`` where in the
-buffer the scan stopped, ``skipped`` and ``zeros`` count the bytes skipped and the zero bytes seen
-since the last frame, ``trials`` the padded lengths tried. ``time_us`` is -1 before the first frame.
+buffer the scan stopped. Since the last frame ``lost_step`` tells whether the next record was not
+where it ought to be, ``skipped`` counts the bytes skipped, negative while a record is tried that
+the cut-off end of that frame would have swallowed, and ``zeros`` the zero bytes at their end;
+``reserve`` is the size of that frame's signature. ``trials`` counts the padded lengths tried.
+``time_us`` is -1 before the first frame.
 """
 
 _REWIND_US = 1_000_000
@@ -117,13 +124,15 @@ def _accept(
     start = position + stamp
     received = np.uint64(data[place]) | np.uint64(data[place + 1]) << np.uint64(8)
     crc = crc_of(data, start + 1, place)
-    in_step = state.skipped == 0
+    in_step = state.lost_step == 0
     if message < 0:
         if in_step and seed_of(crc, received) >= 0:
             return follows(data, end, stamp, final), flags
         return NO, flags
     if finish_crc(crc, seeds[message]) == received:
-        if in_step or (stamp and _is_near(state.time_us, stamp_at(data, position))):
+        if in_step:
+            return YES, flags
+        if stamp and _has_stamp(state) and _is_near(state.time_us, stamp_at(data, position)):
             return YES, flags
         return follows(data, end, stamp, final), flags
     length = int(data[start + 1])
@@ -143,17 +152,38 @@ def _is_near(last: int, time_us: int) -> bool:
 
 
 @inlined
-def _skip(state: Record, byte: int) -> None:
-    state.skipped += 1
-    state.zeros = state.zeros + 1 if byte == 0 else 0
+def _has_stamp(state: Record) -> bool:
+    """Return whether there is room for a stamp between the last frame's CRC and this frame."""
+    return bool(state.skipped + state.reserve >= 0)
 
 
 @inlined
-def _end_region(state: Record, region: Record, offset: int) -> None:
+def _step_on(data: NDArray[np.uint8], position: int, stamp: int, state: Record) -> int:
+    """Return where to look next.
+
+    Out of step that is first right behind the last frame's CRC, for what is missing may be its
+    signature or the next record's stamp; then byte by byte.
+    """
+    if state.lost_step == 0:
+        state.lost_step = 1
+        state.skipped = -state.reserve - stamp
+        return int(position - state.reserve - stamp)
+    if state.skipped >= 0:
+        state.zeros = state.zeros + 1 if data[position] == 0 else 0
+    state.skipped += 1
+    return position + 1
+
+
+@inlined
+def _end_region(state: Record, region: Record, offset: int, stamp: int) -> int:
+    """Note the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
+    size = state.skipped if _has_stamp(state) else state.skipped + stamp
     region.offset = offset - state.skipped
-    region.size = state.skipped
+    region.size = size
+    state.lost_step = 0
     state.skipped = 0
     state.zeros = 0
+    return 1 if size > 0 else 0
 
 
 @inlined
@@ -167,6 +197,13 @@ def _note_time(state: Record, sound: bool, time_us: int) -> None:
         elif time_us < last - _REWIND_US:
             state.rewinds += 1
     state.time_us = time_us
+
+
+@inlined
+def _note_flags(state: Record, flags: int) -> None:
+    state.reserve = SIGNATURE if flags & SIGNED else 0
+    if flags & PADDED:
+        state.padded += 1
 
 
 @kernel
@@ -209,7 +246,7 @@ def scan(
     Number of rows, number of regions.
     """
     state = carried[0]
-    position = GUARD
+    position = GUARD + min(state.skipped, 0)
     found = 0
     ended = 0
     while position < data.size:
@@ -226,25 +263,24 @@ def scan(
             accepted, flags = _accept(
                 data, position, place, end, stamp, final, state, message, flags, seeds, largest, scratch
             )
-            if accepted == NO and message >= 0 and state.skipped == 0:
+            if accepted == NO and message >= 0 and state.lost_step == 0:
                 bad_crc[message] += 1
         if accepted == NO:
-            _skip(state, data[position])
-            position += 1
+            position = _step_on(data, position, stamp, state)
             continue
         sound, time_us = YES, state.time_us
-        if accepted == YES and stamp and message >= 0:
+        if not _has_stamp(state):
+            sound, time_us = NO, time_without_stamp(state.time_us)
+        elif accepted == YES and stamp and message >= 0:
             sound, time_us = judge_time(data, position, end, state.time_us, final)
         if min(accepted, sound) == WAIT:
             break
         if stamp and message >= 0:
             _note_time(state, sound == YES, time_us)
         offset = state.base + (position - GUARD)
-        if state.skipped:
-            _end_region(state, regions[ended], offset)
-            ended += 1
-        if flags & PADDED:
-            state.padded += 1
+        if state.lost_step:
+            ended += _end_region(state, regions[ended], offset, stamp)
+        _note_flags(state, flags)
         row = rows[found]
         row.offset = offset
         row.time_us = time_us
@@ -258,5 +294,5 @@ def scan(
         row.flags = flags | (ODD_TIME if sound == NO else 0)
         found += 1
         position = end
-    state.position = position
+    state.position = position - min(state.skipped, 0)
     return found, ended

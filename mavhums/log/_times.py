@@ -14,7 +14,7 @@ from mavhums.log._crc import load_word
 from mavhums.log._frame import NO, WAIT, YES, follows, frame_end
 from mavhums.log._jit import inlined, kernel
 
-__all__ = ["DAY_US", "STAMP", "judge_time", "plausible", "stamp_at"]
+__all__ = ["DAY_US", "STAMP", "judge_time", "plausible", "stamp_at", "time_without_stamp"]
 
 STAMP = 8
 """Bytes of a time stamp."""
@@ -38,6 +38,12 @@ def stamp_at(data: NDArray[np.uint8], place: int) -> int:
 def plausible(time_us: int) -> bool:
     """Return whether a time lies between 1970 and 2100."""
     return 0 <= time_us < _YEAR_2100_US
+
+
+@inlined
+def time_without_stamp(last: int) -> int:
+    """Return the time of a frame whose stamp was cut off."""
+    return last if last >= 0 else _YEAR_2000_US
 
 
 @kernel

@@ -65,47 +65,89 @@ class _Parts(NamedTuple):
 def scan(data: bytes, dialect: Dialect, *, stamp: int = 8) -> Scan:
     """Return every frame of a stream, and what lies between them."""
     found = Scan()
-    position = skipped_from = 0
+    begin = reserve = 0
     last_us: int | None = None
-    while position < len(data):
-        parts = _parts(data, position + stamp)
-        definition = dialect.definitions.get(parts.id) if parts else None
-        in_step = position == skipped_from
-        padded = False
-        accepted = False
-        if parts and definition:
-            accepted = _crc(parts.covered, definition) == parts.crc
-            if accepted and not in_step:
-                accepted = _near(data, position, stamp, last_us) or _follows(data, parts.end, stamp)
-            elif not accepted and in_step:
-                if parts.version == 2 and _follows(data, parts.end, stamp):
-                    padded = accepted = _fits_when_padded(parts, definition, found)
-                if not accepted:
-                    found.bad_crc[parts.id] += 1
-        elif parts:
-            accepted = in_step and _some_seed_fits(parts) and _follows(data, parts.end, stamp)
-        if not accepted or parts is None:
-            position += 1
-            continue
-        time_us, odd = last_us if last_us is not None else -1, False
-        if stamp and definition:
-            time_us, odd = _time(data, position, parts.end, last_us)
-            if last_us is not None and not odd:
-                found.jumps += time_us > last_us + MINUTE_US
-                found.rewinds += time_us < last_us - 1_000_000
-            found.odd_times += odd
-            last_us = time_us
-        if not in_step:
-            found.regions.append((skipped_from, position - skipped_from))
-        found.frames.append(
-            Frame(
-                position, time_us, parts.id, parts.system, parts.component, parts.sequence, parts.payload,
-                parts.version, parts.signed, padded, odd,
-            )
-        )  # fmt: skip
-        position = skipped_from = parts.end
-    _finish(found, data[skipped_from:], skipped_from)
+    while begin < len(data):
+        frame = _in_step(data, begin, stamp, dialect, last_us, found)
+        start = begin - reserve
+        while frame is None and start < len(data):
+            frame = _out_of_step(data, begin - reserve, start, stamp, dialect, last_us)
+            start += 1
+        if frame is None:
+            break
+        stamped = frame.offset >= begin - reserve
+        skipped = frame.offset - begin + (0 if stamped else stamp)
+        if skipped > 0:
+            found.regions.append((begin, skipped))
+        if stamp and frame.id in dialect.definitions:
+            if last_us is not None and not frame.odd_time:
+                found.jumps += frame.time_us > last_us + MINUTE_US
+                found.rewinds += frame.time_us < last_us - 1_000_000
+            found.odd_times += frame.odd_time
+            last_us = frame.time_us
+        found.frames.append(frame)
+        parts = _parts(data, frame.offset + stamp)
+        assert parts is not None
+        begin, reserve = parts.end, 13 if parts.signed else 0
+    _finish(found, data[begin:], begin)
     return found
+
+
+def _in_step(
+    data: bytes, begin: int, stamp: int, dialect: Dialect, last_us: int | None, found: Scan
+) -> Frame | None:
+    """Return the frame of the record that begins right after the one before."""
+    parts = _parts(data, begin + stamp)
+    if parts is None:
+        return None
+    definition = dialect.definitions.get(parts.id)
+    if definition is None:
+        accepted = _some_seed_fits(parts) and _follows(data, parts.end, stamp)
+        return _frame(data, begin, stamp, parts, False, last_us, None) if accepted else None
+    if _crc(parts.covered, definition) == parts.crc:
+        return _frame(data, begin, stamp, parts, False, last_us, definition)
+    may_be_padded = parts.version == 2 and _follows(data, parts.end, stamp)
+    if may_be_padded and _fits_when_padded(parts, definition, found):
+        return _frame(data, begin, stamp, parts, True, last_us, definition)
+    found.bad_crc[parts.id] += 1
+    return None
+
+
+def _out_of_step(
+    data: bytes, begin: int, start: int, stamp: int, dialect: Dialect, last_us: int | None
+) -> Frame | None:
+    """Return the frame at ``start``, which may lie too close behind ``begin``, the last CRC, for a stamp."""
+    parts = _parts(data, start)
+    definition = dialect.definitions.get(parts.id) if parts else None
+    if parts is None or definition is None or _crc(parts.covered, definition) != parts.crc:
+        return None
+    position = start - stamp
+    stamped = position >= begin
+    if not (stamped and _near(data, position, stamp, last_us)) and not _follows(data, parts.end, stamp):
+        return None
+    frame = _frame(data, max(position, 0), stamp, parts, False, last_us, definition)
+    if stamped:
+        return frame
+    time_us = YEAR_2000_US if last_us is None else last_us
+    return frame._replace(offset=position, time_us=time_us, odd_time=True)
+
+
+def _frame(
+    data: bytes,
+    position: int,
+    stamp: int,
+    parts: _Parts,
+    padded: bool,
+    last_us: int | None,
+    definition: Definition | None,
+) -> Frame:
+    time_us, odd = -1 if last_us is None else last_us, False
+    if stamp and definition:
+        time_us, odd = _time(data, position, parts.end, last_us)
+    return Frame(
+        position, time_us, parts.id, parts.system, parts.component, parts.sequence, parts.payload,
+        parts.version, parts.signed, padded, odd,
+    )  # fmt: skip
 
 
 def _parts(data: bytes, start: int) -> _Parts | None:
