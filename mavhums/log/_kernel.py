@@ -3,9 +3,10 @@
 The rules, in the order in which they are asked at each place:
 
 1. A magic byte after the time stamp; in MAVLink 2 no incompatibility flag but "signed".
-2. A known message counts with a good CRC; out of step it must also bear a time within a day of the
-   last, or be followed by a magic byte, for one CRC in 64 Ki fits by chance. Its time stamp may
-   have been cut off, or the signature before it; then what follows decides.
+2. A known message counts with a good CRC. One in 64 Ki fits by chance, so out of step it must also
+   bear a time within a day of the last, or come from the last frame's sender with one of its next
+   eight sequence numbers, or be followed by a magic byte. Its time stamp may have been cut off, or
+   the signature before it.
 3. A known message of MAVLink 2 with a bad CRC, in step and followed by a magic byte, is tried with
    the zeros that a sender trimmed after it had computed the CRC; such a frame is flagged.
 4. An unknown message counts in step only, if some crc_extra fits its CRC and a magic byte follows.
@@ -60,6 +61,8 @@ STATE = np.dtype(
         ("time_us", "i8"),
         ("lost_step", "i8"),
         ("reserve", "i8"),
+        ("sender", "i8"),
+        ("sequence", "i8"),
         ("skipped", "i8"),
         ("zeros", "i8"),
         ("odd_times", "i8"),
@@ -75,7 +78,8 @@ STATE = np.dtype(
 buffer the scan stopped. Since the last frame ``lost_step`` tells whether the next record was not
 where it ought to be, ``skipped`` counts the bytes skipped, negative while a record is tried that
 the cut-off end of that frame would have swallowed, and ``zeros`` the zero bytes at their end;
-``reserve`` is the size of that frame's signature. ``trials`` counts the padded lengths tried.
+``reserve`` is the size of that frame's signature, ``sender`` 256 · system + component of the last
+frame of a known message and ``sequence`` its number. ``trials`` counts the padded lengths tried.
 ``time_us`` is -1 before the first frame.
 """
 
@@ -109,6 +113,7 @@ def _tries_until_crc_fits(
 def _accept(
     data: NDArray[np.uint8],
     position: int,
+    sender: int,
     place: int,
     end: int,
     stamp: int,
@@ -120,7 +125,7 @@ def _accept(
     largest: NDArray[np.int32],
     scratch: NDArray[np.uint8],
 ) -> tuple[int, int]:
-    """Return whether the frame whose CRC lies at ``place`` counts, and its flags."""
+    """Return whether a frame, its number at ``sender`` and its CRC at ``place``, counts, and its flags."""
     start = position + stamp
     received = np.uint64(data[place]) | np.uint64(data[place + 1]) << np.uint64(8)
     crc = crc_of(data, start + 1, place)
@@ -133,6 +138,8 @@ def _accept(
         if in_step:
             return YES, flags
         if stamp and _has_stamp(state) and _is_near(state.time_us, stamp_at(data, position)):
+            return YES, flags
+        if _goes_on(state, data, sender):
             return YES, flags
         return follows(data, end, stamp, final), flags
     length = int(data[start + 1])
@@ -149,6 +156,24 @@ def _accept(
 @inlined
 def _is_near(last: int, time_us: int) -> bool:
     return last >= 0 and plausible(time_us) and abs(time_us - last) <= DAY_US
+
+
+@inlined
+def _goes_on(state: Record, data: NDArray[np.uint8], sender: int) -> bool:
+    """Return whether a frame is of the last one's sender, with one of its next eight numbers."""
+    identity = np.int64(data[sender + 1]) << 8 | np.int64(data[sender + 2])
+    ahead = (np.int64(data[sender]) - state.sequence) & 0xFF
+    return bool(identity == state.sender and 1 <= ahead <= 8)
+
+
+@inlined
+def _note_frame(state: Record, data: NDArray[np.uint8], sender: int, message: int, flags: int) -> None:
+    state.reserve = SIGNATURE if flags & SIGNED else 0
+    if flags & PADDED:
+        state.padded += 1
+    if message >= 0:
+        state.sender = np.int64(data[sender + 1]) << 8 | np.int64(data[sender + 2])
+        state.sequence = data[sender]
 
 
 @inlined
@@ -199,13 +224,6 @@ def _note_time(state: Record, sound: bool, time_us: int) -> None:
     state.time_us = time_us
 
 
-@inlined
-def _note_flags(state: Record, flags: int) -> None:
-    state.reserve = SIGNATURE if flags & SIGNED else 0
-    if flags & PADDED:
-        state.padded += 1
-
-
 @kernel
 def scan(
     data: NDArray[np.uint8],
@@ -218,7 +236,7 @@ def scan(
     bad_crc: NDArray[np.int64],
     rows: NDArray[np.void],
     regions: NDArray[np.void],
-    scratch: NDArray[np.uint8],
+    spare: NDArray[np.uint8],
 ) -> tuple[int, int]:
     """Find the frames of a buffer.
 
@@ -238,8 +256,8 @@ def scan(
         By row: crc_extra, largest payload in bytes, and the count of bad CRCs, updated.
     rows, regions
         Written: the frames, and the skipped regions that a frame has ended.
-    scratch
-        Shape (GUARD + 265,).
+    spare
+        Written, shape (GUARD + 265,).
 
     Returns
     -------
@@ -261,7 +279,19 @@ def scan(
             number, sender, place, flags = parts_of(data, start)
             message = int(ids[number]) if number < ids.size else -1
             accepted, flags = _accept(
-                data, position, place, end, stamp, final, state, message, flags, seeds, largest, scratch
+                data,
+                position,
+                sender,
+                place,
+                end,
+                stamp,
+                final,
+                state,
+                message,
+                flags,
+                seeds,
+                largest,
+                scratch,
             )
             if accepted == NO and message >= 0 and state.lost_step == 0:
                 bad_crc[message] += 1
@@ -280,7 +310,7 @@ def scan(
         offset = state.base + (position - GUARD)
         if state.lost_step:
             ended += _end_region(state, regions[ended], offset, stamp)
-        _note_flags(state, flags)
+        _note_frame(state, data, sender, message, flags)
         row = rows[found]
         row.offset = offset
         row.time_us = time_us

@@ -81,7 +81,7 @@ class FrameScanner:
         self._scratch = np.zeros(GUARD + 265, dtype=np.uint8)
         self._rows = np.empty(0, dtype=_kernel.ROW)
         self._carried = np.zeros(1, dtype=_kernel.STATE)
-        self._carried["time_us"] = -1
+        self._carried["time_us"] = self._carried["sender"] = -1
         self._rest = bytes(GUARD)
         self._skipped = self._count = 0
         self._final = False

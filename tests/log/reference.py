@@ -67,11 +67,12 @@ def scan(data: bytes, dialect: Dialect, *, stamp: int = 8) -> Scan:
     found = Scan()
     begin = reserve = 0
     last_us: int | None = None
+    last: Frame | None = None
     while begin < len(data):
         frame = _in_step(data, begin, stamp, dialect, last_us, found)
         start = begin - reserve
         while frame is None and start < len(data):
-            frame = _out_of_step(data, begin - reserve, start, stamp, dialect, last_us)
+            frame = _out_of_step(data, begin - reserve, start, stamp, dialect, last_us, last)
             start += 1
         if frame is None:
             break
@@ -86,6 +87,8 @@ def scan(data: bytes, dialect: Dialect, *, stamp: int = 8) -> Scan:
             found.odd_times += frame.odd_time
             last_us = frame.time_us
         found.frames.append(frame)
+        if frame.id in dialect.definitions:
+            last = frame
         parts = _parts(data, frame.offset + stamp)
         assert parts is not None
         begin, reserve = parts.end, 13 if parts.signed else 0
@@ -114,7 +117,13 @@ def _in_step(
 
 
 def _out_of_step(
-    data: bytes, begin: int, start: int, stamp: int, dialect: Dialect, last_us: int | None
+    data: bytes,
+    begin: int,
+    start: int,
+    stamp: int,
+    dialect: Dialect,
+    last_us: int | None,
+    last: Frame | None,
 ) -> Frame | None:
     """Return the frame at ``start``, which may lie too close behind ``begin``, the last CRC, for a stamp."""
     parts = _parts(data, start)
@@ -123,13 +132,24 @@ def _out_of_step(
         return None
     position = start - stamp
     stamped = position >= begin
-    if not (stamped and _near(data, position, stamp, last_us)) and not _follows(data, parts.end, stamp):
+    confirmed = (
+        (stamped and _near(data, position, stamp, last_us))
+        or _goes_on(parts, last)
+        or _follows(data, parts.end, stamp)
+    )
+    if not confirmed:
         return None
     frame = _frame(data, max(position, 0), stamp, parts, False, last_us, definition)
     if stamped:
         return frame
     time_us = YEAR_2000_US if last_us is None else last_us
     return frame._replace(offset=position, time_us=time_us, odd_time=True)
+
+
+def _goes_on(parts: _Parts, last: Frame | None) -> bool:
+    if last is None or (parts.system, parts.component) != (last.system, last.component):
+        return False
+    return 1 <= (parts.sequence - last.sequence) % 256 <= 8
 
 
 def _frame(
