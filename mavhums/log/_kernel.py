@@ -291,7 +291,7 @@ def scan(
                 flags,
                 seeds,
                 largest,
-                scratch,
+                spare,
             )
             if accepted == NO and message >= 0 and state.lost_step == 0:
                 bad_crc[message] += 1
