@@ -33,7 +33,10 @@ class Tier:
     judged: bool
 
 
-TO_BE_JUDGED = "record each servo's ESC telemetry (voltage, current, speed), or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA"
+TO_BE_JUDGED = (
+    "record each servo's ESC telemetry (voltage, current, speed) beside its command, "
+    "or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA"
+)
 """How to record a log from which health can be judged."""
 
 TIERS = (
