@@ -126,7 +126,7 @@ def inspect_log(
             mapper.feed(tables)
 
     size = 0
-    for block in read_blocks(path):
+    for block in read_blocks(path, dialect=dialect):
         take(decoder.feed(block))
         size += len(block)
         if progress:
