@@ -79,7 +79,7 @@ def analyse(
         return assessment
     engine = Engine(profile, model=model, dialect=dialect)
     digest, size = hashlib.sha256(), 0
-    for block in read_blocks(path):
+    for block in read_blocks(path, dialect=dialect):
         digest.update(block)
         size += len(block)
         events = engine.feed(block)

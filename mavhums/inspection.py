@@ -111,7 +111,7 @@ def inspect_log(
     decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"}, dialect=dialect)
     fleet = Fleet(given)
     size = 0
-    for block in chain(read_blocks(path), [None]):
+    for block in chain(read_blocks(path, dialect=dialect), [None]):
         tables = decoder.feed(b"", final=True) if block is None else decoder.feed(block)
         for _ in (*fleet.listen(tables), *fleet.feed(tables, final=block is None)):
             pass

@@ -14,6 +14,7 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -34,6 +35,9 @@ _KINDS = {
     "float": "<f4",
     "double": "<f8",
 }
+
+
+_NOT_MAVLINK = (ElementTree.ParseError, LookupError, ValueError, AttributeError, TypeError)
 
 
 class DialectError(MavhumsError):
@@ -157,11 +161,21 @@ def _parse(path: Path) -> Any:
     from pymavlink.generator import mavparse
 
     try:
+        if _pymavlink_folder() not in path.parents:
+            with path.open("rb") as file:
+                ElementTree.parse(file)
         with redirect_stdout(io.StringIO()):
             return mavparse.MAVXML(str(path), mavparse.PROTOCOL_2_0)
     except OSError as error:
         raise DialectError(f"{path}: {error.strerror}", "check the path of the MAVLink XML") from error
-    except (mavparse.MAVParseError, LookupError, ValueError, AttributeError, TypeError) as error:
+    except (
+        mavparse.MAVParseError,
+        ElementTree.ParseError,
+        LookupError,
+        ValueError,
+        AttributeError,
+        TypeError,
+    ) as error:
         raise DialectError(f"{path}: not MAVLink XML ({error})", "check it with mavgen --validate") from error
 
 

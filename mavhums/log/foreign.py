@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 from mavhums.errors import UnreadableLogError
 from mavhums.log.decoder import Decoder
 
@@ -17,7 +19,7 @@ _SIGNATURES = (
 _RECORD = "mavhums reads MAVLink telemetry logs (.tlog); record one with the ground station, or with MAVProxy"
 
 
-def refuse_foreign(name: str, head: bytes) -> None:
+def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | None = None) -> None:
     """Raise if a file that begins with ``head`` is not a telemetry log.
 
     Raises
@@ -29,7 +31,7 @@ def refuse_foreign(name: str, head: bytes) -> None:
         raise UnreadableLogError(
             f"{name}: the file is empty", "check that the ground station had closed the log"
         )
-    if _holds_frames(head):
+    if _holds_frames(head, dialect):
         return
     for signature, kind in _SIGNATURES:
         if head.startswith(signature):
@@ -40,8 +42,8 @@ def refuse_foreign(name: str, head: bytes) -> None:
     raise UnreadableLogError(f"{name}: no MAVLink frame found in the first {len(head)} bytes", _RECORD)
 
 
-def _holds_frames(data: bytes) -> bool:
-    decoder = Decoder(())
+def _holds_frames(data: bytes, dialect: str | os.PathLike[str] | None) -> bool:
+    decoder = Decoder((), dialect=dialect)
     decoder.feed(data, final=True)
     return bool(decoder.counts or decoder.unknown)
 

@@ -95,5 +95,5 @@ class Intake:
         rows = FrameScanner(self._dialect, stamp=0).feed(head, final=True).rows
         if rows.size == 0 or head[0] not in _MAGIC or rows["offset"][0] or rows["message"][0] < 0:
             return False
-        size = rows["length"][0] + (8 if head[0] == _MAGIC[1] else 25 if head[2] & 1 else 12)
+        size = int(rows["length"][0]) + (8 if head[0] == _MAGIC[1] else 25 if head[2] & 1 else 12)
         return bool(size >= len(head) or head[size] in _MAGIC)

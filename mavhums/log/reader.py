@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -27,13 +28,29 @@ _BLOCK = 1 << 20
 _HEAD = 1 << 20
 
 
-def read_blocks(path: str | os.PathLike[str], *, size: int = _BLOCK) -> Iterator[bytes]:
+def read_blocks(
+    path: str | os.PathLike[str],
+    *,
+    size: int = _BLOCK,
+    dialect: str | os.PathLike[str] | None = None,
+) -> Iterator[bytes]:
     """Yield the bytes of a log in blocks; ``-`` is the standard input.
+
+    Parameters
+    ----------
+    path
+        A ``.tlog`` file, or ``-``.
+    size
+        Bytes of a block.
+    dialect
+        The MAVLink XML that the log will be decoded with, if any.
 
     Raises
     ------
     UnreadableLogError
         If the file is missing, unreadable or not a telemetry log.
+    DialectError
+        If the XML cannot be used.
     """
     path = Path(path)
     if path.is_dir():
@@ -43,7 +60,7 @@ def read_blocks(path: str | os.PathLike[str], *, size: int = _BLOCK) -> Iterator
     try:
         with nullcontext(sys.stdin.buffer) if str(path) == "-" else path.open("rb") as file:
             head = file.read(_HEAD)
-            refuse_foreign(str(path), head)
+            refuse_foreign(str(path), head, dialect=dialect)
             yield from (head[k : k + size] for k in range(0, len(head), size))
             while block := file.read(size):
                 yield block
@@ -118,7 +135,7 @@ def read_log(
     """
     decoder = Decoder(messages, dialect=dialect)
     batches: dict[str, list[Table]] = {}
-    for block in [*read_blocks(path), None]:
+    for block in itertools.chain(read_blocks(path, dialect=dialect), [None]):
         fed = decoder.feed(block) if block is not None else decoder.feed(b"", final=True)
         for name, table in fed.items():
             batches.setdefault(name, []).append(table)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import struct
+import tracemalloc
 from collections.abc import Iterable
 from typing import Any
 
@@ -17,7 +18,8 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from mavhums.log import Decoder, Table
 from mavhums.log.dialect import load_dialect
 from mavhums.log.flags import PADDED
-from tests.log.kernel_check import agree, scan
+from mavhums.log.scanner import FrameScanner
+from tests.log.kernel_check import agree, frames_of, scan
 from tests.log.reference import DAY_US
 from tests.strategies import START_US, Record, blocks, cuts, records
 
@@ -291,3 +293,28 @@ def test_a_longer_payload_than_the_dialect_knows_is_cut() -> None:
     table = Decoder().feed(record, final=True)["HEARTBEAT"]
     assert table["custom_mode"].tolist() == [int.from_bytes(payload[:4], "little")]
     assert np.array_equal(table["type"], [payload[4]])
+
+
+def test_offsets_beyond_four_gigabytes() -> None:
+    """A stream that has already run for five gigabytes, as the scanner carries it."""
+    beats = heartbeats([START_US + k for k in range(100)])
+    scanner = FrameScanner(load_dialect())
+    scanner._carried["base"] = base = 5 * 2**30
+    batch = scanner.feed(beats[:1000] + b"noise" + beats[1000:], final=True)
+    assert batch.rows.size == 99
+    assert int(batch.rows["offset"][-1]) == base + 5 + 99 * 29
+    assert scanner.regions == [(base + 34 * 29, 29 + 5)]
+    assert frames_of(batch)[-1].payload == beats[-11:-2]
+
+
+def test_memory_of_a_stream_does_not_grow() -> None:
+    beats = heartbeats([START_US + k for k in range(2000)])
+    decoder = Decoder(["ATTITUDE"])
+    decoder.feed(beats)
+    tracemalloc.start()
+    for _ in range(200):
+        decoder.feed(beats)
+    grown, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown < 50_000
+    assert peak < 20 * len(beats)
