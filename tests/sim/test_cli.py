@@ -72,6 +72,7 @@ def test_campaign_writes_its_folder(
         (["flight", "-o", "x.tlog", "--loss", "1"], "loss and late"),
         (["stream", "14550", "--duration", "1"], "not udpout:HOST:PORT"),
         (["stream", "udpout:127.0.0.1:14550", "--speed", "0"], "--speed"),
+        (["campaign", "moon.toml", "-o", "x", "--seed", "1"], "set in moon.toml"),
         (["campaign", "moon.toml.txt", "-o", "x"], "or a FILE.toml"),
     ],
 )
