@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.errors import MavhumsError
 from mavhums.learn import Card, Network, train_network
+from mavhums.quantities import KEYS
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.flight import Flight, fly
 
@@ -20,6 +21,7 @@ _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _SURFACE = "elevator"
 _EVERY = 5
+_CANDIDATES = KEYS[1:]  # the command V1 says nothing of the condition, and must not be let to seem to
 
 Array = NDArray[np.float64]
 
@@ -76,6 +78,7 @@ def train_model(
         np.concatenate(numbers),
         seed=seed,
         networks=networks,
+        keys=_CANDIDATES,
         progress=progress,
     )
     card = result.card(

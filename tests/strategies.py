@@ -45,7 +45,7 @@ def messages(draw: st.DrawFn, *, version: int = 2) -> Any:
     dialect = v2 if version == 2 else v1
     numbers = sorted(number for number in dialect.mavlink_map if number < 256 or version == 2)
     kind = dialect.mavlink_map[draw(st.sampled_from(numbers))]
-    values = []
+    values: list[Any] = []
     for name, field, length in zip(kind.fieldnames, kind.fieldtypes, _lengths(kind), strict=True):
         if field == "char":
             size = kind.array_lengths[kind.ordered_fieldnames.index(name)]

@@ -47,6 +47,8 @@ class Card(_Section):
         Version of the model file.
     name
         Of the model, as verdicts quote it.
+    airframe
+        Name of the profile whose actuators it was trained for; it meets no others.
     features
         Keys of the network's inputs, in their order.
     tier
@@ -67,6 +69,7 @@ class Card(_Section):
 
     format: Literal["mavhums.model/1"] = FORMAT
     name: _Text
+    airframe: _Text
     features: Annotated[tuple[_Text, ...], Field(min_length=1)]
     tier: _Text
     conditions: dict[str, JsonValue] = {}

@@ -75,6 +75,7 @@ class TrainingResult:
         self,
         *,
         name: str,
+        airframe: str,
         tier: str,
         command: str,
         conditions: Mapping[str, JsonValue] | None = None,
@@ -90,6 +91,7 @@ class TrainingResult:
         libraries = {package: version(package) for package in ("numpy", "scikit-learn", "scipy", "torch")}
         return Card(
             name=name,
+            airframe=airframe,
             features=self.network.keys,
             tier=tier,
             conditions=chosen | dict(conditions or {}),

@@ -54,6 +54,8 @@ class Flight:
         Where the ESC measures: at the ``motor`` or at the supply ``bus``.
     rates
         Of the other messages.
+    tiers
+        How the actuators are reported; see :mod:`mavhums_sim.tiers`.
 
     Raises
     ------
@@ -72,6 +74,7 @@ class Flight:
     individuals: int | None = None
     esc_side: EscSide = "motor"
     rates: Rates = field(default_factory=Rates)
+    tiers: tuple[str, ...] = ("instrumented", "esc-unsigned", "pwm")
 
     def __post_init__(self) -> None:
         unknown = (set(self.friction_nm) | set(self.conditions)) - set(SURFACES)

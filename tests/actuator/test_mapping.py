@@ -46,7 +46,7 @@ def test_what_is_not_measured_is_nan_and_has_no_provenance() -> None:
     values[4] = 0.5
     values[6] = float("inf")
     (mapped,) = mapper.feed(decode(array_message(3, values)))
-    assert np.isfinite(mapped.values[0]).tolist() == [k == 4 for k in range(12)]
+    assert np.isnan(mapped.values[0]).tolist() == [k != 4 for k in range(12)]
     assert mapper.provenance(1, mapped.actuator) == {"V5": "DEBUG_FLOAT_ARRAY[EMA,3].data[4]"}
     assert mapper.provenance(2, mapped.actuator) == {}
 

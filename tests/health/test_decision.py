@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,7 +22,7 @@ DEGRADED = Interval(estimate=0.5, low=0.48, high=0.52)
 EMERGENCY = Interval(estimate=1.0, low=0.98, high=1.02)
 
 
-def follow(windows: list[Interval | None]) -> tuple[Decision, list[Change]]:
+def follow(windows: Sequence[Interval | None]) -> tuple[Decision, list[Change]]:
     decision = Decision(LIMITS)
     changes = [decision.feed(window, float(k), float(k + 10)) for k, window in enumerate(windows)]
     return decision, [change for change in changes if change]

@@ -66,6 +66,7 @@ def values(network: Network) -> NDArray[np.float64]:
 def card() -> Card:
     return Card(
         name="test",
+        airframe="paper",
         features=("V2", "V5", "V11"),
         tier="instrumented",
         conditions={"coulomb_friction_nm": [0.225, 1.025], "cyclogram": "take-off"},

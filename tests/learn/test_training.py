@@ -159,19 +159,21 @@ def test_progress_is_told_after_each_network(flights: Flights) -> None:
 def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Path) -> None:
     result = train_network(*flights(0.2, 1.0), **FEW)
     card = result.card(
-        name="paper",
+        name="paper-instrumented",
+        airframe="paper",
         tier="instrumented",
         command="mavhums train",
         conditions={"flights": 2},
         metrics={"test": 0.9},
     )
+    assert (card.name, card.airframe, card.tier) == ("paper-instrumented", "paper", "instrumented")
     assert card.features == result.network.keys
     assert card.conditions == {"networks": 2, "hidden": 3, "validation": "blocks", "flights": 2}
     assert card.metrics["validation_accuracy"] == result.validation_accuracy
     assert card.metrics["test"] == 0.9
     assert card.seed == 0
     assert set(card.versions) == {"mavhums", "numpy", "scikit-learn", "scipy", "torch"}
-    assert result.card(name="a", tier="b", command="c").metrics.keys() == {
+    assert result.card(name="a", airframe="d", tier="b", command="c").metrics.keys() == {
         "training_accuracy",
         "validation_accuracy",
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import mavhums
@@ -22,6 +23,7 @@ def test_read_log_gives_tables_by_time_of_reception(growing_log: Path, growing_r
     assert np.allclose(elevator[[f"data[{k}]" for k in range(12)]], truth, rtol=1e-6, atol=1e-6)
     assert (elevator["name"] == "EMA").all()
     assert frame.index.is_monotonic_increasing
+    assert isinstance(frame.index, pd.DatetimeIndex)
     assert str(frame.index.tz) == "UTC"
     assert log.vehicles == (1,)
     assert not log.losses.any
@@ -71,7 +73,8 @@ def test_what_is_no_log_is_named(
 
 def test_a_log_without_time_stamps_is_named(short_log: Path, tmp_path: Path) -> None:
     data = short_log.read_bytes()
-    frames, position = [], 0
+    frames: list[bytes] = []
+    position = 0
     while position < len(data) and len(frames) < 50:
         size = data[position + 9] + 12
         frames.append(data[position + 8 : position + 8 + size])

@@ -1,0 +1,338 @@
+"""The engine's laws: block independence, honest silence, and the right verdicts end to end."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+import mavhums
+from mavhums.actuator import load_airframe
+from mavhums.assessment import Assessment, Verdict, json_schema
+from mavhums.engine import Engine
+from mavhums.errors import ExitCode
+from mavhums.events import AirframeNamed, ConditionChanged, Notice, Samples, Window
+from mavhums.learn import Model, default_model
+from mavhums_sim import Flight, FlightRecord, fly, write_tlog
+from mavhums_sim.telemetry import messages
+from tests.conftest import real_logs
+from tests.strategies import START_US, blocks, cuts
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return default_model()
+
+
+def judge(data: Iterable[bytes], **options: Any) -> Assessment:
+    engine = Engine(**options)
+    for block in data:
+        engine.feed(block)
+    engine.finish()
+    return engine.assessment()
+
+
+def of(assessment: Assessment, actuator: str, vehicle: int = 1) -> Verdict:
+    return next(v for v in assessment.verdicts if (v.vehicle, v.actuator) == (vehicle, actuator))
+
+
+def packed(record: FlightRecord, system: int = 1, shift_us: int = 0) -> list[tuple[int, bytes]]:
+    """The flight's records as (time, bytes), from a vehicle of another system id."""
+    link = v2.MAVLink(None, srcSystem=system, srcComponent=1)
+    out = []
+    for time_s, message in messages(record):
+        time_us = START_US + shift_us + round(time_s * 1e6)
+        out.append((time_us, struct.pack(">Q", time_us) + bytes(message.pack(link))))
+    return out
+
+
+@pytest.fixture(scope="module")
+def short_verdicts(short_log: Path) -> str:
+    return judge([short_log.read_bytes()]).to_json()
+
+
+@given(data=st.data())
+@settings(max_examples=25, deadline=None)
+def test_the_verdicts_do_not_depend_on_the_blocks(
+    data: st.DataObject, short_log: Path, short_verdicts: str
+) -> None:
+    content = short_log.read_bytes()
+    places = data.draw(cuts(len(content)))
+    assert judge(blocks(content, places)).to_json() == short_verdicts
+
+
+def test_even_one_byte_at_a_time(short_log: Path, short_verdicts: str) -> None:
+    content = short_log.read_bytes()
+    assert judge(content[k : k + 7] for k in range(0, len(content), 7)).to_json() == short_verdicts
+
+
+def test_growing_friction_is_followed_through_both_limits(growing_log: Path, model: Model) -> None:
+    engine = Engine(model=model)
+    events = [event for block in blocks(growing_log.read_bytes(), [500_000]) for event in engine.feed(block)]
+    events += engine.finish()
+    assessment = engine.assessment()
+    elevator = of(assessment, "elevator")
+    assert (elevator.condition, elevator.worst) == ("emergency", "emergency")
+    assert [e.rule.split(":")[0] for e in elevator.evidence if e.kind == "friction"] == [
+        "normal",
+        "degraded",
+        "emergency",
+    ]
+    # 0.2 N·m grows by 0.025 N·m each second: 0.375 at 7 s and 0.875 at 27 s.
+    degraded, emergency = elevator.evidence[1], elevator.evidence[2]
+    assert degraded.start_s == pytest.approx(7.0, abs=4.0)
+    assert emergency.start_s == pytest.approx(27.0, abs=4.0)
+    assert elevator.since is not None
+    assert elevator.since.flight_time_s == emergency.start_s
+    assert elevator.suspects[0].fault == "friction"
+    assert elevator.suspects[0].confidence > 0.99
+    for other in ("aileron_left", "aileron_right", "rudder"):
+        verdict = of(assessment, other)
+        assert (verdict.condition, verdict.worst) == ("normal", "normal")
+        assert verdict.friction_nm is not None
+        assert verdict.friction_nm.estimate == pytest.approx(0.225, abs=0.01)
+    changes = [e.after for e in events if isinstance(e, ConditionChanged) and e.actuator == "elevator"]
+    assert changes == ["normal", "degraded", "emergency"]
+    assert sum(len(e.time_s) for e in events if isinstance(e, Samples)) == 4 * 4000
+    windows = [e for e in events if isinstance(e, Window) and e.actuator == "elevator"]
+    assert len(windows) == elevator.coverage.windows == 31
+    assert [e.airframe.name for e in events if isinstance(e, AirframeNamed)] == ["paper"]
+
+
+def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Model) -> None:
+    assessment = judge([growing_log.read_bytes()], model=model)
+    assert assessment.model is not None
+    assert assessment.model.hash == model.hash
+    elevator, rudder = of(assessment, "elevator").p_emergency, of(assessment, "rudder").p_emergency
+    assert elevator is not None
+    assert rudder is not None
+    assert elevator > 0.9
+    assert rudder < 0.1
+
+
+def test_a_model_serves_only_the_airframe_of_its_card(growing_log: Path, model: Model) -> None:
+    other = load_airframe("paper").model_copy(update={"name": "other"})
+    assessment = judge([growing_log.read_bytes()], airframe=other, model=model)
+    assert assessment.airframe == "other"
+    assert assessment.model is None
+    assert of(assessment, "elevator").p_emergency is None
+    assert of(assessment, "elevator").condition == "emergency"
+
+
+def test_every_assessment_follows_the_schema(growing_log: Path, model: Model) -> None:
+    import json
+
+    validator = jsonschema.Draft202012Validator(json_schema())
+    for data in ([growing_log.read_bytes()], [b""], [b"junk"]):
+        validator.validate(json.loads(judge(data, model=model).to_json()))
+
+
+def test_a_short_flight_is_undecided_with_a_reason() -> None:
+    record = fly(Flight(seed=3, duration_s=5.0))
+    assessment = judge([data for _, data in packed(record)])
+    verdict = of(assessment, "elevator")
+    assert (verdict.condition, verdict.worst) == ("undecided", "undecided")
+    assert "less than 10 s" in str(verdict.reason)
+    assert verdict.remedy
+    assert assessment.exit_code == ExitCode.UNDECIDED
+
+
+def test_a_standing_actuator_is_undecided() -> None:
+    record = fly(Flight(seed=3, duration_s=20.0))
+    still = packed(record)
+    frozen = []
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    for (time_us, data), (_, message) in zip(still, messages(record), strict=True):
+        if message.get_type() == "DEBUG_FLOAT_ARRAY":
+            values = list(message.data)
+            values[6] = 0.0
+            frozen.append(
+                struct.pack(">Q", time_us)
+                + bytes(
+                    v2.MAVLink_debug_float_array_message(
+                        message.time_usec, b"EMA", message.array_id, values
+                    ).pack(link)
+                )
+            )
+        else:
+            frozen.append(data)
+    verdict = of(judge(frozen), "rudder")
+    assert verdict.condition == "undecided"
+    assert "moved in 0 % of the samples" in str(verdict.reason)
+    assert verdict.coverage.windows > 0
+    assert verdict.coverage.decidable == 0
+
+
+def test_without_a_profile_nothing_is_judged(short_log: Path) -> None:
+    content = short_log.read_bytes().replace(b"mavhums airframe=paper", b"mavhums airframe=piper")
+    assessment = judge([content])
+    assert [v.actuator for v in assessment.verdicts] == ["all"]
+    assert "no airframe profile" in str(assessment.verdicts[0].reason)
+    assert "--airframe" in str(assessment.verdicts[0].remedy)
+    assert assessment.airframe is None
+
+
+def test_an_unknown_profile_is_reported() -> None:
+    engine = Engine()
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    data = b""
+    for text in (b"mavhums airframe=nonesuch", b"hello"):
+        data += struct.pack(">Q", START_US) + bytes(v2.MAVLink_statustext_message(6, text).pack(link))
+    events = engine.feed(data) + engine.finish()
+    assert [e.text for e in events if isinstance(e, Notice)] == [
+        "names the airframe nonesuch, which is not known here",
+        "hello",
+    ]
+
+
+def test_what_the_telemetry_leaves_out_is_named(growing_record: FlightRecord) -> None:
+    only_commands = [
+        data
+        for (_, data), (_, message) in zip(packed(growing_record), messages(growing_record), strict=True)
+        if message.get_type() in ("SERVO_OUTPUT_RAW", "STATUSTEXT")
+    ]
+    assessment = judge(only_commands)
+    assert {v.condition for v in assessment.verdicts} == {"undecided"}
+    assert all("V1, the command, alone (pwm)" in str(v.reason) and v.remedy for v in assessment.verdicts)
+    without_rudder = [
+        data
+        for (_, data), (_, message) in zip(packed(growing_record), messages(growing_record), strict=True)
+        if message.get_type() != "DEBUG_FLOAT_ARRAY" or message.array_id != 4
+    ]
+    rudder = of(judge(without_rudder), "rudder")
+    assert "leaves out servo 4" in str(rudder.reason)
+
+
+@pytest.mark.parametrize(("missing", "reason"), [((6,), "V7"), ((4, 7), "V5 or V8"), ((2, 10), "V3")])
+def test_an_open_torque_balance_is_named(
+    growing_record: FlightRecord, missing: tuple[int, ...], reason: str
+) -> None:
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    data = []
+    for (time_us, whole), (_, message) in zip(packed(growing_record), messages(growing_record), strict=True):
+        if message.get_type() != "DEBUG_FLOAT_ARRAY":
+            data.append(whole)
+            continue
+        values = [float("nan") if k in missing else v for k, v in enumerate(message.data)]
+        part = v2.MAVLink_debug_float_array_message(message.time_usec, b"EMA", message.array_id, values)
+        data.append(struct.pack(">Q", time_us) + bytes(part.pack(link)))
+    verdict = of(judge(data), "elevator")
+    assert verdict.condition == "undecided"
+    assert f"{reason} not measured" in str(verdict.reason)
+
+
+def test_two_vehicles_in_one_log_are_kept_apart(growing_record: FlightRecord) -> None:
+    healthy = fly(Flight(seed=21, duration_s=40.0))
+    both = sorted(packed(growing_record, system=1) + packed(healthy, system=2, shift_us=3_000))
+    assessment = judge([data for _, data in both])
+    assert assessment.log.vehicles == (1, 2)
+    assert of(assessment, "elevator", 1).condition == "emergency"
+    assert of(assessment, "elevator", 2).condition == "normal"
+    alone = judge([data for _, data in packed(growing_record, system=1)])
+    assert of(alone, "elevator").evidence == of(assessment, "elevator", 1).evidence
+
+
+def test_a_second_vehicle_without_a_profile_is_not_judged_by_the_firsts(
+    growing_record: FlightRecord,
+) -> None:
+    stranger = [
+        item
+        for item, (_, message) in zip(packed(growing_record, system=9), messages(growing_record), strict=True)
+        if message.get_type() != "STATUSTEXT"
+    ]
+    both = sorted(packed(growing_record, system=1) + stranger)
+    assessment = judge([data for _, data in both])
+    assert of(assessment, "elevator", 1).condition == "emergency"
+    assert of(assessment, "all", 9).condition == "undecided"
+
+
+def test_damage_is_survived_and_declared(growing_log: Path) -> None:
+    content = bytearray(growing_log.read_bytes())
+    for place in range(1_000, len(content) - 1_000, 5_000):
+        content[place] ^= 0xFF
+    assessment = judge([bytes(content)])
+    assert of(assessment, "elevator").condition == "emergency"
+    assert of(assessment, "rudder").condition == "normal"
+    assert assessment.log.losses.any
+
+
+def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
+    assert judge([growing_log.read_bytes()]).exit_code == ExitCode.EMERGENCY
+    healthy = tmp_path / "healthy.tlog"
+    write_tlog(fly(Flight(seed=5, duration_s=20.0)), healthy)
+    content = healthy.read_bytes()
+    assert judge([content]).exit_code == ExitCode.OK
+    assert judge([content + b"\0\0\0"]).exit_code == ExitCode.READ_WITH_LOSSES
+    assert judge([b""]).exit_code == ExitCode.UNDECIDED
+    degraded = tmp_path / "degraded.tlog"
+    write_tlog(fly(Flight(seed=5, duration_s=20.0, friction_nm={"rudder": (0.6, 0.6)})), degraded)
+    assessment = judge([degraded.read_bytes()])
+    assert assessment.exit_code == ExitCode.DEGRADED
+    assert assessment.summary().startswith("rudder: degraded, friction 0.")
+    frame = assessment.to_frame()
+    assert frame.set_index("actuator").loc["rudder", "condition"] == "degraded"
+
+
+REAL = [path for path in real_logs() if path.suffix == ".tlog"]
+
+
+@pytest.mark.skipif(not REAL, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@pytest.mark.parametrize("airframe", [None, "paper"])
+@pytest.mark.parametrize("path", REAL, ids=lambda path: path.name)
+def test_no_real_log_is_called_normal(path: Path, airframe: str | None, model: Model) -> None:
+    assessment = mavhums.analyse(path, airframe=airframe, model=model)
+    assert assessment.verdicts
+    for verdict in assessment.verdicts:
+        assert verdict.condition == verdict.worst == "undecided"
+        assert verdict.reason
+        assert verdict.remedy
+    assert assessment.exit_code == ExitCode.UNDECIDED
+
+
+def test_silence_is_never_normal(growing_record: FlightRecord) -> None:
+    """The rudder's telemetry ends at 20 s, the elevator's at 35 s, while the flight goes on to 40 s."""
+    kept = [
+        data
+        for (_, data), (time_s, message) in zip(packed(growing_record), messages(growing_record), strict=True)
+        if message.get_type() != "DEBUG_FLOAT_ARRAY"
+        or time_s < {4: 20.0, 3: 35.0}.get(message.array_id, 40.0)
+    ]
+    assessment = judge(kept)
+    rudder = of(assessment, "rudder")
+    assert (rudder.condition, rudder.worst, rudder.gravest) == ("undecided", "normal", "undecided")
+    assert "ended at 20 s of 40 s, when it was normal" in str(rudder.reason)
+    assert rudder.remedy
+    assert rudder.since is None
+    elevator = of(assessment, "elevator")
+    assert (elevator.condition, elevator.worst) == ("emergency", "emergency")
+    assert [v.actuator for v in assessment.ranked()][:2] == ["elevator", "rudder"]
+
+
+def test_a_reboot_in_flight_is_reported_and_survived() -> None:
+    """The vehicle's clock starts anew at 30 s; the history goes on."""
+    record = fly(Flight(seed=22, duration_s=60.0, friction_nm={"elevator": (1.0, 1.0)}))
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    engine = Engine()
+    events = []
+    for (time_us, data), (time_s, message) in zip(packed(record), messages(record), strict=True):
+        if message.get_type() == "DEBUG_FLOAT_ARRAY" and time_s > 30.0:
+            again = v2.MAVLink_debug_float_array_message(
+                message.time_usec - 60_000_000, b"EMA", message.array_id, message.data
+            )
+            data = struct.pack(">Q", time_us) + bytes(again.pack(link))  # noqa: PLW2901
+        events += engine.feed(data)
+    events += engine.finish()
+    assert [e.text for e in events if isinstance(e, Notice)] == [
+        "its clock jumped: it rebooted, or its time was set"
+    ]
+    elevator = of(engine.assessment(), "elevator")
+    assert elevator.condition == "emergency"
+    assert sum(verdict.coverage.late for verdict in engine.assessment().verdicts) == 2
+    assert elevator.coverage.decidable > 45
