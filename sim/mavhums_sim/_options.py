@@ -144,6 +144,15 @@ _OPTIONS = (
     click.option(
         "--aircraft", type=click.IntRange(0), metavar="N", help="Fly the individual actuators of aircraft N."
     ),
+    click.option(
+        "--tier",
+        "tiers",
+        multiple=True,
+        type=click.Choice(["instrumented", "esc-signed", "esc-unsigned", "named", "pwm"]),
+        default=("instrumented", "esc-unsigned", "pwm"),
+        show_default=True,
+        help="How the actuators are reported. Repeatable.",
+    ),
     click.option("--esc-side", type=click.Choice(["motor", "bus"]), default="motor", show_default=True),
     click.option(
         "--mavlink", type=click.Choice(["1", "2"]), default="2", show_default=True, help="Protocol version."
@@ -226,6 +235,7 @@ def _flight(options: dict[str, Any]) -> Flight:
         conditions=conditions,
         individuals=options["aircraft"],
         esc_side=options["esc_side"],
+        tiers=options["tiers"],
     )
 
 

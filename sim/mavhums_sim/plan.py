@@ -18,6 +18,8 @@ from mavhums_sim.rates import Rates
 
 __all__ = ["Plan", "load_plan"]
 
+Tier = Literal["instrumented", "esc-signed", "esc-unsigned", "named", "pwm"]
+
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -72,6 +74,8 @@ class Plan(_Strict):
         Whether each flight has actuators of its own, or all have the data sheet's.
     surfaces
         On which the condition acts.
+    tiers
+        How the actuators are reported; see :mod:`mavhums_sim.tiers`.
     data_sheet
         The type of actuator; Table 1 of the paper by default.
     rates, link
@@ -86,6 +90,7 @@ class Plan(_Strict):
     model: Literal["single-mass", "two-mass"] = "single-mass"
     friction_method: Literal["impulse", "karnopp"] = "impulse"
     esc_side: Literal["motor", "bus"] = "motor"
+    tiers: tuple[Tier, ...] = ("instrumented", "esc-unsigned", "pwm")
     individuals: bool = False
     cyclograms: tuple[str, ...] = ("takeoff",)
     surfaces: tuple[str, ...] = ("elevator",)
@@ -119,6 +124,7 @@ class Plan(_Strict):
             rate_hz=self.rate_hz,
             parameters=self.parameters(),
             esc_side=self.esc_side,
+            tiers=self.tiers,
             rates=self.rates,
         )
         combinations = [

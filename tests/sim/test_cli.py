@@ -128,6 +128,16 @@ def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, monkeypatch:
     assert truth["messages"]["SERVO_OUTPUT_RAW"] < 95
 
 
+def test_flight_reports_in_the_tiers_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "flight.tlog"
+    tiers = ["--tier", "esc-signed", "--tier", "named", "--reboot", "0.5", "--clock-drift", "50"]
+    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "4", *tiers) == 0
+    truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
+    assert {"ESC_STATUS", "NAMED_VALUE_FLOAT"} <= set(truth["messages"])
+    assert not {"DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW"} & set(truth["messages"])
+    assert truth["tiers"] == ["esc-signed", "named"]
+
+
 def test_flight_replays_a_log_as_long_as_it_lasts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -52,14 +52,14 @@ def test_reception_never_goes_back_and_takes_its_latency(record: FlightRecord) -
     assert all(b.received_us >= a.received_us for a, b in pairwise(got))
 
 
-@pytest.mark.parametrize("burst", [1.0, 5.0])
-def test_loss_has_its_share_and_its_bursts(record: FlightRecord, burst: float) -> None:
-    got = frames(record, Link(loss=0.1, burst=burst))
+@pytest.mark.parametrize(("loss", "burst"), [(0.1, 1.0), (0.1, 5.0), (0.4, 3.0)])
+def test_loss_has_its_share_and_its_bursts(record: FlightRecord, loss: float, burst: float) -> None:
+    got = frames(record, Link(loss=loss, burst=burst))
     total = len(frames(record, Link()))
-    assert 1 - len(got) / total == pytest.approx(0.1, abs=0.025)
+    assert 1 - len(got) / total == pytest.approx(loss, abs=0.025)
     seq = np.array([decoded(f).get_seq() for f in got])
     missing = (np.diff(seq) - 1) % 256
-    assert missing[missing > 0].mean() == pytest.approx(1.0 / (1 - 0.1) if burst == 1.0 else burst, rel=0.25)
+    assert missing[missing > 0].mean() == pytest.approx(1.0 / (1 - loss) if burst == 1.0 else burst, rel=0.25)
 
 
 def test_late_frames_are_overtaken(record: FlightRecord) -> None:
@@ -93,6 +93,18 @@ def test_clock_is_off_and_drifts(record: FlightRecord) -> None:
     slope, offset = np.polyfit(received, sender - received, 1)
     assert slope == pytest.approx(1e-3, rel=0.05)
     assert offset == pytest.approx(35.0, abs=0.01)
+
+
+def test_clock_stops_at_zero_and_wraps_where_its_field_does(record: FlightRecord) -> None:
+    _, before_boot = clocks(frames(record, Link(clock_offset_s=-40.0)))
+    assert before_boot.min() == 0.0
+    assert before_boot.max() == pytest.approx(10.0, abs=0.1)
+    wrapping = frames(record, Link(clock_offset_s=2**32 / 1e6 - 40.0))
+    _, narrow = clocks(wrapping)
+    _, wide = clocks(wrapping, "DEBUG_FLOAT_ARRAY")
+    assert narrow.min() < 0.1
+    assert narrow.max() > 4294.9
+    assert np.ptp(wide) == pytest.approx(20.0, abs=0.1)
 
 
 def test_reboot_is_silent_then_starts_from_zero(record: FlightRecord) -> None:
