@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import DataSheet, EmaParameters
@@ -46,6 +46,14 @@ class PlannedCondition(_Strict):
     def _several(cls, value: object) -> object:
         return value if isinstance(value, list | tuple) else (value,)
 
+    @model_validator(mode="after")
+    def _complete(self) -> PlannedCondition:
+        if self.fault != "none" and not self.severity:
+            raise ValueError(f"{self.fault} needs a severity")
+        if self.onset == "constant" and self.at_s:
+            raise ValueError('at_s needs onset "step" or "growing"')
+        return self
+
     def expand(self) -> Iterator[tuple[str, tuple[Condition, ...]]]:
         """Yield (name, conditions) for each severity."""
         if self.fault == "none":
@@ -53,9 +61,8 @@ class PlannedCondition(_Strict):
             return
         for severity in self.severity:
             start = 0.0 if self.onset == "growing" else severity
-            at_s = 0.0 if self.onset == "constant" else self.at_s
             onset = "" if self.onset == "constant" else f"-{self.onset}"
-            yield f"{self.fault}-{severity:g}{onset}", (Condition(self.fault, start, severity, at_s),)
+            yield f"{self.fault}-{severity:g}{onset}", (Condition(self.fault, start, severity, self.at_s),)
 
 
 class Plan(_Strict):
@@ -156,15 +163,18 @@ def load_plan(path: Path) -> Plan:
     OSError
         If the file cannot be read.
     ValueError
-        If it is no TOML, or an entry is unknown or impossible; one line names it.
+        If it is no TOML, describes a flight twice, or an entry is unknown or impossible; one line names it.
     """
     try:
         plan = Plan.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-        next(plan.flights(), None)
+        names = [name for name, _ in plan.flights()]
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ValueError(f"{path}: {where}: {first['msg'].removeprefix('Value error, ')}") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"{path}: {twice[0]} would be flown twice")
     return plan
