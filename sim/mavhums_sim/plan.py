@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -167,14 +168,16 @@ def load_plan(path: Path) -> Plan:
     """
     try:
         plan = Plan.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-        names = [name for name, _ in plan.flights()]
+        names = Counter(name for name, _ in plan.flights())
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ValueError(f"{path}: {where}: {first['msg'].removeprefix('Value error, ')}") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"{path}: {twice[0]} would be flown twice")
+    if not names:
+        raise ValueError(f"{path}: it plans no flights")
+    name, times = names.most_common(1)[0]
+    if times > 1:
+        raise ValueError(f"{path}: {name} would be flown {times} times")
     return plan
