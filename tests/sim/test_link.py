@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from collections import Counter
 from collections.abc import Iterator
@@ -142,6 +143,39 @@ def test_mavlink_1_carries_what_it_can(record: FlightRecord) -> None:
     assert (parameter.param_id, parameter.param_value) == ("SERVO1_FUNCTION", 4.0)
     servo = next(f for f in got if f.name == "SERVO_OUTPUT_RAW")
     assert servo.data[1] == 21  # payload without the extension servo9…16
+
+
+ALL_TIERS = ("instrumented", "esc-signed", "esc-unsigned", "named", "pwm")
+
+
+def test_every_tier_can_be_signed() -> None:
+    signed = frames(fly(Flight(duration_s=2.0, rate_hz=20.0, tiers=ALL_TIERS)), Link(key=KEY))
+    for frame in signed:
+        assert frame.data[2] == 1  # the flag says that 13 bytes of signature follow
+        body, signature = frame.data[:-6], frame.data[-6:]
+        assert hashlib.sha256(KEY + body).digest()[:6] == signature
+    stamps = [int.from_bytes(frame.data[-12:-6], "little") for frame in signed]
+    assert len(set(stamps)) == len(stamps)
+    assert {"ESC_STATUS", "NAMED_VALUE_FLOAT", "DEBUG_FLOAT_ARRAY"} <= {frame.name for frame in signed}
+
+
+def test_mavlink_1_carries_named_and_pwm_alone() -> None:
+    got = frames(fly(Flight(duration_s=2.0, rate_hz=20.0, tiers=ALL_TIERS)), Link(mavlink=1))
+    assert {f.name for f in got} == CARRIED_BY_1 | {"NAMED_VALUE_FLOAT"}
+    named = [decoded(f) for f in got if f.name == "NAMED_VALUE_FLOAT"]
+    assert {m.name for m in named} == {f"S{servo}V{v:02d}" for servo in range(1, 5) for v in range(1, 13)}
+
+
+def test_clock_of_every_tier_restarts() -> None:
+    record = fly(Flight(duration_s=6.0, rate_hz=20.0, tiers=ALL_TIERS))
+    sender = [
+        int.from_bytes(frame.data[10:18], "little") / 1e6
+        for frame in frames(record, Link(reboot_at_s=1.0, outage_s=2.0))
+        if frame.name == "ESC_STATUS" and frame.received_us > EPOCH_US + 2_000_000
+    ]
+    assert len(sender) == pytest.approx(60, abs=2)
+    assert 0.0 <= min(sender) < 0.1
+    assert max(sender) == pytest.approx(3.0, abs=0.1)
 
 
 def test_log_holds_what_the_link_delivered(record: FlightRecord, tmp_path: Path) -> None:
