@@ -6,6 +6,7 @@ of its own. However its input is cut into blocks, the verdicts are the same.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 
@@ -33,6 +34,8 @@ class Engine:
         The profile for every vehicle; if None, each vehicle is judged by the one that it names.
     model
         Whose network's votes are shown beside the friction, where its card names the airframe.
+    dialect
+        A MAVLink XML file whose definitions go before the shipped ones.
 
     Examples
     --------
@@ -42,9 +45,15 @@ class Engine:
     'no vehicle speaks in this log'
     """
 
-    def __init__(self, airframe: Airframe | None = None, *, model: Model | None = None) -> None:
+    def __init__(
+        self,
+        airframe: Airframe | None = None,
+        *,
+        model: Model | None = None,
+        dialect: str | os.PathLike[str] | None = None,
+    ) -> None:
         wanted = messages_for(airframe.actuators if airframe else ())
-        self._decoder = Decoder(wanted | {"STATUSTEXT"})
+        self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect)
         self._fleet = Fleet(airframe)
         self._model = model
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
@@ -75,7 +84,7 @@ class Engine:
             log=LogSummary(
                 path=path,
                 sha256=sha256,
-                start_utc=None if first is None else _utc(first).isoformat(),
+                start_utc=None if first is None or decoder.sender_clock else _utc(first).isoformat(),
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=decoder.losses,
@@ -146,6 +155,7 @@ class Engine:
                     monitor.findings(),
                     start_utc=_utc(self._decoder.first_time_us or 0),
                     end_s=self._flight_time(self._decoder.last_time_us or 0),
+                    late=mapper.late(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
                 )

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from mavhums.actuator.fleet import Fleet
 from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
-from mavhums.actuator.tiers import TIERS, Tier
+from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.assessment import Losses
 from mavhums.log import Decoder, read_blocks
 from mavhums.log.vehicles import vehicles_of
@@ -58,7 +58,10 @@ class VehicleTelemetry(_Section):
 
 
 class Inspection(_Section):
-    """What a log holds."""
+    """What a log holds.
+
+    ``sender_clock`` says that the log has no time stamps and that times count from the sender's boot.
+    """
 
     path: str
     size_bytes: int
@@ -66,6 +69,7 @@ class Inspection(_Section):
     duration_s: float
     vehicles: tuple[VehicleTelemetry, ...]
     messages: tuple[MessageRate, ...]
+    sender_clock: bool
     unknown_ids: dict[int, int]
     losses: Losses
 
@@ -78,6 +82,7 @@ def inspect_log(
     path: str | os.PathLike[str],
     *,
     airframe: Airframe | str | Path | None = None,
+    dialect: str | os.PathLike[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Inspection:
     """Read a log and say what it holds, without judging.
@@ -85,9 +90,11 @@ def inspect_log(
     Parameters
     ----------
     path
-        A ``.tlog`` file.
+        A ``.tlog`` file, or ``-`` for the standard input.
     airframe
         A profile, its name or its path; if None, each vehicle's own, if the log names it.
+    dialect
+        A MAVLink XML file whose definitions go before the shipped ones.
     progress
         Called with the number of bytes read after each block.
 
@@ -97,9 +104,11 @@ def inspect_log(
         If the file is missing or not a telemetry log.
     ProfileError
         If the profile cannot be used.
+    DialectError
+        If the XML cannot be used.
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
-    decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"})
+    decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"}, dialect=dialect)
     fleet = Fleet(given)
     size = 0
     for block in chain(read_blocks(path), [None]):
@@ -115,7 +124,9 @@ def inspect_log(
     return Inspection(
         path=str(path),
         size_bytes=size,
-        start_utc=None if first is None else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
+        start_utc=None
+        if first is None or decoder.sender_clock
+        else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
         duration_s=duration_s,
         vehicles=tuple(
             _vehicle(vehicle, fleet.tier(vehicle, decoder.counts), fleet.mapper(vehicle))
@@ -131,9 +142,14 @@ def inspect_log(
             )
             for (system, component, name), count in sorted(decoder.counts.items())
         ),
+        sender_clock=decoder.sender_clock,
         unknown_ids=decoder.unknown,
         losses=decoder.losses,
     )
+
+
+def _iso(time_us: int) -> str:
+    return datetime.fromtimestamp(time_us / 1e6, tz=UTC).isoformat()
 
 
 def _vehicle(vehicle: int, tier: Tier | None, mapper: Mapper | None) -> VehicleTelemetry:
@@ -149,7 +165,7 @@ def _vehicle(vehicle: int, tier: Tier | None, mapper: Mapper | None) -> VehicleT
     airframe = mapper.airframe if mapper else None
     judged = tier is not None and tier.judged
     if not judged:
-        remedy = f"to be judged, send {TIERS[0].gives} of each servo as DEBUG_FLOAT_ARRAY named EMA"
+        remedy = TO_BE_JUDGED
     elif airframe is None:
         remedy = f"name an airframe profile with --airframe, for example: {', '.join(packaged_airframes())}"
     else:

@@ -54,7 +54,7 @@ class Aligned(NamedTuple):
 
 
 class Series:
-    """One source's values, increasing in time; what comes out of order is left out."""
+    """One source's values, increasing in time; what comes out of order is left out and counted."""
 
     def __init__(self, first: Reading) -> None:
         self.source, self.tier, self.fields, self.signed = (
@@ -69,6 +69,7 @@ class Series:
         self.first_frame = int(first.frame[0])
         given = np.isfinite(first.values[0])
         self.clock_rank = next((k for k, c in enumerate(_CLOCK_ORDER) if given[c]), len(_CLOCK_ORDER))
+        self.late = 0
         self._latest_us = -_NEVER
 
     def add(self, reading: Reading) -> NDArray[np.bool_]:
@@ -76,6 +77,7 @@ class Series:
         before = np.maximum.accumulate(np.concatenate([[self._latest_us], reading.utc_us]))
         later = reading.utc_us > before[:-1]
         self._latest_us = int(before[-1])
+        self.late += int(np.count_nonzero(~later))
         self.time_us = np.concatenate([self.time_us, reading.utc_us[later]])
         self.frame = np.concatenate([self.frame, reading.frame[later]])
         self.values = np.concatenate([self.values, reading.values[later]])
@@ -176,21 +178,27 @@ class Aligner:
         return series.clock_rank, self._trust[series.tier]
 
     def _align(self, time_us: NDArray[np.int64], limit: NDArray[np.int64], clock: Series) -> Aligned:
-        values, origin = self._combine(time_us, limit)
+        values, origin = self._combine(time_us, limit, signed=clock.signed)
         rate = np.full(time_us.size, np.nan)
         if not clock.signed:
-            after = self._combine(time_us - self._lag_us + _SLOPE_US // 2, limit)[0][:, 0]
-            before = self._combine(time_us - self._lag_us - _SLOPE_US // 2, limit)[0][:, 0]
+            middle = time_us - self._lag_us
+            after = self._combine(middle + _SLOPE_US // 2, limit, signed=True)[0][:, 0]
+            before = self._combine(middle - _SLOPE_US // 2, limit, signed=True)[0][:, 0]
             rate = (after - before) / (_SLOPE_US * 1e-6)
         return Aligned(time_us, values, origin, rate, clock.tier, clock.signed)
 
     def _combine(
-        self, time_us: NDArray[np.int64], limit: NDArray[np.int64]
+        self, time_us: NDArray[np.int64], limit: NDArray[np.int64], *, signed: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-        """Return the best source's value of each quantity at each time, and which source that was."""
+        """Return the best source's value of each quantity at each time, and which source that was.
+
+        Magnitudes are not mixed among signed values.
+        """
         values = np.full((time_us.size, len(KEYS)), np.nan)
         origin = np.full(values.shape, -1, dtype=np.int8)
         for k in sorted(range(len(self.sources)), key=lambda k: self._trust[self.sources[k].tier]):
+            if signed and not self.sources[k].signed:
+                continue
             found = self.sources[k].at(time_us, limit)
             better = np.isnan(values) & np.isfinite(found)
             values[better] = found[better]

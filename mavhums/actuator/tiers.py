@@ -10,7 +10,7 @@ from mavhums.actuator.sources.instrumented import is_instrumented
 from mavhums.actuator.sources.named import is_named
 from mavhums.log import Table
 
-__all__ = ["TIERS", "Tier", "best_tier", "tier_named", "tiers_by_content"]
+__all__ = ["TIERS", "TO_BE_JUDGED", "Tier", "best_tier", "tier_named", "tiers_by_content"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +32,12 @@ class Tier:
     gives: str
     judged: bool
 
+
+TO_BE_JUDGED = (
+    "record each servo's ESC telemetry (voltage, current, speed) beside its command, "
+    "or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA"
+)
+"""How to record a log from which health can be judged."""
 
 TIERS = (
     Tier("instrumented", frozenset(), "V1–V12", True),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mavhums.errors import UnreadableLogError
-from mavhums.log.frames import FrameScanner
+from mavhums.log.decoder import Decoder
 
 __all__ = ["refuse_foreign"]
 
@@ -29,11 +29,6 @@ def refuse_foreign(name: str, head: bytes) -> None:
         raise UnreadableLogError(
             f"{name}: the file is empty", "check that the ground station had closed the log"
         )
-    if _holds_frames(b"".join(bytes(8) + frame for frame in _raw_frames(head))):
-        raise UnreadableLogError(
-            f"{name}: MAVLink frames without time stamps (.tlog.raw)",
-            "use the .tlog that the ground station writes beside it",
-        )
     if _holds_frames(head):
         return
     for signature, kind in _SIGNATURES:
@@ -46,23 +41,9 @@ def refuse_foreign(name: str, head: bytes) -> None:
 
 
 def _holds_frames(data: bytes) -> bool:
-    scanner = FrameScanner()
-    found = sum(1 for _ in scanner.feed(data, final=True))
-    return bool(found or scanner.unknown)
-
-
-def _raw_frames(head: bytes) -> list[bytes]:
-    """Cut ``head`` at the frames that its first magic byte and lengths imply."""
-    pieces: list[bytes] = []
-    position = 0
-    while position + 3 < len(head) and head[position] in (0xFD, 0xFE) and len(pieces) < 20:
-        if head[position] == 0xFD:
-            size = 12 + head[position + 1] + (13 if head[position + 2] & 1 else 0)
-        else:
-            size = 8 + head[position + 1]
-        pieces.append(head[position : position + size])
-        position += size
-    return pieces
+    decoder = Decoder(())
+    decoder.feed(data, final=True)
+    return bool(decoder.counts or decoder.unknown)
 
 
 def _is_text(head: bytes) -> bool:
