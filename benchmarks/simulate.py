@@ -32,18 +32,20 @@ def models() -> None:
     inputs = command, np.full(n, 0.225), np.full(n, 5.6), np.full(n, 0.5)
     paper = EmaParameters.from_data_sheet()
     methods: tuple[FrictionMethod, ...] = ("impulse", "karnopp")
-    print("\nmodel        friction  step ms  simulated s per wall s (one core)")
+    print("\nmodel        friction  step ms  simulated s per wall s   per CPU s (one core)")
     for name, parameters in (("one mass", paper), ("two masses", paper.two_masses())):
         for method in methods:
             for step in (1e-4, 1e-3):
                 actuator = replace(parameters, friction_method=method)
                 simulate(actuator, inputs[0][:2], inputs[1][:2], inputs[2][:2], inputs[3][:2], step_s=step)
-                walls = []
+                walls, busy = [], []
                 for _ in range(5):
-                    begin = time.perf_counter()
+                    begin, used = time.perf_counter(), time.process_time()
                     simulate(actuator, *inputs, step_s=step)
                     walls.append(time.perf_counter() - begin)
-                print(f"{name:12} {method:9} {step * 1e3:7.1f}  {SECONDS / min(walls):10,.0f}")
+                    busy.append(time.process_time() - used)
+                speeds = f"{SECONDS / min(walls):22,.0f} {SECONDS / min(busy):12,.0f}"
+                print(f"{name:12} {method:9} {step * 1e3:7.1f}  {speeds}")
 
 
 def peak_current(name: str, record: FlightRecord) -> float:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mavhums_sim.flight import Flight
     from mavhums_sim.link import Link
 
-__all__ = ["DURATION", "SEED", "plan_flight", "with_flight_options"]
+__all__ = ["DURATION", "SEED", "given", "plan_flight", "with_flight_options"]
 
 DURATION = click.option(
     "--duration",
@@ -116,7 +116,12 @@ _OPTIONS = (
         metavar="HZ",
         help="Actuator telemetry.",
     ),
-    click.option("--cyclogram", default="takeoff", show_default=True, help="preflight, cruise, gusts, …"),
+    click.option(
+        "--cyclogram",
+        default="takeoff",
+        show_default=True,
+        help="preflight, takeoff, cruise, turns, gusts or landing.",
+    ),
     click.option(
         "--replay",
         type=click.Path(path_type=Path),
@@ -139,6 +144,15 @@ _OPTIONS = (
     click.option(
         "--aircraft", type=click.IntRange(0), metavar="N", help="Fly the individual actuators of aircraft N."
     ),
+    click.option(
+        "--tier",
+        "tiers",
+        multiple=True,
+        type=click.Choice(["instrumented", "esc-signed", "esc-unsigned", "named", "pwm"]),
+        default=("instrumented", "esc-unsigned", "pwm"),
+        show_default=True,
+        help="How the actuators are reported. Repeatable.",
+    ),
     click.option("--esc-side", type=click.Choice(["motor", "bus"]), default="motor", show_default=True),
     click.option(
         "--mavlink", type=click.Choice(["1", "2"]), default="2", show_default=True, help="Protocol version."
@@ -159,6 +173,12 @@ class Planned(NamedTuple):
 
     flight: Flight
     link: Link
+
+
+def given(option: str) -> bool:
+    """Whether the user gave this option of the running command."""
+    source = click.get_current_context().get_parameter_source(option)
+    return source is not click.core.ParameterSource.DEFAULT
 
 
 def with_flight_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -198,8 +218,7 @@ def _flight(options: dict[str, Any]) -> Flight:
 
         played = replay(options["replay"], dict(options["channel"]), "hold" if options["hold"] else "linear")
         cyclogram = played.cyclogram
-        source = click.get_current_context().get_parameter_source("duration")
-        if source is click.core.ParameterSource.DEFAULT:
+        if not given("duration"):
             duration = float(cyclogram.time_s[-1])
         click.echo(
             f"replaying {', '.join(f'{s} from output {n}' for s, n in played.channels.items())},"
@@ -216,6 +235,7 @@ def _flight(options: dict[str, Any]) -> Flight:
         conditions=conditions,
         individuals=options["aircraft"],
         esc_side=options["esc_side"],
+        tiers=options["tiers"],
     )
 
 

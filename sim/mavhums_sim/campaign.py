@@ -73,7 +73,7 @@ def consume(
     """
     if workers == 1:
         for name, flight in flights:
-            yield name, consumer(name, fly(flight))
+            yield name, _fly_and_consume(name, flight, consumer)
         return
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums_sim._options import DURATION, SEED, plan_flight, with_flight_options
+from mavhums_sim._options import DURATION, SEED, given, plan_flight, with_flight_options
 
 if TYPE_CHECKING:
     from mavhums_sim.flight import Flight
@@ -130,6 +130,8 @@ def _campaign(name: str, seed: int, duration: float) -> tuple[list[tuple[str, Fl
         return list(CAMPAIGNS[name](seed, duration)), None
     if not name.endswith(".toml"):
         raise click.UsageError(f"no campaign {name!r}; there is {', '.join(CAMPAIGNS)}, or a FILE.toml")
+    if given("seed") or given("duration"):
+        raise click.UsageError(f"seed and duration_s of this campaign are set in {name}")
     try:
         plan = load_plan(Path(name))
     except ValueError as error:

@@ -164,6 +164,7 @@ class FlightRecord:
             "airframe": "paper",
             "model": "two-mass" if flight.parameters.gearbox else "single-mass",
             "esc_side": flight.esc_side,
+            "tiers": list(flight.tiers),
             "actuators": {
                 surface: record.truth(self._fault(surface)) for surface, record in self.actuators.items()
             },

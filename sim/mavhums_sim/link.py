@@ -18,6 +18,12 @@ BOOT_US = 30_000_000  # the vehicle has run for half a minute when the log start
 _SIGNING_EPOCH_US = 1_420_070_400_000_000  # 2015-01-01, where MAVLink 2 signatures count from
 _MAX_LINKS = 4
 _CLOCKS = {"time_usec": 1.0, "time_boot_ms": 1e-3}
+_BITS = {  # of the clocks that are narrower than 64 bits
+    (message.msgname, name): 32
+    for message in mavlink2.mavlink_map.values()
+    for name, kind in zip(message.fieldnames, message.fieldtypes, strict=True)
+    if name in _CLOCKS and kind == "uint32_t"
+}
 
 Message = Any
 
@@ -152,11 +158,10 @@ class _Sender:
 
 
 def _shift_clock(message: Message, shift_s: float) -> None:
-    for name, kind in zip(message.fieldnames, message.fieldtypes, strict=True):
-        if name in _CLOCKS:
-            bits = 32 if kind == "uint32_t" else 64
-            shifted = getattr(message, name) + round(shift_s * 1e6 * _CLOCKS[name])
-            setattr(message, name, max(shifted, 0) % 2**bits)
+    for name, per_us in _CLOCKS.items():
+        if name in message.fieldnames:
+            shifted = getattr(message, name) + round(shift_s * 1e6 * per_us)
+            setattr(message, name, max(shifted, 0) % 2 ** _BITS.get((message.get_type(), name), 64))
 
 
 def _as_mavlink1(message: Message) -> Message | None:

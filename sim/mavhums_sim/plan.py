@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import DataSheet, EmaParameters
@@ -17,6 +18,8 @@ from mavhums_sim.link import Link
 from mavhums_sim.rates import Rates
 
 __all__ = ["Plan", "load_plan"]
+
+Tier = Literal["instrumented", "esc-signed", "esc-unsigned", "named", "pwm"]
 
 
 class _Strict(BaseModel):
@@ -44,6 +47,14 @@ class PlannedCondition(_Strict):
     def _several(cls, value: object) -> object:
         return value if isinstance(value, list | tuple) else (value,)
 
+    @model_validator(mode="after")
+    def _complete(self) -> PlannedCondition:
+        if self.fault != "none" and not self.severity:
+            raise ValueError(f"{self.fault} needs a severity")
+        if self.onset == "constant" and self.at_s:
+            raise ValueError('at_s needs onset "step" or "growing"')
+        return self
+
     def expand(self) -> Iterator[tuple[str, tuple[Condition, ...]]]:
         """Yield (name, conditions) for each severity."""
         if self.fault == "none":
@@ -51,9 +62,8 @@ class PlannedCondition(_Strict):
             return
         for severity in self.severity:
             start = 0.0 if self.onset == "growing" else severity
-            at_s = 0.0 if self.onset == "constant" else self.at_s
             onset = "" if self.onset == "constant" else f"-{self.onset}"
-            yield f"{self.fault}-{severity:g}{onset}", (Condition(self.fault, start, severity, at_s),)
+            yield f"{self.fault}-{severity:g}{onset}", (Condition(self.fault, start, severity, self.at_s),)
 
 
 class Plan(_Strict):
@@ -72,6 +82,8 @@ class Plan(_Strict):
         Whether each flight has actuators of its own, or all have the data sheet's.
     surfaces
         On which the condition acts.
+    tiers
+        How the actuators are reported; see :mod:`mavhums_sim.tiers`.
     data_sheet
         The type of actuator; Table 1 of the paper by default.
     rates, link
@@ -86,6 +98,7 @@ class Plan(_Strict):
     model: Literal["single-mass", "two-mass"] = "single-mass"
     friction_method: Literal["impulse", "karnopp"] = "impulse"
     esc_side: Literal["motor", "bus"] = "motor"
+    tiers: tuple[Tier, ...] = ("instrumented", "esc-unsigned", "pwm")
     individuals: bool = False
     cyclograms: tuple[str, ...] = ("takeoff",)
     surfaces: tuple[str, ...] = ("elevator",)
@@ -119,6 +132,7 @@ class Plan(_Strict):
             rate_hz=self.rate_hz,
             parameters=self.parameters(),
             esc_side=self.esc_side,
+            tiers=self.tiers,
             rates=self.rates,
         )
         combinations = [
@@ -150,15 +164,20 @@ def load_plan(path: Path) -> Plan:
     OSError
         If the file cannot be read.
     ValueError
-        If it is no TOML, or an entry is unknown or impossible; one line names it.
+        If it is no TOML, describes a flight twice, or an entry is unknown or impossible; one line names it.
     """
     try:
         plan = Plan.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-        next(plan.flights(), None)
+        names = Counter(name for name, _ in plan.flights())
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ValueError(f"{path}: {where}: {first['msg'].removeprefix('Value error, ')}") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+    if not names:
+        raise ValueError(f"{path}: it plans no flights")
+    name, times = names.most_common(1)[0]
+    if times > 1:
+        raise ValueError(f"{path}: {name} would be flown {times} times")
     return plan

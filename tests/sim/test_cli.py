@@ -72,6 +72,7 @@ def test_campaign_writes_its_folder(
         (["flight", "-o", "x.tlog", "--loss", "1"], "loss and late"),
         (["stream", "14550", "--duration", "1"], "not udpout:HOST:PORT"),
         (["stream", "udpout:127.0.0.1:14550", "--speed", "0"], "--speed"),
+        (["campaign", "moon.toml", "-o", "x", "--seed", "1"], "set in moon.toml"),
         (["campaign", "moon.toml.txt", "-o", "x"], "or a FILE.toml"),
     ],
 )
@@ -125,6 +126,16 @@ def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, monkeypatch:
     assert rudder["individual"]["viscous"] > 0
     assert "DEBUG_FLOAT_ARRAY" not in truth["messages"]
     assert truth["messages"]["SERVO_OUTPUT_RAW"] < 95
+
+
+def test_flight_reports_in_the_tiers_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "flight.tlog"
+    tiers = ["--tier", "esc-signed", "--tier", "named", "--reboot", "0.5", "--clock-drift", "50"]
+    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "4", *tiers) == 0
+    truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
+    assert {"ESC_STATUS", "NAMED_VALUE_FLOAT"} <= set(truth["messages"])
+    assert not {"DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW"} & set(truth["messages"])
+    assert truth["tiers"] == ["esc-signed", "named"]
 
 
 def test_flight_replays_a_log_as_long_as_it_lasts(

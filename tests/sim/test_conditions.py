@@ -188,6 +188,19 @@ def test_individual_flies_its_own_friction_and_states_it() -> None:
     np.testing.assert_array_equal(elevator.motion.degradation.torque_factor, mine.torque_constant)
 
 
+@pytest.mark.parametrize("trait", ["hinge", "inertia", "viscous", "torque_constant", "friction"])
+def test_each_trait_of_an_individual_counts(trait: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A factor of 1.5 (or drag of 0.5 N·m·s/rad) on one trait shows where it should."""
+    odd = replace(Individual(), **{trait: 0.5 if trait == "viscous" else 1.5})
+    flight = Flight(seed=2, duration_s=20.0, noise=SensorNoise.none())
+    nominal = fly(flight).actuators["elevator"]
+    monkeypatch.setattr(Individual, "draw", classmethod(lambda cls, seed, index: odd))
+    mine = fly(replace(flight, individuals=0)).actuators["elevator"]
+    load = np.abs(mine.motion.load).max() / np.abs(nominal.motion.load).max()
+    assert load == pytest.approx(1.5 if trait == "hinge" else 1.0, abs=0.03)
+    assert not np.allclose(mine.values[:, 4], nominal.values[:, 4], atol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [({"nominal_torque_nm": 0.0}, "nominal_torque_nm"), ({"stall_torque_nm": 3.0}, "above the nominal")],

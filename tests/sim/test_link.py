@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from collections import Counter
 from collections.abc import Iterator
@@ -52,14 +53,14 @@ def test_reception_never_goes_back_and_takes_its_latency(record: FlightRecord) -
     assert all(b.received_us >= a.received_us for a, b in pairwise(got))
 
 
-@pytest.mark.parametrize("burst", [1.0, 5.0])
-def test_loss_has_its_share_and_its_bursts(record: FlightRecord, burst: float) -> None:
-    got = frames(record, Link(loss=0.1, burst=burst))
+@pytest.mark.parametrize(("loss", "burst"), [(0.1, 1.0), (0.1, 5.0), (0.4, 3.0)])
+def test_loss_has_its_share_and_its_bursts(record: FlightRecord, loss: float, burst: float) -> None:
+    got = frames(record, Link(loss=loss, burst=burst))
     total = len(frames(record, Link()))
-    assert 1 - len(got) / total == pytest.approx(0.1, abs=0.025)
+    assert 1 - len(got) / total == pytest.approx(loss, abs=0.025)
     seq = np.array([decoded(f).get_seq() for f in got])
     missing = (np.diff(seq) - 1) % 256
-    assert missing[missing > 0].mean() == pytest.approx(1.0 / (1 - 0.1) if burst == 1.0 else burst, rel=0.25)
+    assert missing[missing > 0].mean() == pytest.approx(1.0 / (1 - loss) if burst == 1.0 else burst, rel=0.25)
 
 
 def test_late_frames_are_overtaken(record: FlightRecord) -> None:
@@ -93,6 +94,18 @@ def test_clock_is_off_and_drifts(record: FlightRecord) -> None:
     slope, offset = np.polyfit(received, sender - received, 1)
     assert slope == pytest.approx(1e-3, rel=0.05)
     assert offset == pytest.approx(35.0, abs=0.01)
+
+
+def test_clock_stops_at_zero_and_wraps_where_its_field_does(record: FlightRecord) -> None:
+    _, before_boot = clocks(frames(record, Link(clock_offset_s=-40.0)))
+    assert before_boot.min() == 0.0
+    assert before_boot.max() == pytest.approx(10.0, abs=0.1)
+    wrapping = frames(record, Link(clock_offset_s=2**32 / 1e6 - 40.0))
+    _, narrow = clocks(wrapping)
+    _, wide = clocks(wrapping, "DEBUG_FLOAT_ARRAY")
+    assert narrow.min() < 0.1
+    assert narrow.max() > 4294.9
+    assert np.ptp(wide) == pytest.approx(20.0, abs=0.1)
 
 
 def test_reboot_is_silent_then_starts_from_zero(record: FlightRecord) -> None:
@@ -130,6 +143,39 @@ def test_mavlink_1_carries_what_it_can(record: FlightRecord) -> None:
     assert (parameter.param_id, parameter.param_value) == ("SERVO1_FUNCTION", 4.0)
     servo = next(f for f in got if f.name == "SERVO_OUTPUT_RAW")
     assert servo.data[1] == 21  # payload without the extension servo9…16
+
+
+ALL_TIERS = ("instrumented", "esc-signed", "esc-unsigned", "named", "pwm")
+
+
+def test_every_tier_can_be_signed() -> None:
+    signed = frames(fly(Flight(duration_s=2.0, rate_hz=20.0, tiers=ALL_TIERS)), Link(key=KEY))
+    for frame in signed:
+        assert frame.data[2] == 1  # the flag says that 13 bytes of signature follow
+        body, signature = frame.data[:-6], frame.data[-6:]
+        assert hashlib.sha256(KEY + body).digest()[:6] == signature
+    stamps = [int.from_bytes(frame.data[-12:-6], "little") for frame in signed]
+    assert len(set(stamps)) == len(stamps)
+    assert {"ESC_STATUS", "NAMED_VALUE_FLOAT", "DEBUG_FLOAT_ARRAY"} <= {frame.name for frame in signed}
+
+
+def test_mavlink_1_carries_named_and_pwm_alone() -> None:
+    got = frames(fly(Flight(duration_s=2.0, rate_hz=20.0, tiers=ALL_TIERS)), Link(mavlink=1))
+    assert {f.name for f in got} == CARRIED_BY_1 | {"NAMED_VALUE_FLOAT"}
+    named = [decoded(f) for f in got if f.name == "NAMED_VALUE_FLOAT"]
+    assert {m.name for m in named} == {f"S{servo}V{v:02d}" for servo in range(1, 5) for v in range(1, 13)}
+
+
+def test_clock_of_every_tier_restarts() -> None:
+    record = fly(Flight(duration_s=6.0, rate_hz=20.0, tiers=ALL_TIERS))
+    sender = [
+        int.from_bytes(frame.data[10:18], "little") / 1e6
+        for frame in frames(record, Link(reboot_at_s=1.0, outage_s=2.0))
+        if frame.name == "ESC_STATUS" and frame.received_us > EPOCH_US + 2_000_000
+    ]
+    assert len(sender) == pytest.approx(60, abs=2)
+    assert 0.0 <= min(sender) < 0.1
+    assert max(sender) == pytest.approx(3.0, abs=0.1)
 
 
 def test_log_holds_what_the_link_delivered(record: FlightRecord, tmp_path: Path) -> None:

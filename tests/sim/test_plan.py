@@ -16,6 +16,7 @@ rate_hz = 50
 model = "two-mass"
 friction_method = "karnopp"
 esc_side = "bus"
+tiers = ["esc-signed", "pwm"]
 individuals = true
 cyclograms = ["takeoff", "gusts"]
 surfaces = ["elevator", "rudder"]
@@ -64,6 +65,7 @@ def test_every_combination_is_flown_once_with_a_seed_of_its_own(tmp_path: Path) 
     assert (condition.start, condition.end, condition.at_s) == (0.0, 0.4, 1.0)
     assert growing.individuals == growing.seed == 44
     assert (growing.rate_hz, growing.esc_side, growing.rates.esc) == (50.0, "bus", 4)
+    assert growing.tiers == ("esc-signed", "pwm")
     assert growing.parameters.gearbox
     assert growing.parameters.friction_method == "karnopp"
     assert growing.parameters.torque_per_ampere == pytest.approx((2.0 + 0.225) / 0.85)
@@ -92,6 +94,12 @@ def test_paired_conditions_share_pilot_and_gusts(tmp_path: Path) -> None:
         ("conditions = [{fault = 'none'}]\nlink = {lost = 1}", "link: no such entry: lost"),
         ("conditions = [{fault = 'none'}]\nlink = {loss = 2.0}", "link: loss and late"),
         ("conditions = [{fault = 'backlash', severity = 1}]", "two-mass"),
+        ("conditions = [{fault = 'friction'}]", "friction needs a severity"),
+        ("conditions = [{fault = 'friction', severity = 1, at_s = 3}]", "at_s needs onset"),
+        ("conditions = [{fault = 'none'}, {fault = 'none'}]\npaired = true", "flown 2 times"),
+        ("conditions = [{fault = 'none'}]\nlink = 3", "link: Input should be"),
+        ("conditions = []", "no flights"),
+        ("conditions = [{fault = 'none'}]\ntiers = ['radio']", "tiers.0"),
         ("conditions = [{fault = 'none'}]\nmodel = 'three-mass'", "model"),
     ],
 )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
-from mavhums_sim.link import Link
+from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.rates import Rates
 from mavhums_sim.replay import replay
 from tests.conftest import REAL_LOGS
@@ -77,6 +79,27 @@ def test_logs_without_commands_are_refused(tmp_path: Path) -> None:
         replay(logged(short, tmp_path / "short.tlog"))
     with pytest.raises(FileNotFoundError):
         replay(tmp_path / "missing.tlog")
+
+
+def test_only_the_main_outputs_of_the_busiest_vehicle_count(tmp_path: Path) -> None:
+    """A second bank of outputs, and a second vehicle that says less, are left alone."""
+    path = tmp_path / "mixed.tlog"
+    names = mavlink.MAVLink_param_value_message(b"SERVO2_FUNCTION", 19.0, 9, 1, 0)
+    with path.open("wb") as file:
+        for k in range(200):
+            for system, port, pulse in ((1, 0, 1600), (1, 1, 1900), (7, 0, 1100)):
+                if system == 7 and k % 10:
+                    continue
+                link = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
+                pulses = [1500, pulse, *[1500] * 14]
+                message = mavlink.MAVLink_servo_output_raw_message(k * 20_000, port, *pulses)
+                file.write(struct.pack(">Q", EPOCH_US + k * 20_000) + message.pack(link))
+                if k == 100:
+                    file.write(struct.pack(">Q", EPOCH_US + k * 20_000) + names.pack(link))
+    played = replay(path)
+    assert played.channels == {"elevator": 2}
+    assert np.degrees(played.cyclogram.commands["elevator"]) == pytest.approx(12.0)
+    assert not played.cyclogram.airspeed.any()
 
 
 @pytest.mark.skipif(not HIGH_RATE.exists(), reason="the real logs are not at hand")
