@@ -212,7 +212,8 @@ def test_unknown_messages_are_named(run: Run, growing_log: Path, tmp_path: Path)
     content = growing_log.read_bytes()
     unknown = content[:8] + bytes([0xFD, 1, 0, 0, 7, 1, 1, 1, 2, 200, 5, 0x12, 0x34])
     path = tmp_path / "unknown.tlog"
-    path.write_bytes(unknown + content)
+    first = 20 + content[9]
+    path.write_bytes(content[:first] + unknown + content[first:])
     assert "frames of messages that the dialect does not define" in run("inspect", path).out
 
 
