@@ -10,12 +10,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-__all__ = ["Training", "train"]
+__all__ = ["Samples", "Training", "one_thread", "train"]
 
 _ROUND = 10
 """Iterations between two looks at the validation samples."""
 
 Samples = tuple[NDArray[np.float64], NDArray[np.bool_]]
+"""Features of shape (n, k), and whether each sample is an emergency, shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ def train(
         return loss.detach()
 
     best, best_loss, best_iteration, iterations = _copy(weights), float("inf"), 0, 0
-    with _one_thread():
+    with one_thread():
         while iterations < max_iter:
             allowed = min(_ROUND, max_iter - iterations)
             optimiser.param_groups[0]["max_iter"] = allowed
@@ -134,7 +135,8 @@ def _copy(weights: list[torch.Tensor]) -> list[torch.Tensor]:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
+    """Let torch compute each operation on one thread, and restore what was set before."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
