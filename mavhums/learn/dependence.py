@@ -112,7 +112,7 @@ class RegressionRedundancyFilter(SelectorMixin, BaseEstimator):
         threshold: float = 0.9,
         functions: Elementary | None = None,
         order: int = 2,
-        tolerance: float = 1e-9,
+        tolerance: float = 1e-6,
         ranking: ChiSquareRanking | None = None,
     ) -> None:
         self.threshold = threshold

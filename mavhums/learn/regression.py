@@ -150,7 +150,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
     r2_: float
 
     def __init__(
-        self, functions: Elementary | None = None, order: int = 2, tolerance: float = 1e-9
+        self, functions: Elementary | None = None, order: int = 2, tolerance: float = 1e-6
     ) -> None:
         self.functions = functions
         self.order = order
