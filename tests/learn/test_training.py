@@ -22,10 +22,13 @@ def trained_on(monkeypatch: pytest.MonkeyPatch) -> list[tuple[NDArray[np.float64
     fit = TanhNetworkClassifier.fit
 
     def spy(
-        self: TanhNetworkClassifier, X: NDArray[np.float64], y: NDArray[np.bool_]
+        self: TanhNetworkClassifier,
+        X: NDArray[np.float64],
+        y: NDArray[np.bool_],
+        sample_weight: NDArray[np.float64] | None,
     ) -> TanhNetworkClassifier:
         calls.append((X, y))
-        return fit(self, X, y)
+        return fit(self, X, y, sample_weight)
 
     monkeypatch.setattr(TanhNetworkClassifier, "fit", spy)
     return calls
