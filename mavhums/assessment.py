@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
+    "ALL",
     "NOTICE",
     "SCHEMA",
     "Assessment",
@@ -38,7 +39,11 @@ __all__ = [
 SCHEMA = "mavhums.assessment/1"
 NOTICE = "not an airworthiness decision; validated in simulation only"
 
+ALL = "all"
+"""Stands for the actuator where a verdict is on all of a vehicle's."""
+
 Condition = Literal["normal", "degraded", "emergency", "undecided"]
+_GRAVITY: tuple[Condition, ...] = ("normal", "undecided", "degraded", "emergency")
 
 
 class _Contract(BaseModel):
@@ -70,11 +75,15 @@ class Since(_Contract):
 
 
 class Coverage(_Contract):
-    """How much of the flight could be judged: windows of 10 s, one each second."""
+    """How much of the flight could be judged: windows of 10 s, one each second.
+
+    ``late`` counts samples that came too late to be judged.
+    """
 
     moving_fraction: float = Field(ge=0, le=1)
     windows: int = Field(ge=0)
     decidable: int = Field(ge=0)
+    late: int = Field(default=0, ge=0)
 
 
 class Evidence(_Contract):
@@ -109,6 +118,11 @@ class Verdict(_Contract):
     evidence: tuple[Evidence, ...] = ()
     reason: str | None = None
     remedy: str | None = None
+
+    @property
+    def gravest(self) -> Condition:
+        """What the maintainer must act on: a fault that was seen, else that nothing is known, else normal."""
+        return max(self.worst, self.condition, key=_GRAVITY.index)
 
 
 class Losses(_Contract):
@@ -185,20 +199,15 @@ class Assessment(_Contract):
 
     def ranked(self) -> list[Verdict]:
         """Return the verdicts, the worst first."""
-        order = ("emergency", "degraded", "undecided", "normal")
-        return sorted(self.verdicts, key=lambda verdict: order.index(verdict.worst))
+        return sorted(self.verdicts, key=lambda verdict: -_GRAVITY.index(verdict.gravest))
 
     @property
     def exit_code(self) -> ExitCode:
         """The exit code that tells a script the worst of it."""
-        worst = {verdict.worst for verdict in self.verdicts}
-        if "emergency" in worst:
-            return ExitCode.EMERGENCY
-        if "degraded" in worst:
-            return ExitCode.DEGRADED
-        if "undecided" in {verdict.condition for verdict in self.verdicts}:
-            return ExitCode.UNDECIDED
-        return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
+        gravest = max((verdict.gravest for verdict in self.verdicts), key=_GRAVITY.index, default="normal")
+        if gravest == "normal":
+            return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
+        return ExitCode[gravest.upper()]
 
 
 def _line(verdict: Verdict) -> str:

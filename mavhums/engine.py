@@ -50,6 +50,7 @@ class Engine:
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._instrumented: set[int] = set()
+        self._segments: dict[int, int] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return what they bring about."""
@@ -91,6 +92,7 @@ class Engine:
             self._instrumented.update(table.system[is_instrumented(table)].tolist())
         for mapper in self._mappers:
             for mapped in mapper.feed(tables):
+                yield from self._notice_clock(mapper, mapped)
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
@@ -110,6 +112,14 @@ class Engine:
             for k, text in enumerate(texts.texts("text")):
                 if text and not text.startswith("mavhums airframe="):
                     yield Notice(self._flight_time(int(texts.time_us[k])), int(texts.system[k]), text)
+
+    def _notice_clock(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
+        """Say that a vehicle's clock jumped, so that nobody wonders at the gap."""
+        segments = mapper.clock_segments(mapped.vehicle)
+        if segments > self._segments.get(mapped.vehicle, 1):
+            self._segments[mapped.vehicle] = segments
+            time_s = self._flight_time(int(mapped.utc_us[-1]))
+            yield Notice(time_s, mapped.vehicle, "its clock jumped: it rebooted, or its time was set")
 
     def _judge(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
         actuator = mapped.actuator
@@ -138,6 +148,7 @@ class Engine:
                     actuator,
                     monitor.findings(),
                     start_utc=_utc(self._decoder.first_time_us or 0),
+                    end_s=self._flight_time(self._decoder.last_time_us or 0),
                     provenance=mapper.provenance(vehicle, actuator),
                     tier=tier,
                 )

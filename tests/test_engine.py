@@ -294,3 +294,45 @@ def test_no_real_log_is_called_normal(path: Path, airframe: str | None, model: M
         assert verdict.reason
         assert verdict.remedy
     assert assessment.exit_code == ExitCode.UNDECIDED
+
+
+def test_silence_is_never_normal(growing_record: FlightRecord) -> None:
+    """The rudder's telemetry ends at 20 s, the elevator's at 35 s, while the flight goes on to 40 s."""
+    kept = [
+        data
+        for (_, data), (time_s, message) in zip(packed(growing_record), messages(growing_record), strict=True)
+        if message.get_type() != "DEBUG_FLOAT_ARRAY"
+        or time_s < {4: 20.0, 3: 35.0}.get(message.array_id, 40.0)
+    ]
+    assessment = judge(kept)
+    rudder = of(assessment, "rudder")
+    assert (rudder.condition, rudder.worst, rudder.gravest) == ("undecided", "normal", "undecided")
+    assert "ended at 20 s of 40 s, when it was normal" in str(rudder.reason)
+    assert rudder.remedy
+    assert rudder.since is None
+    elevator = of(assessment, "elevator")
+    assert (elevator.condition, elevator.worst) == ("emergency", "emergency")
+    assert [v.actuator for v in assessment.ranked()][:2] == ["elevator", "rudder"]
+
+
+def test_a_reboot_in_flight_is_reported_and_survived() -> None:
+    """The vehicle's clock starts anew at 30 s; the history goes on."""
+    record = fly(Flight(seed=22, duration_s=60.0, friction_nm={"elevator": (1.0, 1.0)}))
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    engine = Engine()
+    events = []
+    for (time_us, data), (time_s, message) in zip(packed(record), messages(record), strict=True):
+        if message.get_type() == "DEBUG_FLOAT_ARRAY" and time_s > 30.0:
+            again = v2.MAVLink_debug_float_array_message(
+                message.time_usec - 60_000_000, b"EMA", message.array_id, message.data
+            )
+            data = struct.pack(">Q", time_us) + bytes(again.pack(link))  # noqa: PLW2901
+        events += engine.feed(data)
+    events += engine.finish()
+    assert [e.text for e in events if isinstance(e, Notice)] == [
+        "its clock jumped: it rebooted, or its time was set"
+    ]
+    elevator = of(engine.assessment(), "elevator")
+    assert elevator.condition == "emergency"
+    assert sum(verdict.coverage.late for verdict in engine.assessment().verdicts) == 2
+    assert elevator.coverage.decidable > 45

@@ -34,12 +34,12 @@ def classify(friction: Interval, limits: Limits) -> Condition:
 def rule(condition: Condition, limits: Limits) -> str:
     """Return in words why friction makes the condition what it is."""
     words = {
-        "normal": f"the 95 % interval of the friction does not lie wholly above {limits.normal:g} N·m",
-        "degraded": f"the 95 % interval of the friction lies wholly above {limits.normal:g} N·m",
-        "emergency": f"the 95 % interval of the friction reaches {limits.emergency:g} N·m",
-        "undecided": "no window shows the friction",
+        "normal": f"normal: the 95 % interval is not wholly above {limits.normal:g} N·m",
+        "degraded": f"degraded: the 95 % interval is wholly above {limits.normal:g} N·m",
+        "emergency": f"emergency: the 95 % interval reaches {limits.emergency:g} N·m",
+        "undecided": "undecided: no window shows the friction",
     }
-    return f"{words[condition]} in {CONFIRM} windows in a row"
+    return f"{words[condition]}, {CONFIRM} windows in a row"
 
 
 class Change(NamedTuple):

@@ -46,7 +46,7 @@ class _Episode:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What a flight showed of one actuator."""
+    """What a flight showed of one actuator; ``last_s`` is the flight time of its last sample."""
 
     condition: Condition
     worst: Condition
@@ -56,6 +56,7 @@ class Findings:
     coverage: Coverage
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
+    last_s: float
 
 
 class Monitor:
@@ -83,11 +84,6 @@ class Monitor:
         self._windows = self._decidable = self._samples = self._moving = 0
         self._last: Window | None = None
 
-    @property
-    def late(self) -> int:
-        """Number of samples that came too late to be judged."""
-        return self._cutter.late
-
     def feed(
         self, time_s: NDArray[np.float64], values: NDArray[np.float64]
     ) -> Iterator[Window | ConditionChanged]:
@@ -111,7 +107,9 @@ class Monitor:
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
                 decidable=self._decidable,
+                late=self._cutter.late,
             ),
+            last_s=self._cutter.latest_s,
             suspects=self._suspects(),
             evidence=tuple(self._evidence()),
         )
@@ -191,7 +189,7 @@ class Monitor:
                 end_s=episode.end_s,
                 value=episode.peak,
                 limit=limits.emergency if episode.condition == "emergency" else limits.normal,
-                rule=f"{episode.condition}: {rule(episode.condition, limits)}",
+                rule=rule(episode.condition, limits),
             )
         if self._last is not None and self._last.p_emergency is not None:
             yield Evidence(
@@ -205,9 +203,7 @@ class Monitor:
 
     def _agreement(self, share: float) -> str:
         opposed = {"normal": share > 0.5, "emergency": share <= 0.5}.get(self._decision.condition, False)
-        text = (
-            "share of moving samples in the last window that the network calls an emergency; friction decides"
-        )
+        text = "network: part of the window's moving samples that it calls an emergency; friction decides"
         return f"{text}, and the network disagrees" if opposed else text
 
     def _suspects(self) -> tuple[Suspect, ...]:

@@ -45,13 +45,15 @@ class SlotCutter:
     ----------
     late
         Number of samples that came after their slot was closed; they are left out.
+    latest_s
+        Flight time of the latest sample; minus infinity before the first.
     """
 
     def __init__(self) -> None:
         self.late = 0
         self._times: list[NDArray[np.float64]] = []
         self._values: list[NDArray[np.float64]] = []
-        self._latest = -np.inf
+        self.latest_s = -np.inf
         self._closed = -np.inf
         self._before = (np.empty(0), np.empty((0, 12)))
 
@@ -59,13 +61,13 @@ class SlotCutter:
         """Yield the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 12)."""
         if time_s.size == 0:
             return
-        latest = np.maximum.accumulate(np.concatenate([[self._latest], time_s]))
+        latest = np.maximum.accumulate(np.concatenate([[self.latest_s], time_s]))
         in_time = time_s >= np.floor(latest[:-1] - _LATENESS_S)
         self.late += int(np.count_nonzero(~in_time))
         self._times.append(time_s[in_time])
         self._values.append(values[in_time])
-        self._latest = float(latest[-1])
-        horizon = np.floor(self._latest - _LATENESS_S)
+        self.latest_s = float(latest[-1])
+        horizon = np.floor(self.latest_s - _LATENESS_S)
         if horizon > self._closed:
             self._closed = horizon
             yield from self._close(horizon)

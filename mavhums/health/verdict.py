@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.tiers import Tier
-from mavhums.assessment import Coverage, Evidence, Interval, Since, Suspect, Verdict
+from mavhums.assessment import ALL, Condition, Coverage, Evidence, Interval, Since, Suspect, Verdict
 from mavhums.health.monitor import WINDOW_S, Findings
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
@@ -20,25 +20,38 @@ def judged(
     findings: Findings,
     *,
     start_utc: datetime,
+    end_s: float,
     provenance: dict[str, str],
     tier: Tier,
 ) -> Verdict:
-    """Return the verdict on an actuator whose telemetry was followed."""
-    undecided = findings.condition == "undecided"
-    reason, remedy = _why_undecided(findings, provenance) if undecided else (None, None)
+    """Return the verdict on an actuator whose telemetry was followed.
+
+    Where its telemetry ended more than a window before the log did, at ``end_s``, its condition is
+    undecided: silence is never normal. What was found until then remains.
+    """
+    silent = findings.last_s < end_s - WINDOW_S
+    condition: Condition = "undecided" if silent else findings.condition
+    reason, remedy = None, None
+    if findings.condition == "undecided":
+        reason, remedy = _why_undecided(findings, provenance)
+    elif silent:
+        ended = f"its telemetry ended at {findings.last_s:.0f} s of {end_s:.0f} s"
+        reason = f"{ended}, when it was {findings.condition}"
+        remedy = "find out why it fell silent: the sensor, its wiring or the link"
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
-        condition=findings.condition,
+        condition=condition,
         worst=findings.worst,
         p_emergency=_round(findings.p_emergency),
         friction_nm=_rounded(findings.friction),
         suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
-        since=_since(findings.since_s, start_utc),
+        since=_since(None if silent else findings.since_s, start_utc),
         coverage=Coverage(
             moving_fraction=round(findings.coverage.moving_fraction, 4),
             windows=findings.coverage.windows,
             decidable=findings.coverage.decidable,
+            late=findings.coverage.late,
         ),
         tier=tier.name,
         provenance=provenance,
@@ -77,7 +90,7 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
         remedy = f"name one with --airframe (a TOML file, or one of: {known})"
     return Verdict(
         vehicle=vehicle,
-        actuator="all",
+        actuator=ALL,
         condition="undecided",
         worst="undecided",
         tier=tier.name if tier else None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from mavhums.assessment import Assessment, Condition, Evidence, Interval, Losses, Verdict
+from mavhums.assessment import ALL, Assessment, Condition, Evidence, Interval, Losses, Verdict
 
 __all__ = [
     "ADVICE",
@@ -107,12 +107,14 @@ def headline(assessment: Assessment) -> str:
     ranked = assessment.ranked()
     if not ranked:
         return "No actuator was found in this log"
-    worst = [verdict for verdict in ranked if verdict.worst == ranked[0].worst]
-    word = ranked[0].worst
+    word = ranked[0].gravest
+    worst = [verdict for verdict in ranked if verdict.gravest == word]
     if word == "normal":
         return f"{_all(worst, ranked)} normal"
     if word == "undecided":
         reasons = list(undecided(assessment))
+        if ranked[0].actuator == ALL:
+            return f"Undecided: {reasons[0][0]}"
         return f"{_all(worst, ranked)} undecided" + (f": {reasons[0][0]}" if len(reasons) == 1 else "")
     text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
     if len(worst) > 1:
@@ -132,20 +134,19 @@ def advice(verdict: Verdict) -> str:
     """Return what to do about an actuator, by the worst it went through and the fault suspected."""
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     parts = _PARTS.get(suspects[0].fault if suspects else "friction", "the actuator and its wiring")
-    return ADVICE[verdict.worst].format(parts=parts)
+    return ADVICE[verdict.gravest].format(parts=parts)
 
 
 def finding(item: Evidence) -> str:
-    """Return one finding: the rule, the value that broke it, and when.
+    """Return one finding: when, how much, and by which rule.
 
     Examples
     --------
     >>> finding(Evidence(kind="friction", start_s=38, end_s=68, value=0.41, limit=0.375, rule="above normal"))
-    'above normal: 0.410 N·m (limit 0.375), 38.0s to 1m08s'
+    '38.0s to 1m08s: friction up to 0.410 N·m, above normal'
     """
-    limit = "" if item.limit is None else f" (limit {item.limit:.3f})"
-    unit = " N·m" if item.kind == "friction" else ""
-    return f"{item.rule}: {item.value:.3f}{unit}{limit}, {clock(item.start_s)} to {clock(item.end_s)}"
+    value = f"friction up to {item.value:.3f} N·m" if item.kind == "friction" else f"{item.value:.3g}"
+    return f"{clock(item.start_s)} to {clock(item.end_s)}: {value}, {item.rule}"
 
 
 def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:

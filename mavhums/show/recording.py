@@ -158,7 +158,7 @@ class Recorder:
             properties["airframe"] = assessment.airframe
         if assessment.verdicts:
             worst = assessment.ranked()[0]
-            properties |= {"worst_actuator": worst.actuator, "condition": worst.worst}
+            properties |= {"worst_actuator": worst.actuator, "condition": worst.gravest}
             if worst.vehicle is not None:
                 properties["vehicle"] = worst.vehicle
         self._stream.send_property("mavhums", rr.AnyValues(**properties))

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import io
-import socket
 import sys
-import sysconfig
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from examples.picture import draw
 from mavhums.assessment import Assessment
 from mavhums.show import Recorder
 
@@ -27,35 +25,18 @@ DRIVERS = [
     for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
     for file in Path(folder).glob("*.json")
 ]
-VIEWER = Path(sysconfig.get_path("scripts")) / "rerun"
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the viewer draws without a screen on Linux"),
     pytest.mark.skipif(not DRIVERS, reason="no Vulkan driver; Debian has one in mesa-vulkan-drivers"),
-    pytest.mark.skipif(not VIEWER.exists(), reason=f"no viewer at {VIEWER}"),
 ]
 
 
-def picture(recording: Path, patience_s: float = 40.0) -> NDArray[np.int16]:
-    """Open a recording in a viewer of its own and return what it draws once two pictures agree."""
+def picture(recording: Path) -> NDArray[np.int16]:
+    """Return what a viewer of its own draws of a recording, shape (height, width, 3)."""
     from PIL import Image
-    from rerun.experimental import ViewerClient
 
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    options = {"port": port, "executable_path": str(VIEWER), "memory_limit": "1GB"}
-    with ViewerClient.spawn(headless=True, hide_welcome_screen=True, **options) as viewer:
-        viewer.open(str(recording))
-        deadline = time.monotonic() + patience_s
-        before, drawn = b"", viewer.take_screenshot()
-        while before != drawn or viewer.get_state().loading or not viewer.get_state().recordings:
-            assert time.monotonic() < deadline, "the viewer does not settle"
-            time.sleep(0.3)
-            before, drawn = drawn, viewer.take_screenshot()
-        reports = [report for view in viewer.get_state().views for report in view.reports]
-        assert reports == []
-    with Image.open(io.BytesIO(drawn)) as image:
+    with Image.open(io.BytesIO(draw(recording))) as image:
         return np.asarray(image.convert("RGB")).astype(np.int16)
 
 

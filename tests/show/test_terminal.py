@@ -61,7 +61,7 @@ def test_colours_on_a_terminal_and_words_too(assessment: Assessment) -> None:
 
 def test_below_the_table_evidence_remedies_losses_and_the_notice(assessment: Assessment) -> None:
     text = flat(rendered(assessment))
-    assert "friction interval reaches the emergency limit: 1.003 N·m (limit 0.875), 1m12s to 1m40s" in text
+    assert "1m12s to 1m40s: friction up to 1.003 N·m, the friction interval reaches the emergency" in text
     assert "what to do: do not fly; inspect gearbox, bearings and hinge line" in text
     assert "rudder: undecided why: it stood still throughout" in text
     assert "Lost of the log: 1,234 bytes skipped" in text

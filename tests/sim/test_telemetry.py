@@ -1,0 +1,143 @@
+"""The log, read back with pymavlink: nothing lost, every quantity within its message's resolution."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pymavlink import mavutil
+
+from mavhums_sim import FlightRecord, write_tlog
+from mavhums_sim.cyclogram import SURFACES
+from mavhums_sim.flight import Flight, fly
+from mavhums_sim.telemetry import EPOCH_US, MESSAGES, messages
+
+BOOT_S = 30.0
+Read = dict[str, list[Any]]
+
+
+@pytest.fixture(scope="module")
+def record() -> FlightRecord:
+    return fly(Flight(seed=21, duration_s=12.0, friction_nm={"elevator": (0.3, 0.9)}))
+
+
+def read_back(path: Path) -> Iterator[Any]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MAVLINK20", "1")
+        patch.setenv("MAVLINK_DIALECT", "ardupilotmega")
+        connection = mavutil.mavlogfile(str(path))
+        while (message := connection.recv_msg()) is not None:
+            yield message
+        connection.f.close()
+
+
+@pytest.fixture(scope="module")
+def written(record: FlightRecord, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, int], Read]:
+    path = tmp_path_factory.mktemp("log") / "flight.tlog"
+    counts = write_tlog(record, path)
+    read: Read = {}
+    for message in read_back(path):
+        read.setdefault(message.get_type(), []).append(message)
+    return counts, read
+
+
+def column(rows: list[Any], name: str) -> NDArray[np.float64]:
+    return np.array([getattr(row, name) for row in rows], dtype=np.float64)
+
+
+def test_pymavlink_reads_the_counts_that_were_written(written: tuple[dict[str, int], Read]) -> None:
+    counts, read = written
+    assert {name: len(rows) for name, rows in read.items()} == counts
+    assert set(counts) == set(MESSAGES)
+
+
+def test_sequence_is_unbroken_and_time_never_steps_back(written: tuple[dict[str, int], Read]) -> None:
+    rows = sorted((m for rows in written[1].values() for m in rows), key=lambda m: m._timestamp)
+    times = np.array([m._timestamp for m in rows])
+    assert times[0] >= EPOCH_US / 1e6
+    assert Counter(m.get_seq() for m in rows).most_common(1)[0][1] <= len(rows) // 256 + 1
+
+
+def test_instrumented_tier_is_the_record_in_single_precision(
+    record: FlightRecord, written: tuple[dict[str, int], Read]
+) -> None:
+    for servo, surface in enumerate(SURFACES, start=1):
+        rows = [m for m in written[1]["DEBUG_FLOAT_ARRAY"] if m.array_id == servo]
+        assert {m.name for m in rows} == {"EMA"}
+        sent = record.actuators[surface]
+        got = np.array([m.data[:12] for m in rows])
+        np.testing.assert_array_equal(got, sent.values.astype(np.float32))
+        stamps = column(rows, "time_usec") / 1e6 - BOOT_S
+        np.testing.assert_allclose(stamps, sent.time_s, atol=0.51e-6)
+
+
+def test_servo_outputs_are_the_command_to_the_microsecond(
+    record: FlightRecord, written: tuple[dict[str, int], Read]
+) -> None:
+    rows = written[1]["SERVO_OUTPUT_RAW"]
+    times = column(rows, "time_usec") / 1e6 - BOOT_S
+    for servo, surface in enumerate(SURFACES, start=1):
+        motion = record.actuators[surface].motion
+        command = np.interp(times, motion.time_s, np.degrees(motion.command))
+        pulse = column(rows, f"servo{servo}_raw")
+        assert np.abs((pulse - 1500) * 0.12 - command).max() <= 0.0601
+
+
+def test_esc_telemetry_is_the_magnitude_to_its_resolution(
+    record: FlightRecord, written: tuple[dict[str, int], Read]
+) -> None:
+    """The message carries no time: the k-th row is the k-th sending of the stream."""
+    rows = written[1]["ESC_TELEMETRY_1_TO_4"]
+    times = np.array([t for t, m in messages(record) if m.get_type() == "ESC_TELEMETRY_1_TO_4"])
+    for esc, surface in enumerate(SURFACES):
+        actuator = record.actuators[surface]
+        for name, v, resolution in (("voltage", 3, 0.01), ("current", 4, 0.01), ("rpm", 6, 1.0)):
+            sent = np.interp(times, actuator.time_s, np.abs(actuator.values[:, v]))
+            got = np.array([getattr(m, name)[esc] for m in rows]) * resolution
+            assert np.abs(got - sent).max() <= 0.501 * resolution
+
+
+def test_aircraft_state_is_the_cyclograms(record: FlightRecord, written: tuple[dict[str, int], Read]) -> None:
+    flown, read = record.cyclogram, written[1]
+    times = column(read["ATTITUDE"], "time_boot_ms") / 1e3 - BOOT_S
+    for name, truth in (("roll", flown.roll), ("pitch", flown.pitch), ("yaw", flown.yaw)):
+        got = column(read["ATTITUDE"], name)
+        np.testing.assert_allclose(got, np.interp(times, flown.time_s, truth), atol=1e-3)
+    assert column(read["VFR_HUD"], "airspeed").max() == pytest.approx(flown.airspeed.max(), abs=0.5)
+    assert column(read["BATTERY_STATUS"], "current_battery").min() >= 0
+    assert read["BATTERY_STATUS"][0].voltages[0] == 27_000
+
+
+def test_log_names_its_airframe_and_its_servos(written: tuple[dict[str, int], Read]) -> None:
+    assert {m.text for m in written[1]["STATUSTEXT"]} == {"mavhums airframe=paper"}
+    parameters = {m.param_id: m.param_value for m in written[1]["PARAM_VALUE"]}
+    assert [parameters[f"SERVO{k}_FUNCTION"] for k in (1, 2, 3, 4)] == [4, 4, 19, 21]
+
+
+def test_same_flight_writes_the_same_bytes(record: FlightRecord, tmp_path: Path) -> None:
+    one, other = tmp_path / "one.tlog", tmp_path / "other.tlog"
+    write_tlog(record, one)
+    write_tlog(record, other)
+    assert one.read_bytes() == other.read_bytes()
+
+
+def test_failed_writing_leaves_what_was_there(
+    record: FlightRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(b"yesterday's")
+
+    def broken(_: FlightRecord) -> Iterator[Any]:
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr("mavhums_sim.telemetry.messages", broken)
+    with pytest.raises(KeyboardInterrupt):
+        write_tlog(record, path)
+    assert path.read_bytes() == b"yesterday's"
+    assert list(tmp_path.iterdir()) == [path]
