@@ -13,7 +13,7 @@ from mavhums.learn.ranking import ChiSquareRanking
 
 __all__ = ["CommandLeak", "CommandLeakWarning", "check_command"]
 
-_STRONG = 0.1
+_STRONG = 0.25
 _SIGNIFICANT = 0.01
 _PERMUTATIONS = 999
 
@@ -49,7 +49,7 @@ def check_command(
     Cramér's V comes from the chi-square of the command V1, and of its change from sample to
     sample, in twelve bins. Chance is what relabelling whole flights gives; where there are fewer
     than a hundred ways to relabel them, as in the paper's split, the command leaks if Cramér's V
-    exceeds 0.1. The paper gives the command a chi-square of 40,590, which classes that fly one
+    exceeds 0.25. The paper gives the command a chi-square of 40,590, which classes that fly one
     cyclogram cannot have: theirs is 0.
 
     Parameters
