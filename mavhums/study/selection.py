@@ -1,0 +1,181 @@
+"""Feature selection as the study reports it: figure 15, the groups, and the subset search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from mavhums.learn import (
+    ChiSquareRanking,
+    PairwiseRedundancyFilter,
+    RegressionRedundancyFilter,
+    SubsetSearch,
+    TanhNetworkEnsemble,
+    VectorThinning,
+    exhaustive_search,
+    genetic_search,
+    network_objective,
+)
+from mavhums.learn.splits import hold_out
+from mavhums.quantities import KEYS, column
+from mavhums.study.cyclograms import Flown
+from mavhums.study.experiment import Effort, samples
+from mavhums.study.published import CHI_SQUARE, P_LEVELS
+
+__all__ = ["THRESHOLD", "Grouping", "chi_square_table", "grouping", "p_level_table", "subset_table", "thinning_table"]
+
+THRESHOLD = 0.99
+"""R² from which Algorithm 1 excludes a quantity: the paper says "close to 1"."""
+
+Groups = tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Grouping:
+    """Groups of interdependent quantities and what is selected, by both filters.
+
+    Attributes
+    ----------
+    expressions
+        Of each quantity that Algorithm 1 excludes: the fewest regressors' model, its R², and R²
+        with all that were left.
+    """
+
+    algorithm_1: Groups
+    selected: tuple[str, ...]
+    pairwise: Groups
+    pairwise_selected: tuple[str, ...]
+    expressions: tuple[tuple[str, float, float], ...]
+
+
+def grouping(flights: list[Flown]) -> Grouping:
+    """Run Algorithm 1 and the pairwise filter on the samples of some flights."""
+    values, classes, _ = samples(flights)
+    multiple = RegressionRedundancyFilter(threshold=THRESHOLD).fit(values, classes)
+    pairs = PairwiseRedundancyFilter().fit(values, classes)
+    expressions = tuple(
+        (
+            found.model.expression([KEYS[place] for place in found.explained_by], target=KEYS[found.feature]),
+            found.model.r2_,
+            found.r2_all,
+        )
+        for found in multiple.dependences_
+    )
+    return Grouping(
+        _named(multiple.groups_),
+        tuple(KEYS[place] for place in multiple.get_support(indices=True)),
+        _named(pairs.groups_),
+        tuple(KEYS[place] for place in pairs.get_support(indices=True)),
+        expressions,
+    )
+
+
+def _named(groups: tuple[tuple[int, ...], ...]) -> Groups:
+    return tuple(tuple(KEYS[place] for place in group) for group in groups)
+
+
+def chi_square_table(training: list[Flown], flights: list[Flown]) -> pd.DataFrame:
+    """Return the statistic of each quantity: the paper's, and ours by samples, bins and strategy."""
+    table = pd.DataFrame({"quantity": list(CHI_SQUARE), "paper": list(CHI_SQUARE.values())})
+    for name, part in (("training", training), ("all", flights)):
+        values, classes, _ = samples(part)
+        for bins in (10, 12):
+            for strategy in ("width", "quantile"):
+                ranking = ChiSquareRanking(bins=bins, strategy=strategy).fit(values, classes)
+                table[f"{name} {bins} {strategy}"] = ranking.scores_
+    return table.sort_values("paper", ascending=False, kind="stable", ignore_index=True)
+
+
+def p_level_table() -> pd.DataFrame:
+    """Return the p-levels that the paper's statistics have by degrees of freedom, beside those it gives."""
+    rows = [
+        {"quantity": key, "chi-square": CHI_SQUARE[key], "paper": level}
+        | {f"{dof} d.o.f.": float(chi2.sf(CHI_SQUARE[key], dof)) for dof in (1, 2, 3, 9, 11)}
+        for key, level in P_LEVELS.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+def subset_table(
+    training: list[Flown], test: list[Flown], keys: tuple[str, ...], effort: Effort, *, seed: int
+) -> tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]:
+    """Score every subset of some quantities, and search them genetically where there are many.
+
+    Returns
+    -------
+    DataFrame
+        A row for each subset, best first: validation accuracy (blocks of time held out of the
+        training flights), and test accuracy of the same network size for comparison only.
+    SubsetSearch, SubsetSearch or None
+        By enumeration, and by the genetic algorithm on the same table for more than 5 quantities.
+    """
+    columns = [column(key) for key in keys]
+    random = np.random.default_rng(seed)
+    values, classes, numbers = samples(training)
+    held_out, _ = hold_out(classes, numbers, random)
+    parts = [
+        (values[rows][:, columns], classes[rows])
+        for rows in (
+            random.permutation(np.flatnonzero(~held_out))[: effort.subset_samples],
+            random.permutation(np.flatnonzero(held_out))[: 2 * effort.subset_samples],
+        )
+    ]
+    tested = samples(test, every=60_000 // (2 * effort.subset_samples))
+    options = {"max_iter": effort.subset_iterations, "n_jobs": 2, "random_state": seed}
+    search = exhaustive_search(network_objective(*parts, **options), len(keys))
+    on_test = network_objective(parts[0], (tested[0][:, columns], tested[1]), **options)
+    order = np.argsort(-search.scores, kind="stable")[: 15 if len(keys) > 5 else None]
+    table = pd.DataFrame(
+        {
+            "subset": [" ".join(np.array(keys)[search.subsets[row]]) for row in order],
+            "validation": 100 * search.scores[order],
+            "test": 100 * on_test(search.subsets[order]),
+        }
+    )
+    return table, search, _genetic(search) if len(keys) > 5 else None
+
+
+def _genetic(search: SubsetSearch) -> SubsetSearch:
+    known = {subset.tobytes(): score for subset, score in zip(search.subsets, search.scores, strict=True)}
+
+    def look_up(subsets: NDArray[np.bool_]) -> NDArray[np.float64]:
+        return np.array([known[subset.tobytes()] for subset in subsets])
+
+    return genetic_search(look_up, search.subsets.shape[1], evaluations=len(known) // 10)
+
+
+def thinning_table(
+    training: list[Flown], test: list[Flown], keys: tuple[str, ...], effort: Effort, *, seed: int
+) -> pd.DataFrame:
+    """Return test accuracies of networks trained on thinned precedents, by method and size.
+
+    Each method is repeated with five seeds of ten networks; the medians over networks are
+    averaged. Equal sizes compare k-means with and without weights against random thinning.
+    """
+    columns = [column(key) for key in keys]
+    values, classes, _ = samples(training)
+    tested, truth, _ = samples(test, every=10)
+    rows = []
+    for count in effort.thinning:
+        for name, method, weighted in (
+            ("random", "random", False),
+            ("k-means", "kmeans", False),
+            ("k-means, weighted", "kmeans", True),
+        ):
+            medians, kept = [], 0
+            for repeat in range(5):
+                thinning = VectorThinning(count, method=method, random_state=seed + repeat)
+                features, labels, weights = thinning.fit_resample(values[:, columns], classes)
+                kept = len(features)
+                ensemble = TanhNetworkEnsemble(
+                    10, max_iter=min(100, effort.iterations), precision="single", random_state=seed + repeat, n_jobs=2
+                ).fit(features, labels, weights if weighted else None)
+                medians.append(100 * float(np.median(ensemble.member_scores(tested[:, columns], truth))))
+            rows.append(
+                {"vectors": kept, "method": name, "test": np.mean(medians), "sd of five": np.std(medians, ddof=1)}
+            )
+    return pd.DataFrame(rows)
