@@ -68,7 +68,9 @@ def add_log(
     absent = sorted(set(actuators) - set(carried))
     if not carried or absent:
         wanted = absent[0] if absent else "any actuator"
-        remedy = f"it carries: {', '.join(carried)}" if carried else "see what it holds with `mavhums inspect`"
+        remedy = (
+            f"it carries: {', '.join(carried)}" if carried else "see what it holds with `mavhums inspect`"
+        )
         raise MavhumsError(f"{log}: does not carry {wanted} of a known airframe", remedy)
     start_us = _start_us(assessment.log.start_utc)
     tiers = {(verdict.vehicle, verdict.actuator): verdict.tier for verdict in assessment.verdicts}

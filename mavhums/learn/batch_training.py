@@ -101,7 +101,10 @@ def train_batch(
         figures = [problem.loss(solution.weights, data), solution.iterations]
         if looked_at is not None:
             logits = problem.logits(solution.weights, looked_at)
-            figures += [problem.loss(solution.weights, looked_at), (logits * looked_at.sign > 0).double().mean(1)]
+            figures += [
+                problem.loss(solution.weights, looked_at),
+                (logits * looked_at.sign > 0).double().mean(1),
+            ]
         return problem.networks(solution.weights, minimum, maximum), [part.tolist() for part in figures]
 
     order = np.argsort(np.asarray(batch.hidden), kind="stable")

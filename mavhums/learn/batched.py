@@ -130,7 +130,9 @@ class Problem:
         for row, (hidden, seed) in enumerate(zip(self.batch.hidden, self.batch.seeds, strict=True)):
             draw = torch.Generator().manual_seed(int(seed))
             seen = np.flatnonzero(np.append(self.batch.subsets[row], True))
-            first = (torch.rand(hidden, len(seen), generator=draw) * 2 - 1) * (6 / (len(seen) + hidden)) ** 0.5
+            first = (torch.rand(hidden, len(seen), generator=draw) * 2 - 1) * (
+                6 / (len(seen) + hidden)
+            ) ** 0.5
             last = torch.rand(2, hidden + 1, generator=draw).diff(dim=0)[0] * 2 * (6 / (hidden + 2)) ** 0.5
             matrix = torch.zeros(self.width, self.inputs + 1)
             matrix[:hidden, seen] = first

@@ -156,7 +156,8 @@ class RegressionRedundancyFilter(SelectorMixin, BaseEstimator):
                 staying = others
                 found.append((feature, self._fewest(squares, feature, others), r2))
         self.dependences_ = tuple(
-            Dependence(feature, needed, r2, self._model(values, feature, needed)) for feature, needed, r2 in found
+            Dependence(feature, needed, r2, self._model(values, feature, needed))
+            for feature, needed, r2 in found
         )
         self.groups_ = _groups(varying, self.dependences_)
         self.support_ = np.isin(np.arange(values.shape[1]), staying)
@@ -165,13 +166,17 @@ class RegressionRedundancyFilter(SelectorMixin, BaseEstimator):
     def _fewest(self, squares: _Squares, feature: int, others: list[int]) -> tuple[int, ...]:
         needed = list(others)
         while len(needed) > 1:
-            r2, least = max((squares.r2(feature, [c for c in needed if c != column]), column) for column in needed)
+            r2, least = max(
+                (squares.r2(feature, [c for c in needed if c != column]), column) for column in needed
+            )
             if r2 < self.threshold:
                 break
             needed.remove(least)
         return tuple(needed)
 
-    def _model(self, values: NDArray[np.float64], feature: int, needed: tuple[int, ...]) -> NonlinearRegression:
+    def _model(
+        self, values: NDArray[np.float64], feature: int, needed: tuple[int, ...]
+    ) -> NonlinearRegression:
         model = NonlinearRegression(self.functions, self.order, self.tolerance)
         return model.fit(values[:, needed], values[:, feature])
 
@@ -194,7 +199,12 @@ class _Squares:
     """
 
     def __init__(
-        self, values: NDArray[np.float64], varying: list[int], functions: Elementary, order: int, tolerance: float
+        self,
+        values: NDArray[np.float64],
+        varying: list[int],
+        functions: Elementary,
+        order: int,
+        tolerance: float,
     ) -> None:
         self._products = basis_products(len(functions), varying, order)
         self._targets = {feature: len(self._products) + place for place, feature in enumerate(varying)}

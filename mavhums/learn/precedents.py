@@ -151,7 +151,9 @@ class PrecedentBase:
                     first = next(file.iter_batches(1, columns=_PROVENANCE)).to_pylist()[0]
                     yield Precedent(path, Provenance(**first), file.metadata.num_rows)
             except (pa.ArrowException, OSError, StopIteration, TypeError) as error:
-                raise PrecedentError(f"{path}: not a precedent", "remove it, and add its log again") from error
+                raise PrecedentError(
+                    f"{path}: not a precedent", "remove it, and add its log again"
+                ) from error
 
     def read(self, precedent: Precedent) -> NDArray[np.float64]:
         """Return V1…V12 of a precedent, shape (n, 12)."""

@@ -71,9 +71,7 @@ def basis_products(functions: int, features: Sequence[int], order: int) -> list[
     [(), ((0, 0),), ((1, 0),), ((0, 0), (0, 0)), ((0, 0), (1, 0)), ((1, 0), (1, 0))]
     """
     elements = [(feature, function) for feature in features for function in range(functions)]
-    return [
-        product for m in range(order + 1) for product in combinations_with_replacement(elements, m)
-    ]
+    return [product for m in range(order + 1) for product in combinations_with_replacement(elements, m)]
 
 
 def basis_values(
@@ -149,9 +147,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
     rank_: int
     r2_: float
 
-    def __init__(
-        self, functions: Elementary | None = None, order: int = 2, tolerance: float = 1e-6
-    ) -> None:
+    def __init__(self, functions: Elementary | None = None, order: int = 2, tolerance: float = 1e-6) -> None:
         self.functions = functions
         self.order = order
         self.tolerance = tolerance
@@ -193,7 +189,12 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
         return predicted
 
     def expression(
-        self, names: Sequence[str] | None = None, *, target: str = "y", digits: int = 4, negligible: float = 1e-3
+        self,
+        names: Sequence[str] | None = None,
+        *,
+        target: str = "y",
+        digits: int = 4,
+        negligible: float = 1e-3,
     ) -> str:
         """Return the fitted model as a formula.
 
@@ -214,7 +215,9 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
         terms = []
         for product, coefficient, share in zip(self.products_, self.coef_, self._share, strict=True):
             if share >= negligible:
-                factors = "".join(f"·{written[function].format(names[feature])}" for feature, function in product)
+                factors = "".join(
+                    f"·{written[function].format(names[feature])}" for feature, function in product
+                )
                 terms.append((coefficient, f"{abs(coefficient):.{digits}g}{factors}"))
         if not terms:
             return f"{target} = 0"

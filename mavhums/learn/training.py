@@ -201,9 +201,7 @@ def train_network(
     trained = []
     for number, (size, network_seed) in enumerate(zip(neurons, seeds, strict=True), start=1):
         classifier = TanhNetworkClassifier(hidden=size, random_state=network_seed)
-        classifier.fit(
-            features[~held_out], labels[~held_out], None if weight is None else weight[~held_out]
-        )
+        classifier.fit(features[~held_out], labels[~held_out], None if weight is None else weight[~held_out])
         right = classifier.predict(features) == labels
         candidate = Candidate(
             size, network_seed, float(right[~held_out].mean()), float(right[held_out].mean())

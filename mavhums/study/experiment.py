@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pandas as pd
@@ -111,7 +111,7 @@ class Experiment:
     ensemble_test, ensemble_spread
         Test accuracy of the mean of all networks, %, and the mean spread of their probabilities.
     seconds
-        Of training all networks.
+        Of processor time to train all networks, which other programs do not lengthen.
     flights
         A row for each flight: friction, role, moving fraction, accuracies in % of the chosen
         network per sample, held, and held with the majority of the last 100 moving samples.
@@ -165,20 +165,22 @@ def run_experiment(
     ensemble = TanhNetworkEnsemble(
         effort.networks, max_iter=effort.iterations, precision="single", n_jobs=n_jobs, random_state=seed
     )
-    begin = perf_counter()
+    begin = process_time()
     ensemble.fit(values[:, columns], classes)
-    seconds = perf_counter() - begin
+    seconds = process_time() - begin
     rows = {id(part): [part.values[:, columns], emergency(part)] for part in (*training, *test)}
     scores = {
         role: 100
         * np.mean(
-            [ensemble.member_scores(rows[id(part)][0], np.full(10_000, rows[id(part)][1])) for part in flights], 0
+            [
+                ensemble.member_scores(rows[id(part)][0], np.full(10_000, rows[id(part)][1]))
+                for part in flights
+            ],
+            0,
         )
         for role, flights in (("training", training), ("test", test))
     }
-    together = [
-        (ensemble.predict(part.values[:, columns]) == emergency(part)).mean() for part in test
-    ]
+    together = [(ensemble.predict(part.values[:, columns]) == emergency(part)).mean() for part in test]
     spread = [ensemble.spread(part.values[::10, columns]).mean() for part in test]
     table = pd.DataFrame(
         {
@@ -205,9 +207,7 @@ def run_experiment(
     )
 
 
-def _judge(
-    network: TanhNetwork, flown: Flown, columns: list[int]
-) -> tuple[dict[str, float | str], Array]:
+def _judge(network: TanhNetwork, flown: Flown, columns: list[int]) -> tuple[dict[str, float | str], Array]:
     probability = network.p_first(flown.values[:, columns])
     said, truth = probability > 0.5, emergency(flown)
     row: dict[str, float | str] = {

@@ -26,10 +26,21 @@ from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Effort, samples
 from mavhums.study.published import CHI_SQUARE, P_LEVELS
 
-__all__ = ["THRESHOLD", "Grouping", "chi_square_table", "grouping", "p_level_table", "subset_table", "thinning_table"]
+__all__ = [
+    "THRESHOLD",
+    "Grouping",
+    "chi_square_table",
+    "grouping",
+    "p_level_table",
+    "subset_table",
+    "thinning_table",
+]
 
 THRESHOLD = 0.99
 """R² from which Algorithm 1 excludes a quantity: the paper says "close to 1"."""
+
+_FEW = 5
+"""Up to so many quantities the subsets are few enough to train each as long as any network."""
 
 Groups = tuple[tuple[str, ...], ...]
 
@@ -111,24 +122,27 @@ def subset_table(
         A row for each subset, best first: validation accuracy (blocks of time held out of the
         training flights), and test accuracy of the same network size for comparison only.
     SubsetSearch, SubsetSearch or None
-        By enumeration, and by the genetic algorithm on the same table for more than 5 quantities.
+        By enumeration, and by the genetic algorithm on the same table where quantities are many.
     """
     columns = [column(key) for key in keys]
     random = np.random.default_rng(seed)
     values, classes, numbers = samples(training)
+    few = len(keys) <= _FEW
+    count = (5 if few else 1) * effort.subset_samples
+    iterations = effort.iterations if few else effort.subset_iterations
     held_out, _ = hold_out(classes, numbers, random)
     parts = [
         (values[rows][:, columns], classes[rows])
         for rows in (
-            random.permutation(np.flatnonzero(~held_out))[: effort.subset_samples],
-            random.permutation(np.flatnonzero(held_out))[: 2 * effort.subset_samples],
+            random.permutation(np.flatnonzero(~held_out))[:count],
+            random.permutation(np.flatnonzero(held_out))[: 2 * count],
         )
     ]
-    tested = samples(test, every=60_000 // (2 * effort.subset_samples))
-    options = {"max_iter": effort.subset_iterations, "n_jobs": 2, "random_state": seed}
+    tested = samples(test, every=60_000 // (2 * count))
+    options = {"max_iter": iterations, "n_jobs": 2, "random_state": seed}
     search = exhaustive_search(network_objective(*parts, **options), len(keys))
     on_test = network_objective(parts[0], (tested[0][:, columns], tested[1]), **options)
-    order = np.argsort(-search.scores, kind="stable")[: 15 if len(keys) > 5 else None]
+    order = np.argsort(-search.scores, kind="stable")[:15]
     table = pd.DataFrame(
         {
             "subset": [" ".join(np.array(keys)[search.subsets[row]]) for row in order],
@@ -136,7 +150,7 @@ def subset_table(
             "test": 100 * on_test(search.subsets[order]),
         }
     )
-    return table, search, _genetic(search) if len(keys) > 5 else None
+    return table, search, None if few else _genetic(search)
 
 
 def _genetic(search: SubsetSearch) -> SubsetSearch:
@@ -172,10 +186,19 @@ def thinning_table(
                 features, labels, weights = thinning.fit_resample(values[:, columns], classes)
                 kept = len(features)
                 ensemble = TanhNetworkEnsemble(
-                    10, max_iter=min(100, effort.iterations), precision="single", random_state=seed + repeat, n_jobs=2
+                    10,
+                    max_iter=min(100, effort.iterations),
+                    precision="single",
+                    random_state=seed + repeat,
+                    n_jobs=2,
                 ).fit(features, labels, weights if weighted else None)
                 medians.append(100 * float(np.median(ensemble.member_scores(tested[:, columns], truth))))
             rows.append(
-                {"vectors": kept, "method": name, "test": np.mean(medians), "sd of five": np.std(medians, ddof=1)}
+                {
+                    "vectors": kept,
+                    "method": name,
+                    "test": np.mean(medians),
+                    "sd of five": np.std(medians, ddof=1),
+                }
             )
     return pd.DataFrame(rows)
