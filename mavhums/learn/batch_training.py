@@ -14,9 +14,9 @@ from mavhums.learn.batched import Batch, Data, Problem
 from mavhums.learn.inference import TanhNetwork
 from mavhums.learn.optimisation import Samples, one_thread
 from mavhums.learn.scaling import unit_interval
-from mavhums.learn.solvers import Solution, adam, lbfgs
+from mavhums.learn.solvers import adam, lbfgs
 
-__all__ = ["Optimiser", "Trained", "train_batch"]
+__all__ = ["Batch", "Optimiser", "Trained", "train_batch"]
 
 _NEURONS_PER_PART = 2048
 
@@ -81,23 +81,23 @@ def train_batch(
     n_jobs
         Threads, each with networks of its own, as in joblib. The result does not depend on it.
     """
-    emergency = samples[1]
     used = samples[0] if weight is None else samples[0][weight > 0]
     minimum, maximum = used.min(axis=0), used.max(axis=0)
-    make = {
-        "device": ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device,
-        "dtype": torch.float32 if precision == "single" else torch.float64,
-    }
-    data = Data.of(unit_interval(samples[0], minimum, maximum), emergency, weight, **make)
-    looked_at = None
-    if validation is not None:
-        looked_at = Data.of(unit_interval(validation[0], minimum, maximum), validation[1], **make)
+    where = ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+    dtype = torch.float32 if precision == "single" else torch.float64
+
+    def data_of(part: Samples, weights: NDArray[np.float64] | None = None) -> Data:
+        scaled = unit_interval(part[0], minimum, maximum)
+        return Data.of(scaled, part[1], weights, device=where, dtype=dtype)
+
+    data = data_of(samples, weight)
+    looked_at = None if validation is None else data_of(validation)
+    stops_by = None if patience is None else looked_at
+    solve = lbfgs if optimiser == "lbfgs" else adam
 
     def train_part(networks: NDArray[np.int64]) -> tuple[list[TanhNetwork], list[list[float]]]:
         problem = Problem(batch.part(networks.tolist()), data, weight_decay)
-        stopping = {} if patience is None else {"validation": looked_at, "patience": patience}
-        solve = lbfgs if optimiser == "lbfgs" else adam
-        solution: Solution = solve(problem, max_iter=max_iter, **stopping)
+        solution = solve(problem, max_iter=max_iter, validation=stops_by, patience=patience or max_iter)
         figures = [problem.loss(solution.weights, data), solution.iterations]
         if looked_at is not None:
             logits = problem.logits(solution.weights, looked_at)

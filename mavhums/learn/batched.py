@@ -114,15 +114,14 @@ class Problem:
     def __init__(self, batch: Batch, data: Data, weight_decay: float) -> None:
         self.batch, self.data = batch, data
         self.width, self.inputs = max(batch.hidden), batch.subsets.shape[1]
-        make = {"dtype": data.features.dtype, "device": data.features.device}
         neurons = torch.arange(self.width)[None, :] < torch.tensor(list(batch.hidden))[:, None]
         seen = torch.tensor(np.column_stack([batch.subsets, np.ones(len(batch), dtype=bool)]))
         masks = [(neurons[:, :, None] & seen[:, None, :]).flatten(1), neurons, torch.ones(len(batch), 1)]
-        self.mask = torch.cat([part.to(**make) for part in masks], dim=1)
+        self.mask = torch.cat([part.to(data.features) for part in masks], dim=1)
         penalty = torch.full((self.width, self.inputs + 1), float(weight_decay))
         penalty[:, -1] = 0
         halved = torch.full((self.width,), weight_decay / 2)
-        self.penalty = torch.cat([penalty.flatten(), halved, torch.zeros(1)]).to(**make)
+        self.penalty = torch.cat([penalty.flatten(), halved, torch.zeros(1)]).to(data.features)
 
     def initial(self) -> Tensor:
         """Draw Glorot's uniform weights, each network from its own seed, whatever its neighbours."""

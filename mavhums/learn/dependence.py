@@ -212,7 +212,9 @@ class _Squares:
         basis = basis_values(values, functions, self._products)
         columns = np.column_stack([basis, values[:, varying]])
         norm = np.linalg.norm(columns, axis=0)
-        self._triangle = np.linalg.qr(columns / np.where(norm > 0, norm, 1), mode="r")
+        self._triangle: NDArray[np.float64] = np.asarray(
+            np.linalg.qr(columns / np.where(norm > 0, norm, 1), mode="r")
+        )
 
     def r2(self, feature: int, others: list[int]) -> float:
         """Return R² of a feature on others."""

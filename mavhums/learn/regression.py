@@ -146,6 +146,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
     coef_: NDArray[np.float64]
     rank_: int
     r2_: float
+    _share: NDArray[np.float64]
 
     def __init__(self, functions: Elementary | None = None, order: int = 2, tolerance: float = 1e-6) -> None:
         self.functions = functions

@@ -148,7 +148,7 @@ def adam(
     shuffle = torch.Generator().manual_seed(seed)
     for iteration in range(1, max_iter + 1):
         order = torch.randperm(len(problem.data), generator=shuffle).to(problem.data.sign.device)
-        for rows in order.split(batch_size):
+        for rows in torch.split(order, batch_size):
             _, solution.weights.grad = problem.evaluate(
                 solution.weights.detach(), every, problem.data.rows(rows)
             )

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
-from sklearn.cluster import MiniBatchKMeans
+from sklearn.cluster import KMeans
 from sklearn.metrics import pairwise_distances_argmin
 from sklearn.utils import check_random_state
 from sklearn.utils.multiclass import check_classification_targets
@@ -17,6 +17,8 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from mavhums.learn.scaling import unit_interval
 
 __all__ = ["VectorThinning"]
+
+_ITERATIONS = 20
 
 
 class VectorThinning(BaseEstimator):
@@ -134,7 +136,7 @@ class VectorThinning(BaseEstimator):
         self, scaled: NDArray[np.float64], count: int, random: np.random.RandomState
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         distinct = len(np.unique(scaled, axis=0))
-        clusters = MiniBatchKMeans(min(count, distinct), random_state=random, n_init=1).fit(scaled)
+        clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random).fit(scaled)
         nearest = pairwise_distances_argmin(clusters.cluster_centers_, scaled, metric=self.metric)
         chosen = np.unique(nearest)
         stands_for = pairwise_distances_argmin(scaled, scaled[chosen], metric=self.metric)

@@ -59,7 +59,8 @@ class Flown:
 
 
 def _time() -> Array:
-    return np.arange(1, round(_DURATION_S / CONTROL_PERIOD_S) + 1) * CONTROL_PERIOD_S
+    time: Array = np.arange(1.0, round(_DURATION_S / CONTROL_PERIOD_S) + 1) * CONTROL_PERIOD_S
+    return time
 
 
 def _pilot(amplitude_deg: float, low_hz: float, high_hz: float, seed: int) -> Array:
@@ -69,7 +70,8 @@ def _pilot(amplitude_deg: float, low_hz: float, high_hz: float, seed: int) -> Ar
     shift = random.uniform(0, 2 * np.pi, 24)
     waves: Array = np.sin(2 * np.pi * frequency * _time()[:, None] + shift).sum(axis=1)
     waves *= np.clip(_time() / 2, 0, 1)
-    return amplitude_deg * waves / np.abs(waves).max()
+    command: Array = amplitude_deg * waves / np.abs(waves).max()
+    return command
 
 
 def _steps(amplitude_deg: float, seed: int) -> Array:
@@ -80,11 +82,13 @@ def _steps(amplitude_deg: float, seed: int) -> Array:
         rest, move = random.uniform(1, 4), random.uniform(0.7, 2)
         times += [times[-1] + rest, times[-1] + rest + move]
         angles += [angles[-1], random.uniform(-amplitude_deg, amplitude_deg)]
-    return np.interp(_time(), times, angles)
+    command: Array = np.interp(_time(), times, angles)
+    return command
 
 
 def _takeoff() -> Array:
-    return np.degrees(takeoff(_SEED, _DURATION_S).commands[_SURFACE])
+    command: Array = np.degrees(takeoff(_SEED, _DURATION_S).commands[_SURFACE])
+    return command
 
 
 CYCLOGRAMS: dict[str, Callable[[], Array]] = {

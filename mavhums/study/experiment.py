@@ -34,8 +34,6 @@ class Effort:
         Of each experiment.
     every
         Of the training samples every so many are trained on.
-    others
-        Whether the other cyclograms are trained on.
     subset_samples, subset_iterations
         Of each of the 4,095 networks of the subset search.
     thinning
@@ -168,16 +166,8 @@ def run_experiment(
     begin = process_time()
     ensemble.fit(values[:, columns], classes)
     seconds = process_time() - begin
-    rows = {id(part): [part.values[:, columns], emergency(part)] for part in (*training, *test)}
     scores = {
-        role: 100
-        * np.mean(
-            [
-                ensemble.member_scores(rows[id(part)][0], np.full(10_000, rows[id(part)][1]))
-                for part in flights
-            ],
-            0,
-        )
+        role: 100 * np.mean([_member_scores(ensemble, part, columns) for part in flights], axis=0)
         for role, flights in (("training", training), ("test", test))
     }
     together = [(ensemble.predict(part.values[:, columns]) == emergency(part)).mean() for part in test]
@@ -205,6 +195,10 @@ def run_experiment(
         flights=flights,
         outputs={part.friction_nm: p for part, (_, p) in zip((*training, *test), judged, strict=True)},
     )
+
+
+def _member_scores(ensemble: TanhNetworkEnsemble, flown: Flown, columns: list[int]) -> Array:
+    return ensemble.member_scores(flown.values[:, columns], np.full(len(flown.values), emergency(flown)))
 
 
 def _judge(network: TanhNetwork, flown: Flown, columns: list[int]) -> tuple[dict[str, float | str], Array]:

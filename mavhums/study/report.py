@@ -7,6 +7,7 @@ import pandas as pd
 from mavhums.quantities import KEYS
 from mavhums.study.cyclograms import MAIN
 from mavhums.study.experiment import Experiment
+from mavhums.study.findings import Findings
 from mavhums.study.outputs import markdown_table
 from mavhums.study.published import (
     BEST_12,
@@ -18,7 +19,6 @@ from mavhums.study.published import (
     TRAINING_NM,
     Row,
 )
-from mavhums.study.run import Findings
 from mavhums.study.selection import THRESHOLD
 
 __all__ = ["report"]
@@ -80,8 +80,8 @@ S. Bazhenov, A. Skryabin, G. Veresnikov: *The Development of Algorithms for EMA 
 System*. Everything here is simulated; it is not an airworthiness decision.
 
 `mavhums study paper`, seed {findings.seed}, {effort.networks} networks per experiment, {effort.iterations}
-iterations of L-BFGS with weight decay 1e-4, every sample{"" if effort.every == 1 else f" in {effort.every}"} of
-the training flights. Computed in {seconds:.0f} s.
+iterations of L-BFGS with weight decay 1e-4, {"every sample" if effort.every == 1 else "some samples"} of the
+training flights. Computed in {seconds:.0f} s.
 {"" if effort.networks >= 50 else "**A quick run: for a look, not for figures to quote.**"}
 
 {markdown_table(table)}
@@ -196,10 +196,11 @@ def _tables_4_and_5(findings: Findings) -> str:
     summary = pd.DataFrame([_summary(experiment) for experiment in findings.main])
     parts += ["### All networks", markdown_table(summary)]
     for experiment in findings.main[1:]:
+        iterations = experiment.table["iterations"].mean() / twelve.table["iterations"].mean()
         parts.append(
             f"Training {len(experiment.inputs)} inputs ({', '.join(experiment.inputs)}) took "
             f"{experiment.seconds / twelve.seconds:.2f} times the processor time of 12 inputs and "
-            f"{experiment.table['iterations'].mean() / twelve.table['iterations'].mean():.2f} times the iterations."
+            f"{iterations:.2f} times the iterations."
         )
     return "\n\n".join(parts)
 
@@ -240,7 +241,7 @@ def _summary(experiment: Experiment) -> dict[str, object]:
 def _cyclograms(findings: Findings) -> str:
     rows = []
     for name, experiments in findings.experiments.items():
-        moving = float(findings.moving.set_index("cyclogram").loc[name, "mean"])
+        moving = float(findings.moving["mean"][findings.moving["cyclogram"] == name].iloc[0])
         for experiment in experiments:
             held, voted = experiment.test_mean("held"), experiment.test_mean("voted")
             rows.append(

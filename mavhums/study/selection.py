@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -21,6 +22,7 @@ from mavhums.learn import (
     network_objective,
 )
 from mavhums.learn.splits import hold_out
+from mavhums.learn.subsets import Objective
 from mavhums.quantities import KEYS, column
 from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Effort, samples
@@ -139,9 +141,12 @@ def subset_table(
         )
     ]
     tested = samples(test, every=60_000 // (2 * count))
-    options = {"max_iter": iterations, "n_jobs": 2, "random_state": seed}
-    search = exhaustive_search(network_objective(*parts, **options), len(keys))
-    on_test = network_objective(parts[0], (tested[0][:, columns], tested[1]), **options)
+
+    def objective(validation: tuple[NDArray[np.float64], NDArray[np.bool_]]) -> Objective:
+        return network_objective(parts[0], validation, max_iter=iterations, n_jobs=2, random_state=seed)
+
+    search = exhaustive_search(objective(parts[1]), len(keys))
+    on_test = objective((tested[0][:, columns], tested[1]))
     order = np.argsort(-search.scores, kind="stable")[:15]
     table = pd.DataFrame(
         {
@@ -162,6 +167,13 @@ def _genetic(search: SubsetSearch) -> SubsetSearch:
     return genetic_search(look_up, search.subsets.shape[1], evaluations=len(known) // 10)
 
 
+_THINNINGS: tuple[tuple[str, Literal["kmeans", "random"], bool], ...] = (
+    ("random", "random", False),
+    ("k-means", "kmeans", False),
+    ("k-means, weighted", "kmeans", True),
+)
+
+
 def thinning_table(
     training: list[Flown], test: list[Flown], keys: tuple[str, ...], effort: Effort, *, seed: int
 ) -> pd.DataFrame:
@@ -175,11 +187,7 @@ def thinning_table(
     tested, truth, _ = samples(test, every=10)
     rows = []
     for count in effort.thinning:
-        for name, method, weighted in (
-            ("random", "random", False),
-            ("k-means", "kmeans", False),
-            ("k-means, weighted", "kmeans", True),
-        ):
+        for name, method, weighted in _THINNINGS:
             medians, kept = [], 0
             for repeat in range(5):
                 thinning = VectorThinning(count, method=method, random_state=seed + repeat)
