@@ -136,7 +136,9 @@ class VectorThinning(BaseEstimator):
         self, scaled: NDArray[np.float64], count: int, random: np.random.RandomState
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         distinct = len(np.unique(scaled, axis=0))
-        clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random).fit(scaled)
+        clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random).fit(
+            scaled
+        )
         nearest = pairwise_distances_argmin(clusters.cluster_centers_, scaled, metric=self.metric)
         chosen = np.unique(nearest)
         stands_for = pairwise_distances_argmin(scaled, scaled[chosen], metric=self.metric)

@@ -167,7 +167,9 @@ def _genetic(search: SubsetSearch) -> SubsetSearch:
     return genetic_search(look_up, search.subsets.shape[1], evaluations=len(known) // 10)
 
 
-_THINNINGS: tuple[tuple[str, Literal["kmeans", "random"], bool], ...] = (
+_Method = Literal["kmeans", "random"]
+_METHODS: tuple[_Method, ...] = ("random", "kmeans")
+_THINNINGS: tuple[tuple[str, _Method, bool], ...] = (
     ("random", "random", False),
     ("k-means", "kmeans", False),
     ("k-means, weighted", "kmeans", True),
@@ -184,29 +186,30 @@ def thinning_table(
     """
     columns = [column(key) for key in keys]
     values, classes, _ = samples(training)
-    tested, truth, _ = samples(test, every=10)
+    everything, truth, _ = samples(test, every=10)
+    tested = everything[:, columns]
     rows = []
     for count in effort.thinning:
-        for name, method, weighted in _THINNINGS:
-            medians, kept = [], 0
-            for repeat in range(5):
-                thinning = VectorThinning(count, method=method, random_state=seed + repeat)
-                features, labels, weights = thinning.fit_resample(values[:, columns], classes)
-                kept = len(features)
+        medians: dict[str, list[float]] = {name: [] for name, _, _ in _THINNINGS}
+        for repeat in range(seed, seed + 5):
+            thinned = {
+                method: VectorThinning(count, method=method, random_state=repeat).fit_resample(
+                    values[:, columns], classes
+                )
+                for method in _METHODS
+            }
+            for name, method, weighted in _THINNINGS:
+                features, labels, weights = thinned[method]
                 ensemble = TanhNetworkEnsemble(
                     10,
                     max_iter=min(100, effort.iterations),
                     precision="single",
-                    random_state=seed + repeat,
+                    random_state=repeat,
                     n_jobs=2,
                 ).fit(features, labels, weights if weighted else None)
-                medians.append(100 * float(np.median(ensemble.member_scores(tested[:, columns], truth))))
-            rows.append(
-                {
-                    "vectors": kept,
-                    "method": name,
-                    "test": np.mean(medians),
-                    "sd of five": np.std(medians, ddof=1),
-                }
-            )
+                medians[name].append(100 * float(np.median(ensemble.member_scores(tested, truth))))
+        rows += [
+            {"vectors": count, "method": name, "test": np.mean(found), "sd of five": np.std(found, ddof=1)}
+            for name, found in medians.items()
+        ]
     return pd.DataFrame(rows)

@@ -16,6 +16,7 @@ VOLTAGE, SPEED, LOAD = RANDOM.normal(size=(3, 600))
 CURRENT = RANDOM.normal(size=600) + LABEL
 
 
+@settings(deadline=None)
 @given(st.integers(1, 3), st.integers(1, 5), st.integers(1, 3))
 def test_the_number_of_basis_functions_is_that_of_the_formula(z: int, features: int, m: int) -> None:
     products = basis_products(z, range(features), m)
@@ -107,7 +108,7 @@ def test_r2_from_the_compressed_basis_is_that_of_the_regression_itself(order: in
     assert first.r2_all == pytest.approx(direct.r2_, abs=1e-9)
 
 
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 @given(st.lists(st.floats(1e-3, 1e3), min_size=6, max_size=6))
 def test_units_do_not_change_the_groups(scale: list[float]) -> None:
     changed = FEATURES * scale
