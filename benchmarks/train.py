@@ -1,6 +1,6 @@
 """Training of many small networks: fifty at once against scikit-learn's, and the subset searches.
 
-    python benchmarks/train.py [--quick]
+    python benchmarks/train.py [--quick] [--solver lbfgs] [--inputs 4]
 
 All on the paper's split: 20,000 training samples of the study's cyclogram, 60,000 test samples.
 Quick takes a tenth of the samples and of the networks, and is no benchmark.
@@ -13,6 +13,7 @@ import warnings
 from time import perf_counter
 
 import numpy as np
+import pandas as pd
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPClassifier
 from sklearn.preprocessing import MinMaxScaler
@@ -27,7 +28,7 @@ from mavhums.study.published import SELECTED, TEST_NM, TRAINING_NM
 HIDDEN = tuple(range(4, 17))
 
 
-def fifty(keys: tuple[str, ...], every: int, networks: int) -> list[dict[str, object]]:
+def fifty(keys: tuple[str, ...], every: int, networks: int, solver: str) -> list[dict[str, object]]:
     """Train the same networks batched and one after another, on the same rows."""
     columns = [KEYS.index(key) for key in keys]
     values, classes, _ = samples(fly_condition(MAIN, TRAINING_NM), every)
@@ -41,18 +42,17 @@ def fifty(keys: tuple[str, ...], every: int, networks: int) -> list[dict[str, ob
         row(len(keys), "mavhums, batched L-BFGS", batched, batched, ensemble.member_scores(tested, truth))
     ]
     scaler = MinMaxScaler().fit(values)
-    for solver in ("adam", "lbfgs"):
-        begin, scores = perf_counter(), []
-        for seed in range(networks):
-            network = MLPClassifier(
-                (HIDDEN[seed % len(HIDDEN)],), activation="tanh", solver=solver, alpha=1e-4, random_state=seed
-            )
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ConvergenceWarning)
-                network.fit(scaler.transform(values), classes)
-            scores.append(network.score(scaler.transform(tested), truth))
-        name = f"scikit-learn, {solver}, one after another"
-        rows.append(row(len(keys), name, perf_counter() - begin, batched, np.array(scores)))
+    begin, scores = perf_counter(), []
+    for seed in range(networks):
+        network = MLPClassifier(
+            (HIDDEN[seed % len(HIDDEN)],), activation="tanh", solver=solver, alpha=1e-4, random_state=seed
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            network.fit(scaler.transform(values), classes)
+        scores.append(network.score(scaler.transform(tested), truth))
+    name = f"scikit-learn, {solver}, one after another"
+    rows.append(row(len(keys), name, perf_counter() - begin, batched, np.array(scores)))
     return rows
 
 
@@ -110,16 +110,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--solver", default="adam", choices=["adam", "lbfgs"], help="of scikit-learn")
+    parser.add_argument("--inputs", default=12, type=int, choices=[12, 4], help="V1–V12, or the paper's four")
     parser.add_argument("--quick", action="store_true", help="a tenth of the samples and networks")
-    quick = parser.parse_args().quick
-    every, networks = (10, 5) if quick else (1, 50)
+    given = parser.parse_args()
+    every, networks = (10, 5) if given.quick else (1, 50)
+    keys = KEYS if given.inputs == 12 else SELECTED
     TanhNetworkEnsemble(2, max_iter=1).fit(np.eye(4), [0, 0, 1, 1])  # load what is loaded once
 
-    import pandas as pd
-
-    rows = [row for keys in (KEYS, SELECTED) for row in fifty(keys, every, networks)]
-    print(markdown_table(pd.DataFrame(rows)))
-    subsets(100 if quick else 1000)
+    print(markdown_table(pd.DataFrame(fifty(keys, every, networks, given.solver))), flush=True)
+    subsets(100 if given.quick else 1000)
 
 
 if __name__ == "__main__":

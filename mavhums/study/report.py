@@ -56,10 +56,11 @@ def report(findings: Findings, seconds: float) -> str:
 
 def _opening(findings: Findings, seconds: float) -> str:
     effort = findings.effort
-    twelve, ours, theirs = findings.main[:3]
+    twelve, ours, theirs, pairs = findings.main
     rows = [
         ("12 inputs", twelve, BEST_12),
         (f"selected by Algorithm 1: {', '.join(ours.inputs)}", ours, BEST_SELECTED),
+        (f"selected in pairs: {', '.join(pairs.inputs)}", pairs, BEST_SELECTED),
         (f"the paper's: {', '.join(theirs.inputs)}", theirs, BEST_SELECTED),
     ]
     table = pd.DataFrame(
