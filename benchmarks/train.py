@@ -69,7 +69,7 @@ def row(inputs: int, name: str, seconds: float, batched: float, scores: np.ndarr
 
 def subsets(count: int) -> None:
     """Train a network for each subset of the twelve quantities, then search the table genetically."""
-    values, classes, numbers = samples(fly_condition(MAIN, TRAINING_NM))
+    values, classes, _numbers = samples(fly_condition(MAIN, TRAINING_NM))
     # Every other ten seconds of each flight is held out.
     held_out = np.arange(len(values)) // 1000 % 2 == 1
     random = np.random.default_rng(0)
@@ -85,7 +85,8 @@ def subsets(count: int) -> None:
     seconds = perf_counter() - begin
     best = ", ".join(np.array(KEYS)[search.best])
     print(
-        f"\nall {len(search.scores)} subsets, {count} samples each: {seconds:.1f} s; best {100 * search.score:.2f} % ({best})"
+        f"\nall {len(search.scores)} subsets, {count} samples each: {seconds:.1f} s; "
+        f"best {100 * search.score:.2f} % ({best})"
     )
     table = {subset.tobytes(): score for subset, score in zip(search.subsets, search.scores, strict=True)}
     found = [

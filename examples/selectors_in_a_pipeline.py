@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from sklearn.ensemble import HistGradientBoostingClassifier
+from sklearn.feature_selection import SelectorMixin
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold, cross_val_score
 from sklearn.pipeline import make_pipeline
@@ -46,7 +47,7 @@ def main(seconds: float = 60.0) -> dict[str, float]:
     """Print and return the mean accuracy of each pipeline."""
     values, labels, groups = flights(seconds)
     check_command(values[:, 0], labels == "emergency", groups)
-    selectors = {
+    selectors: dict[str, SelectorMixin] = {
         "chi-square, best 6": ChiSquareRanking(k=6),
         "Algorithm 1": RegressionRedundancyFilter(threshold=0.99),
     }

@@ -73,6 +73,7 @@ def train_model(
         )
     healthy = _HEALTHY_PER_LIMIT * actuator.limits.normal
     emergency = _EMERGENCY_PER_LIMIT * actuator.limits.emergency
+    supplement = None if precedents is None else flown_samples(precedents, airframe, every=_EVERY)
     values, labels, numbers = [], [], []
     for number in range(2 * flights):
         is_emergency = number >= flights
@@ -84,8 +85,8 @@ def train_model(
     samples, classes, flight = (np.concatenate(parts) for parts in (values, labels, numbers))
     check_command(samples[:, 0], classes, flight)
     weights, keys = np.ones(len(samples)), _CANDIDATES
-    if precedents is not None:
-        flown, flown_classes, flown_flights = flown_samples(precedents, airframe, every=_EVERY)
+    if supplement is not None:
+        flown, flown_classes, flown_flights = supplement
         keys = tuple(key for key in keys if np.isfinite(flown[:, column(key)]).all())
         samples, classes = np.concatenate([samples, flown]), np.concatenate([classes, flown_classes])
         flight = np.concatenate([flight, 2 * flights + flown_flights])

@@ -21,7 +21,7 @@ ESTIMATORS = [
     ChiSquareRanking(strategy="quantile"),
     PairwiseRedundancyFilter(),
     TanhNetworkClassifier(random_state=0),
-    TanhNetworkEnsemble(n_networks=3, random_state=0),
+    TanhNetworkEnsemble(n_networks=2, max_iter=60, random_state=0),
     RegressionRedundancyFilter(),
     NonlinearRegression(),
     VectorThinning(n_vectors=20, random_state=0),

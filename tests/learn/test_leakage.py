@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from mavhums.learn import CommandLeakWarning, check_command
 
+Rows = tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]
 TIME = np.linspace(0, 100, 2000)
 
 
@@ -16,9 +17,7 @@ def command(seed: int, low: float = 0.05, high: float = 0.5) -> NDArray[np.float
     return waves
 
 
-def flown(
-    normal: list[int], emergency: list[int], **emergency_options: float
-) -> tuple[NDArray[np.float64], ...]:
+def flown(normal: list[int], emergency: list[int], **emergency_options: float) -> Rows:
     parts = [command(seed) for seed in normal] + [command(seed, **emergency_options) for seed in emergency]
     flights = np.repeat(np.arange(len(parts)), len(TIME))
     return np.concatenate(parts), flights >= len(normal), flights

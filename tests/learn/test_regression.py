@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sklearn.preprocessing import PolynomialFeatures
 
 from mavhums.learn import ChiSquareRanking, NonlinearRegression, RegressionRedundancyFilter
-from mavhums.learn.regression import IDENTITY, basis_count, basis_products, basis_values
+from mavhums.learn.regression import IDENTITY, Elementary, basis_count, basis_products, basis_values
 
 RANDOM = np.random.default_rng(5)
 LABEL = np.repeat([False, True], 300)
@@ -37,7 +37,7 @@ def test_with_one_elementary_function_the_basis_is_that_of_the_polynomials() -> 
 
 
 def test_elementary_functions_of_the_user_are_multiplied() -> None:
-    functions = {"{}": lambda x: x, "sin({})": np.sin}
+    functions: Elementary = {"{}": lambda x: x, "sin({})": np.sin}
     target = 3 * VOLTAGE * np.sin(SPEED) - 2
     model = NonlinearRegression(functions).fit(np.column_stack([VOLTAGE, SPEED]), target)
     assert model.expression(["U", "w"], target="M") == "M = -2 + 3·U·sin(w)"
@@ -71,7 +71,7 @@ def test_an_elementary_function_must_be_finite_where_it_is_asked() -> None:
         NonlinearRegression({"log({})": np.log}).fit(VOLTAGE[:, None], VOLTAGE)
     with pytest.raises(ValueError, match="at least one elementary function"):
         NonlinearRegression({}).fit(VOLTAGE[:, None], VOLTAGE)
-    with pytest.raises(ValueError, match="^order must"):
+    with pytest.raises(ValueError, match=r"^order must"):
         NonlinearRegression(order=0).fit(VOLTAGE[:, None], VOLTAGE)
 
 
@@ -118,7 +118,7 @@ def test_units_do_not_change_the_groups(scale: list[float]) -> None:
 def test_nothing_but_constants_is_refused() -> None:
     with pytest.raises(ValueError, match="every feature is constant"):
         RegressionRedundancyFilter().fit(np.ones((6, 2)), [0, 0, 0, 1, 1, 1])
-    with pytest.raises(ValueError, match="^threshold must"):
+    with pytest.raises(ValueError, match=r"^threshold must"):
         RegressionRedundancyFilter(threshold=0).fit(FEATURES, LABEL)
 
 

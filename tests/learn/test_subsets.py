@@ -6,14 +6,14 @@ from numpy.typing import NDArray
 from sklearn.datasets import make_moons
 
 from mavhums.learn import NetworkSubsetSelector, exhaustive_search, genetic_search, network_objective
-from mavhums.learn.subsets import all_subsets
+from mavhums.learn.subsets import Objective, all_subsets
 
 WORTH = np.random.default_rng(1).normal(size=10)
 
 
 def rugged(subsets: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Worth of features, less what pairs of neighbours repeat."""
-    return subsets @ WORTH - 0.8 * (subsets[:, 1:] & subsets[:, :-1]).sum(axis=1)
+    return np.asarray(subsets @ WORTH - 0.8 * (subsets[:, 1:] & subsets[:, :-1]).sum(axis=1))
 
 
 def test_enumeration_finds_the_optimum() -> None:
@@ -75,10 +75,8 @@ def test_the_selector_scores_on_whole_flights(monkeypatch: pytest.MonkeyPatch) -
     values = np.column_stack([flights, np.random.default_rng(0).normal(size=400)]).astype(float)
     seen = {}
 
-    def spy(
-        samples: tuple[NDArray[np.float64], ...], validation: tuple[NDArray[np.float64], ...], **_: object
-    ):  # type: ignore[no-untyped-def] # noqa: ANN202
-        seen["training"], seen["validation"] = (set(part[0][:, 0]) for part in (samples, validation))
+    def spy(*parts: tuple[NDArray[np.float64], NDArray[np.bool_]], **_: object) -> Objective:
+        seen["training"], seen["validation"] = (set(part[0][:, 0]) for part in parts)
         return lambda subsets: subsets.sum(axis=1).astype(float)
 
     monkeypatch.setattr("mavhums.learn.wrapper.network_objective", spy)
@@ -99,9 +97,9 @@ def test_the_objective_is_the_validation_accuracy_of_the_subset_alone() -> None:
 
 
 def test_refuses_what_means_nothing() -> None:
-    with pytest.raises(ValueError, match="^search must"):
+    with pytest.raises(ValueError, match=r"^search must"):
         NetworkSubsetSelector("greedy").fit(FEATURES, SIDE)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="^evaluations must"):
+    with pytest.raises(ValueError, match=r"^evaluations must"):
         NetworkSubsetSelector(evaluations=0).fit(FEATURES, SIDE)
     with pytest.raises(ValueError, match="one class"):
         NetworkSubsetSelector().fit(FEATURES, np.ones(400))

@@ -60,7 +60,7 @@ def test_nothing_is_thinned_that_is_small_enough() -> None:
 
 
 def test_refuses_parameters_that_mean_nothing() -> None:
-    with pytest.raises(ValueError, match="^n_vectors must"):
+    with pytest.raises(ValueError, match=r"^n_vectors must"):
         VectorThinning(0).fit(FEATURES, LABEL)
-    with pytest.raises(ValueError, match="^method must"):
+    with pytest.raises(ValueError, match=r"^method must"):
         VectorThinning(method="best").fit(FEATURES, LABEL)  # type: ignore[arg-type]
