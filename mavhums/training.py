@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import JsonValue
 
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.errors import MavhumsError
-from mavhums.learn import Card, Network, train_network
-from mavhums.quantities import KEYS
+from mavhums.learn import Card, Network, PrecedentBase, check_command, train_network
+from mavhums.precedents import flown_samples
+from mavhums.quantities import KEYS, column
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.flight import Flight, fly
 
@@ -32,6 +34,8 @@ def train_model(
     flights: int = 6,
     networks: int = 10,
     seed: int = 1,
+    precedents: PrecedentBase | None = None,
+    flown_weight: float = 1.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Network, Card]:
     """Fly both classes, select features, and train.
@@ -49,11 +53,16 @@ def train_model(
         Number of flights of each class.
     networks, seed, progress
         See :func:`mavhums.learn.train_network`.
+    precedents
+        Flights that supplement the simulation, as the paper intends. Quantities that not all of
+        their samples carry are left out of the network.
+    flown_weight
+        How many simulated samples one of a precedent counts for.
 
     Raises
     ------
     MavhumsError
-        If the actuators differ.
+        If the actuators differ, or the precedents hold none of the airframe.
     MissingExtraError
         If torch is not installed.
     """
@@ -64,6 +73,7 @@ def train_model(
         )
     healthy = _HEALTHY_PER_LIMIT * actuator.limits.normal
     emergency = _EMERGENCY_PER_LIMIT * actuator.limits.emergency
+    supplement = None if precedents is None else flown_samples(precedents, airframe, every=_EVERY)
     values, labels, numbers = [], [], []
     for number in range(2 * flights):
         is_emergency = number >= flights
@@ -72,13 +82,23 @@ def train_model(
         values.append(moving)
         labels.append(np.full(len(moving), is_emergency))
         numbers.append(np.full(len(moving), number))
+    samples, classes, flight = (np.concatenate(parts) for parts in (values, labels, numbers))
+    check_command(samples[:, 0], classes, flight)
+    weights, keys = np.ones(len(samples)), _CANDIDATES
+    if supplement is not None:
+        flown, flown_classes, flown_flights = supplement
+        keys = tuple(key for key in keys if np.isfinite(flown[:, column(key)]).all())
+        samples, classes = np.concatenate([samples, flown]), np.concatenate([classes, flown_classes])
+        flight = np.concatenate([flight, 2 * flights + flown_flights])
+        weights = np.concatenate([weights, np.full(len(flown), flown_weight)])
     result = train_network(
-        np.concatenate(values),
-        np.concatenate(labels),
-        np.concatenate(numbers),
+        samples,
+        classes,
+        flight,
         seed=seed,
         networks=networks,
-        keys=_CANDIDATES,
+        keys=keys,
+        weights=None if precedents is None else weights,
         progress=progress,
     )
     card = result.card(
@@ -87,7 +107,7 @@ def train_model(
         tier="instrumented",
         command=(
             f"mavhums train --airframe {airframe.name} --flights {flights} --networks {networks} "
-            f"--seed {seed} -o MODEL"
+            f"--seed {seed}{_given(precedents, flown_weight)} -o MODEL"
         ),
         conditions={
             "cyclogram": "takeoff",
@@ -95,9 +115,23 @@ def train_model(
             "friction_normal_nm": round(healthy, 4),
             "friction_emergency_nm": round(emergency, 4),
             "samples": "every fifth moving sample at 100 Hz",
+            **_supplement(precedents, flown_weight),
         },
     )
     return result.network, card
+
+
+def _given(precedents: PrecedentBase | None, flown_weight: float) -> str:
+    if precedents is None:
+        return ""
+    return f" --precedents {precedents.folder.name} --flown-weight {flown_weight:g}"
+
+
+def _supplement(precedents: PrecedentBase | None, flown_weight: float) -> dict[str, JsonValue]:
+    if precedents is None:
+        return {}
+    logs = {precedent.provenance.sha256 for precedent in precedents}
+    return {"precedent_logs": [*sorted(logs)], "flown_weight": flown_weight}
 
 
 def fly_class(actuator: Actuator, friction_nm: float, *, seed: int) -> Array:

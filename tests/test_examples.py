@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from examples import demo
+from examples import demo, selectors_in_a_pipeline
 from mavhums_sim.campaign import PAPER_FRICTION_NM
 
 
@@ -35,3 +35,11 @@ def test_the_demonstration_judges_every_actuator_right(
     starts = [e["start_s"] for e in growing["evidence"] if e["kind"] == "friction"]
     assert starts[1] == pytest.approx(19.4, abs=6.0)
     assert starts[2] == pytest.approx(83.9, abs=6.0)
+
+
+def test_selectors_compose_with_the_models_of_scikit_learn() -> None:
+    """Algorithm 1 keeps what tells the conditions apart, and networks beat a fixed polynomial."""
+    results = selectors_in_a_pipeline.main(seconds=8.0)
+    assert len(results) == 6
+    assert results["Algorithm 1 → tanh networks"] > 0.9
+    assert results["Algorithm 1 → tanh networks"] > results["chi-square, best 6 → tanh networks"]

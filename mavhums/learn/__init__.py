@@ -13,27 +13,52 @@ from mavhums.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from mavhums.learn.card import Card, Selection
+    from mavhums.learn.dependence import Dependence, RegressionRedundancyFilter
+    from mavhums.learn.ensemble import TanhNetworkEnsemble
     from mavhums.learn.inference import Network, TanhNetwork
+    from mavhums.learn.leakage import CommandLeak, CommandLeakWarning, check_command
     from mavhums.learn.model import Model, ModelError, default_model, load_model, save_model
     from mavhums.learn.network import TanhNetworkClassifier
+    from mavhums.learn.precedents import Precedent, PrecedentBase, PrecedentError, Provenance
     from mavhums.learn.ranking import ChiSquareRanking
     from mavhums.learn.redundancy import PairwiseRedundancyFilter
+    from mavhums.learn.regression import NonlinearRegression
+    from mavhums.learn.subsets import SubsetSearch, exhaustive_search, genetic_search
+    from mavhums.learn.thinning import VectorThinning
     from mavhums.learn.training import Candidate, TrainingResult, select_features, train_network
+    from mavhums.learn.wrapper import NetworkSubsetSelector, network_objective
 
 __all__ = [
     "Candidate",
     "Card",
     "ChiSquareRanking",
+    "CommandLeak",
+    "CommandLeakWarning",
+    "Dependence",
     "Model",
     "ModelError",
     "Network",
+    "NetworkSubsetSelector",
+    "NonlinearRegression",
     "PairwiseRedundancyFilter",
+    "Precedent",
+    "PrecedentBase",
+    "PrecedentError",
+    "Provenance",
+    "RegressionRedundancyFilter",
     "Selection",
+    "SubsetSearch",
     "TanhNetwork",
     "TanhNetworkClassifier",
+    "TanhNetworkEnsemble",
     "TrainingResult",
+    "VectorThinning",
+    "check_command",
     "default_model",
+    "exhaustive_search",
+    "genetic_search",
     "load_model",
+    "network_objective",
     "save_model",
     "select_features",
     "train_network",
@@ -41,12 +66,20 @@ __all__ = [
 
 _MODULES = {
     "card": ("Card", "Selection"),
+    "dependence": ("Dependence", "RegressionRedundancyFilter"),
+    "ensemble": ("TanhNetworkEnsemble",),
     "inference": ("Network", "TanhNetwork"),
+    "leakage": ("CommandLeak", "CommandLeakWarning", "check_command"),
     "model": ("Model", "ModelError", "default_model", "load_model", "save_model"),
     "network": ("TanhNetworkClassifier",),
+    "precedents": ("Precedent", "PrecedentBase", "PrecedentError", "Provenance"),
     "ranking": ("ChiSquareRanking",),
     "redundancy": ("PairwiseRedundancyFilter",),
+    "regression": ("NonlinearRegression",),
+    "subsets": ("SubsetSearch", "exhaustive_search", "genetic_search"),
+    "thinning": ("VectorThinning",),
     "training": ("Candidate", "TrainingResult", "select_features", "train_network"),
+    "wrapper": ("NetworkSubsetSelector", "network_objective"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,14 +11,11 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.model_selection import train_test_split
 from sklearn.utils import check_random_state
 from sklearn.utils.multiclass import check_classification_targets, type_of_target
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from mavhums.errors import MissingExtraError
 from mavhums.learn.inference import TanhNetwork
 from mavhums.learn.scaling import unit_interval
-
-if TYPE_CHECKING:
-    from mavhums.learn.optimisation import Samples
 
 __all__ = ["TanhNetworkClassifier"]
 
@@ -103,7 +100,9 @@ class TanhNetworkClassifier(ClassifierMixin, BaseEstimator):
         self.patience = patience
         self.random_state = random_state
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> TanhNetworkClassifier:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> TanhNetworkClassifier:
         """Train the network.
 
         Parameters
@@ -112,6 +111,8 @@ class TanhNetworkClassifier(ClassifierMixin, BaseEstimator):
             Shape (n_samples, n_features), finite.
         y
             One of two classes for each sample, shape (n_samples,).
+        sample_weight
+            How much each sample counts in training, not negative, shape (n_samples,).
 
         Raises
         ------
@@ -134,15 +135,21 @@ class TanhNetworkClassifier(ClassifierMixin, BaseEstimator):
         except ModuleNotFoundError as error:
             raise MissingExtraError("training", "train") from error
         random = check_random_state(self.random_state)
-        minimum, maximum = values.min(axis=0), values.max(axis=0)
-        samples, validation = self._split(unit_interval(values, minimum, maximum), codes == 1, random)
+        weight = np.ones(len(values))
+        if sample_weight is not None:
+            weight = _check_sample_weight(sample_weight, values, dtype=np.float64, ensure_non_negative=True)
+        used = values[weight > 0]
+        minimum, maximum = used.min(axis=0), used.max(axis=0)
+        kept, held_out = self._split(codes, random)
+        scaled, emergency = unit_interval(values, minimum, maximum), codes == 1
         training = train(
-            samples,
+            (scaled[kept], emergency[kept]),
+            weight=None if sample_weight is None else weight[kept],
             hidden=self.hidden,
             weight_decay=self.weight_decay,
             max_iter=self.max_iter,
             seed=int(random.randint(2**31 - 1)),
-            validation=validation,
+            validation=(scaled[held_out], emergency[held_out]) if len(held_out) else None,
             patience=self.patience,
         )
         self.network_ = TanhNetwork(
@@ -181,15 +188,15 @@ class TanhNetworkClassifier(ClassifierMixin, BaseEstimator):
             raise ValueError(f"validation_fraction must lie in [0, 1), got {self.validation_fraction!r}")
 
     def _split(
-        self, features: NDArray[np.float64], emergency: NDArray[np.bool_], random: np.random.RandomState
-    ) -> tuple[Samples, Samples | None]:
+        self, codes: NDArray[np.intp], random: np.random.RandomState
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        rows = np.arange(len(codes))
         if not self.validation_fraction:
-            return (features, emergency), None
-        rows = np.arange(len(features))
+            return rows, rows[:0]
         kept, held_out = train_test_split(
-            rows, test_size=self.validation_fraction, stratify=emergency, random_state=random
+            rows, test_size=self.validation_fraction, stratify=codes, random_state=random
         )
-        return (features[kept], emergency[kept]), (features[held_out], emergency[held_out])
+        return kept, held_out
 
     def __sklearn_tags__(self) -> Any:
         """Say that the network knows two classes."""

@@ -10,12 +10,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-__all__ = ["Training", "train"]
+__all__ = ["Samples", "Training", "one_thread", "train"]
 
 _ROUND = 10
 """Iterations between two looks at the validation samples."""
 
 Samples = tuple[NDArray[np.float64], NDArray[np.bool_]]
+"""Features of shape (n, k), and whether each sample is an emergency, shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,7 @@ def train(
     weight_decay: float,
     max_iter: int,
     seed: int,
+    weight: NDArray[np.float64] | None = None,
     validation: Samples | None = None,
     patience: int = 50,
 ) -> Training:
@@ -54,6 +56,8 @@ def train(
         Most iterations.
     seed
         Of the initial weights; the global state of torch is neither read nor changed.
+    weight
+        How much each sample counts, shape (n,); all alike if None.
     validation
         If given, training ends when the loss on these samples has not fallen for ``patience``
         iterations, and the weights with the smallest such loss are returned.
@@ -76,6 +80,7 @@ def train(
     ]
     features, target = _tensors(samples)
     held_out = _tensors(validation) if validation else None
+    share = None if weight is None else torch.tensor(weight / weight.sum())
     # The evaluations must never end a round, because a round cut short is taken for convergence.
     optimiser = torch.optim.LBFGS(
         weights,
@@ -89,12 +94,12 @@ def train(
     def closure() -> torch.Tensor:
         optimiser.zero_grad()
         decay = weights[0].square().sum() + weights[2].square().sum()
-        loss = _cross_entropy(weights, features, target) + weight_decay / 2 * decay
+        loss = _cross_entropy(weights, features, target, share) + weight_decay / 2 * decay
         torch.autograd.backward(loss)
         return loss.detach()
 
     best, best_loss, best_iteration, iterations = _copy(weights), float("inf"), 0, 0
-    with _one_thread():
+    with one_thread():
         while iterations < max_iter:
             allowed = min(_ROUND, max_iter - iterations)
             optimiser.param_groups[0]["max_iter"] = allowed
@@ -112,7 +117,7 @@ def train(
                 break
         final = best if held_out else _copy(weights)
         with torch.no_grad():
-            loss = float(_cross_entropy(final, features, target))
+            loss = float(_cross_entropy(final, features, target, share))
     w1, b1, w2, b2 = (weight.numpy() for weight in final)
     return Training(w1=w1, b1=b1, w2=w2, b2=b2, loss=loss, iterations=iterations)
 
@@ -123,10 +128,17 @@ def _tensors(samples: Samples) -> tuple[torch.Tensor, torch.Tensor]:
     return torch.tensor(features, dtype=torch.float64), torch.tensor(labels)
 
 
-def _cross_entropy(weights: list[torch.Tensor], features: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+def _cross_entropy(
+    weights: list[torch.Tensor],
+    features: torch.Tensor,
+    target: torch.Tensor,
+    share: torch.Tensor | None = None,
+) -> torch.Tensor:
     w1, b1, w2, b2 = weights
     outputs = torch.tanh(features @ w1 + b1) @ w2 + b2
-    return torch.nn.functional.cross_entropy(outputs, target)
+    if share is None:
+        return torch.nn.functional.cross_entropy(outputs, target)
+    return torch.nn.functional.cross_entropy(outputs, target, reduction="none") @ share
 
 
 def _copy(weights: list[torch.Tensor]) -> list[torch.Tensor]:
@@ -134,7 +146,8 @@ def _copy(weights: list[torch.Tensor]) -> list[torch.Tensor]:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
+    """Let torch compute each operation on one thread, and restore what was set before."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -27,10 +27,10 @@ class PairwiseRedundancyFilter(SelectorMixin, BaseEstimator):
     regression reaches the threshold of R²; the connected components are the groups, and of each
     group the feature with the largest chi-square stays (among equals the first column).
 
-    This stands in for the paper's Algorithm 1, which regresses each feature on all others at
-    once. With all others allowed, degree 2 explains almost everything, because V6 = V4·V5,
-    V9 = V7·V8 and V12 ∝ V10·V11; regression between pairs finds the groups of the paper's
-    figure 15 that are near to linear.
+    The alternative to the paper's Algorithm 1 (:class:`RegressionRedundancyFilter`), which
+    regresses each feature on all others at once. With all others allowed, degree 2 explains
+    almost everything, because V6 = V4·V5, V9 = V7·V8 and V12 ∝ V10·V11; regression between pairs
+    finds the groups of the paper's figure 15 that are near to linear.
 
     Parameters
     ----------

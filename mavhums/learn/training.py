@@ -16,12 +16,10 @@ from mavhums.learn.card import Card, Selection
 from mavhums.learn.inference import Network
 from mavhums.learn.network import TanhNetworkClassifier
 from mavhums.learn.redundancy import PairwiseRedundancyFilter
+from mavhums.learn.splits import hold_out
 from mavhums.quantities import KEYS, column
 
 __all__ = ["Candidate", "TrainingResult", "select_features", "train_network"]
-
-_HELD_OUT = 0.25
-_BLOCKS = 12
 
 
 @dataclass(frozen=True)
@@ -140,6 +138,7 @@ def train_network(
     networks: int = 10,
     hidden: Sequence[int] = range(4, 17),
     keys: Sequence[str] = KEYS,
+    weights: ArrayLike | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TrainingResult:
     """Select features, train several networks on them, and choose one without test data.
@@ -167,6 +166,9 @@ def train_network(
         Numbers of hidden neurons, gone through in turn, shuffled.
     keys
         The quantities to choose from, those that the telemetry tier provides.
+    weights
+        How much each sample counts in training, positive, shape (n,); all alike if None. Selection
+        and accuracies do not heed them.
     progress
         Called with the networks trained and their number, after each.
 
@@ -190,7 +192,8 @@ def train_network(
     if networks < 1 or not len(hidden):
         raise ValueError("at least one network, and one number of hidden neurons, must be asked for")
     random = np.random.default_rng(seed)
-    held_out, validation = _hold_out(labels, flight, random)
+    weight = None if weights is None else _checked_weights(weights, len(samples))
+    held_out, validation = hold_out(labels, flight, random)
     selection = select_features(samples[~held_out], labels[~held_out], keys=keys)
     features = samples[:, [column(key) for key in selection.selected]]
     neurons = np.resize(random.permutation(np.asarray(hidden)), networks).tolist()
@@ -198,7 +201,7 @@ def train_network(
     trained = []
     for number, (size, network_seed) in enumerate(zip(neurons, seeds, strict=True), start=1):
         classifier = TanhNetworkClassifier(hidden=size, random_state=network_seed)
-        classifier.fit(features[~held_out], labels[~held_out])
+        classifier.fit(features[~held_out], labels[~held_out], None if weight is None else weight[~held_out])
         right = classifier.predict(features) == labels
         candidate = Candidate(
             size, network_seed, float(right[~held_out].mean()), float(right[held_out].mean())
@@ -234,32 +237,8 @@ def _checked(
     return samples, labels, np.unique(np.asarray(flights), return_inverse=True)[1]
 
 
-def _hold_out(
-    emergency: NDArray[np.bool_], flight: NDArray[np.intp], random: np.random.Generator
-) -> tuple[NDArray[np.bool_], Literal["flights", "blocks"]]:
-    chosen = _choose(emergency, flight, random)
-    if chosen is not None:
-        return np.isin(flight, chosen), "flights"
-    blocks = np.empty_like(flight)
-    for number in np.unique(flight):
-        rows = np.flatnonzero(flight == number)
-        blocks[rows] = number * _BLOCKS + np.arange(len(rows)) * _BLOCKS // len(rows)
-    chosen = _choose(emergency, blocks, random)
-    if chosen is None:
-        raise ValueError("each class needs samples enough to hold some out, in two blocks of time at least")
-    return np.isin(blocks, chosen), "blocks"
-
-
-def _choose(
-    emergency: NDArray[np.bool_], group: NDArray[np.intp], random: np.random.Generator
-) -> NDArray[np.intp] | None:
-    """Draw a quarter of each class's groups, at least one; None if a class has fewer than two."""
-    numbers = np.unique(group)
-    is_emergency = np.array([emergency[group == number].mean() >= 0.5 for number in numbers], dtype=bool)
-    drawn = []
-    for label in (False, True):
-        members = numbers[is_emergency == label]
-        if len(members) < 2:
-            return None
-        drawn.append(random.permutation(members)[: max(1, round(_HELD_OUT * len(members)))])
-    return np.concatenate(drawn)
+def _checked_weights(weights: ArrayLike, samples: int) -> NDArray[np.float64]:
+    weight = np.asarray(weights, dtype=np.float64)
+    if weight.shape != (samples,) or not (np.isfinite(weight).all() and (weight > 0).all()):
+        raise ValueError("weights must be one positive number for each sample")
+    return weight

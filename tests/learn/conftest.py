@@ -1,12 +1,13 @@
 """What the tests of the learning room share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from mavhums.learn import Card, Network, Selection
+from mavhums.learn.optimisation import one_thread
 from mavhums.quantities import column
 
 Flights = tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]
@@ -81,3 +82,10 @@ def card() -> Card:
         command="mavhums train --seed 3 -o test.safetensors",
         versions={"torch": "2.13.0"},
     )
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    """Threads help no network this small, and two processes' threads hinder each other."""
+    with one_thread():
+        yield

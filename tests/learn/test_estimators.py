@@ -5,13 +5,29 @@ from typing import Any
 
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from mavhums.learn import ChiSquareRanking, PairwiseRedundancyFilter, TanhNetworkClassifier
+from mavhums.learn import (
+    ChiSquareRanking,
+    NetworkSubsetSelector,
+    NonlinearRegression,
+    PairwiseRedundancyFilter,
+    RegressionRedundancyFilter,
+    TanhNetworkClassifier,
+    TanhNetworkEnsemble,
+    VectorThinning,
+)
 
 ESTIMATORS = [
     ChiSquareRanking(),
     ChiSquareRanking(strategy="quantile"),
     PairwiseRedundancyFilter(),
     TanhNetworkClassifier(random_state=0),
+    TanhNetworkEnsemble(n_networks=2, max_iter=60, random_state=0),
+    RegressionRedundancyFilter(),
+    NonlinearRegression(),
+    VectorThinning(n_vectors=20, random_state=0),
+    VectorThinning(n_vectors=20, method="random", random_state=0),
+    NetworkSubsetSelector(iterations=5, random_state=0),
+    NetworkSubsetSelector("genetic", evaluations=30, iterations=5, random_state=0),
 ]
 
 

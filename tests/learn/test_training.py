@@ -22,10 +22,13 @@ def trained_on(monkeypatch: pytest.MonkeyPatch) -> list[tuple[NDArray[np.float64
     fit = TanhNetworkClassifier.fit
 
     def spy(
-        self: TanhNetworkClassifier, X: NDArray[np.float64], y: NDArray[np.bool_]
+        self: TanhNetworkClassifier,
+        X: NDArray[np.float64],
+        y: NDArray[np.bool_],
+        sample_weight: NDArray[np.float64] | None,
     ) -> TanhNetworkClassifier:
         calls.append((X, y))
-        return fit(self, X, y)
+        return fit(self, X, y, sample_weight)
 
     monkeypatch.setattr(TanhNetworkClassifier, "fit", spy)
     return calls
@@ -212,3 +215,18 @@ def test_a_quantity_with_gaps_is_named(flights: Flights) -> None:
         train_network(values, emergency, numbers, **FEW)
     keys = tuple(key for key in KEYS if key != "V9")
     assert "V9" not in train_network(values, emergency, numbers, **FEW, keys=keys).network.keys
+
+
+def test_weights_move_the_boundary_and_must_be_positive(flights: Callable[..., Any]) -> None:
+    values, emergency, numbers = flights(0.2, 0.25, 0.9, 1.0)
+    plain = train_network(values, emergency, numbers, seed=0, networks=1)
+    alike = train_network(values, emergency, numbers, seed=0, networks=1, weights=np.full(len(values), 3.0))
+    heavy = train_network(
+        values, emergency, numbers, seed=0, networks=1, weights=np.where(emergency, 50.0, 1.0)
+    )
+    mean = [result.network.p_emergency(values).mean() for result in (plain, alike, heavy)]
+    assert mean[1] == pytest.approx(mean[0], abs=1e-3)
+    assert mean[2] > mean[0]
+    for weights in (np.zeros(len(values)), np.ones(3)):
+        with pytest.raises(ValueError, match="weights must be one positive number"):
+            train_network(values, emergency, numbers, seed=0, networks=1, weights=weights)

@@ -1,0 +1,236 @@
+"""The paper's fifty networks, trained together, as one scikit-learn classifier (paper, section 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Integral, Real
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.utils import check_random_state
+from sklearn.utils.multiclass import check_classification_targets, type_of_target
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from mavhums.errors import MissingExtraError
+from mavhums.learn.inference import TanhNetwork
+
+__all__ = ["TanhNetworkEnsemble"]
+
+
+class TanhNetworkEnsemble(ClassifierMixin, BaseEstimator):
+    """Many k-h-2 networks with tanh neurons for two classes, trained as one tensor program.
+
+    The networks differ in their hidden neurons and initial weights. The ensemble's probability is
+    their mean, and their spread says how far the classification is a matter of luck. Labels are
+    coded as in the paper's table 3; features are scaled onto the unit interval.
+
+    Parameters
+    ----------
+    n_networks
+        How many; the paper trains 50.
+    hidden
+        Numbers of hidden neurons, gone through in turn.
+    optimiser
+        ``"lbfgs"``, on all samples, or ``"adam"``, on mini-batches of 200.
+    weight_decay
+        Half of it times the sum of squared weights, biases excepted, is added to the mean
+        cross-entropy.
+    max_iter
+        Most iterations of L-BFGS, or passes of Adam.
+    patience
+        Iterations without a smaller loss on the validation samples given to :meth:`fit`, after
+        which a network stops; None to use them only for :attr:`best_`.
+    precision
+        ``"single"`` is twice as fast as ``"double"``.
+    device
+        ``"auto"`` (a GPU where there is one), ``"cpu"`` or another device of torch.
+    n_jobs
+        Threads, as in joblib; the result does not depend on it.
+    random_state
+        Seed, generator or None, of the initial weights.
+
+    Attributes
+    ----------
+    classes_
+        The two classes, sorted.
+    networks_
+        The trained networks, numpy only.
+    losses_, n_iter_
+        Mean cross-entropy over the training samples and iterations of each, shape (n_networks,).
+    validation_losses_, validation_accuracies_
+        Of each network, shape (n_networks,); NaN without validation samples.
+    best_
+        The network with the smallest validation loss; without validation samples, training loss.
+    n_features_in_
+        Number of features seen by :meth:`fit`.
+
+    References
+    ----------
+    S. Bazhenov, A. Skryabin, G. Veresnikov: The Development of Algorithms for EMA Fault Early
+    Detection System, section 5, tables 3 to 5.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    >>> ensemble = TanhNetworkEnsemble(n_networks=8, random_state=0).fit(corners, [0, 1, 1, 0])
+    >>> ensemble.predict(corners)
+    array([0, 1, 1, 0])
+    >>> ensemble.spread(corners).shape
+    (4,)
+    """
+
+    classes_: NDArray[Any]
+    networks_: tuple[TanhNetwork, ...]
+    losses_: NDArray[np.float64]
+    n_iter_: NDArray[np.int64]
+    validation_losses_: NDArray[np.float64]
+    validation_accuracies_: NDArray[np.float64]
+    best_: int
+
+    def __init__(
+        self,
+        n_networks: int = 50,
+        hidden: Sequence[int] = tuple(range(4, 17)),
+        *,
+        optimiser: Literal["lbfgs", "adam"] = "lbfgs",
+        weight_decay: float = 1e-4,
+        max_iter: int = 200,
+        patience: int | None = 50,
+        precision: Literal["single", "double"] = "double",
+        device: str = "auto",
+        n_jobs: int | None = None,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
+        self.n_networks = n_networks
+        self.hidden = hidden
+        self.optimiser = optimiser
+        self.weight_decay = weight_decay
+        self.max_iter = max_iter
+        self.patience = patience
+        self.precision = precision
+        self.device = device
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        *,
+        validation: tuple[ArrayLike, ArrayLike] | None = None,
+    ) -> TanhNetworkEnsemble:
+        """Train the networks.
+
+        Parameters
+        ----------
+        X
+            Shape (n_samples, n_features), finite.
+        y
+            One of two classes for each sample, shape (n_samples,).
+        sample_weight
+            Not negative, shape (n_samples,).
+        validation
+            Samples of other flights, with their classes, that stop each network early and choose
+            the best; they are not trained on.
+
+        Raises
+        ------
+        ValueError
+            If a parameter or the data are not as described.
+        MissingExtraError
+            If torch is not installed.
+        """
+        self._check_parameters()
+        values, target = validate_data(self, X, y, dtype=np.float64)
+        check_classification_targets(target)
+        if type_of_target(target) != "binary":
+            message = "Only binary classification is supported. The type of the target is "
+            raise ValueError(f"{message}{type_of_target(target)}.")
+        weight = None
+        if sample_weight is not None:
+            weight = _check_sample_weight(sample_weight, values, dtype=np.float64, ensure_non_negative=True)
+        self.classes_, codes = np.unique(target, return_inverse=True)
+        if len(self.classes_) != 2:
+            raise ValueError(f"two classes are needed, the data hold one class: {self.classes_[0]!r}")
+        try:
+            from mavhums.learn.batch_training import Batch, train_batch
+        except ModuleNotFoundError as error:
+            raise MissingExtraError("training", "train") from error
+        held_out = None
+        if validation is not None:
+            held_out = (
+                validate_data(self, validation[0], dtype=np.float64, reset=False),
+                np.asarray(validation[1]) == self.classes_[1],
+            )
+        trained = train_batch(
+            Batch(
+                hidden=[int(h) for h in np.resize(np.asarray(self.hidden), self.n_networks)],
+                subsets=np.ones((self.n_networks, values.shape[1]), dtype=bool),
+                seeds=check_random_state(self.random_state).randint(2**31 - 1, size=self.n_networks),
+            ),
+            (values, codes == 1),
+            weight=weight,
+            validation=held_out,
+            optimiser=self.optimiser,
+            weight_decay=self.weight_decay,
+            max_iter=self.max_iter,
+            patience=self.patience,
+            precision=self.precision,
+            device=self.device,
+            n_jobs=self.n_jobs,
+        )
+        self.networks_, self.losses_, self.n_iter_ = trained.networks, trained.loss, trained.iterations
+        self.validation_losses_ = trained.validation_loss
+        self.validation_accuracies_ = trained.validation_accuracy
+        self.best_ = int(np.argmin(self.losses_ if validation is None else self.validation_losses_))
+        return self
+
+    def predict(self, X: ArrayLike) -> NDArray[Any]:
+        """Return the class with the larger mean probability, shape (n_samples,)."""
+        second = self._second(X).mean(axis=0) > 0.5
+        classes: NDArray[Any] = self.classes_[second.astype(np.intp)]
+        return classes
+
+    def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
+        """Return the networks' mean probabilities in the order of ``classes_``, shape (n_samples, 2)."""
+        second = self._second(X).mean(axis=0)
+        return np.column_stack([1 - second, second])
+
+    def spread(self, X: ArrayLike) -> NDArray[np.float64]:
+        """Return the standard deviation of the networks' probabilities, shape (n_samples,)."""
+        deviation: NDArray[np.float64] = self._second(X).std(axis=0)
+        return deviation
+
+    def member_scores(self, X: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the accuracy of each network, winner takes all, shape (n_networks,)."""
+        second = self._second(X) > 0.5
+        scores: NDArray[np.float64] = (second == (np.asarray(y) == self.classes_[1])).mean(axis=1)
+        return scores
+
+    def _second(self, X: ArrayLike) -> NDArray[np.float64]:
+        check_is_fitted(self)
+        features = validate_data(self, X, dtype=np.float64, reset=False)
+        return np.stack([network.p_first(features) for network in self.networks_])
+
+    def _check_parameters(self) -> None:
+        for name in ("n_networks", "max_iter", *(() if self.patience is None else ("patience",))):
+            value = getattr(self, name)
+            if not isinstance(value, Integral) or value < 1:
+                raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
+        if not len(self.hidden) or not all(isinstance(h, Integral) and h >= 1 for h in self.hidden):
+            raise ValueError(f"hidden must be integers of at least 1, got {self.hidden!r}")
+        if not isinstance(self.weight_decay, Real) or not 0 <= self.weight_decay < np.inf:
+            raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
+        for name, known in (("optimiser", ("lbfgs", "adam")), ("precision", ("single", "double"))):
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
+
+    def __sklearn_tags__(self) -> Any:
+        """Say that the networks know two classes."""
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.multi_class = False
+        return tags

@@ -1,0 +1,147 @@
+"""Wrappers: the subset of features with the best network, by enumeration or by a genetic algorithm."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.errors import MissingExtraError
+
+__all__ = ["Objective", "SubsetSearch", "all_subsets", "exhaustive_search", "genetic_search"]
+
+Objective = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
+"""Takes subsets, shape (s, k), none of them empty, and returns their scores, shape (s,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class SubsetSearch:
+    """What a search found.
+
+    Attributes
+    ----------
+    subsets
+        Those that were scored, shape (s, k), no two alike.
+    scores
+        Of each, shape (s,).
+    """
+
+    subsets: NDArray[np.bool_]
+    scores: NDArray[np.float64]
+
+    @property
+    def best(self) -> NDArray[np.bool_]:
+        """The subset with the largest score; among equals the one with the fewest features."""
+        ties = np.flatnonzero(self.scores == self.scores.max())
+        chosen: NDArray[np.bool_] = self.subsets[ties[np.argmin(self.subsets[ties].sum(axis=1))]]
+        return chosen
+
+    @property
+    def score(self) -> float:
+        """The largest score."""
+        return float(self.scores.max())
+
+
+def all_subsets(features: int) -> NDArray[np.bool_]:
+    """Return the 2^k - 1 subsets of k features that are not empty, shape (2^k - 1, k).
+
+    Examples
+    --------
+    >>> all_subsets(2).astype(int).tolist(), len(all_subsets(4)), len(all_subsets(12))
+    ([[1, 0], [0, 1], [1, 1]], 15, 4095)
+    """
+    codes = np.arange(1, 2**features)
+    return (codes[:, None] >> np.arange(features) & 1).astype(bool)
+
+
+def exhaustive_search(objective: Objective, features: int) -> SubsetSearch:
+    """Score every subset of the features, the global optimum among them (paper, section 2)."""
+    subsets = all_subsets(features)
+    return SubsetSearch(subsets, objective(subsets))
+
+
+def genetic_search(
+    objective: Objective,
+    features: int,
+    *,
+    evaluations: int = 400,
+    population: int = 40,
+    random_state: int = 0,
+) -> SubsetSearch:
+    """Search the subsets by a genetic algorithm, for where there are too many to score (paper, section 2).
+
+    Every generation is scored in one call of the objective, and no subset is scored twice.
+
+    Parameters
+    ----------
+    objective
+        The same as for :func:`exhaustive_search`.
+    features
+        k.
+    evaluations
+        How many different subsets to score at most.
+    population
+        Subsets in a generation.
+    random_state
+        Seed; the generators of numpy and Python are left as they were.
+
+    Raises
+    ------
+    MissingExtraError
+        If pygad is not installed.
+    """
+    try:
+        import pygad
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("genetic search", "train") from error
+    scored: dict[bytes, tuple[NDArray[np.bool_], float]] = {}
+
+    def fitness(_: Any, solutions: Any, __: Any) -> list[float]:
+        genes = np.atleast_2d(np.asarray(solutions)).astype(bool)
+        new = {row.tobytes(): row for row in genes if row.any() and row.tobytes() not in scored}
+        wanted = list(new.values())[: evaluations - len(scored)]
+        if wanted:
+            for row, score in zip(wanted, objective(np.stack(wanted)), strict=True):
+                scored[row.tobytes()] = (row, float(score))
+        # An empty subset, or one beyond the allowance, must never be bred from.
+        return [scored[row.tobytes()][1] if row.tobytes() in scored else -np.inf for row in genes]
+
+    def enough(_: Any) -> str | None:
+        return "stop" if len(scored) >= min(evaluations, 2**features - 1) else None
+
+    with _global_state():
+        pygad.GA(
+            num_generations=10 * max(1, evaluations // population),
+            sol_per_pop=population,
+            num_parents_mating=population // 2,
+            num_genes=features,
+            gene_space=[0, 1],
+            gene_type=int,
+            parent_selection_type="tournament",
+            crossover_type="uniform",
+            mutation_probability=min(1.0, 1.5 / features),
+            keep_elitism=max(1, population // 10),
+            fitness_func=fitness,
+            fitness_batch_size=population,
+            on_generation=enough,
+            random_seed=random_state,
+            suppress_warnings=True,
+        ).run()
+    subsets, scores = zip(*scored.values(), strict=True)
+    return SubsetSearch(np.stack(subsets), np.array(scores))
+
+
+@contextmanager
+def _global_state() -> Iterator[None]:
+    """Restore the global generators, which the library seeds."""
+    numpy_state, python_state = np.random.get_state(), random.getstate()  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(numpy_state)  # noqa: NPY002
+        random.setstate(python_state)

@@ -1,0 +1,157 @@
+"""Redundant vectors left out of the precedents (paper, section 2, step 1)."""
+
+from __future__ import annotations
+
+from numbers import Integral
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator
+from sklearn.cluster import KMeans
+from sklearn.metrics import pairwise_distances_argmin
+from sklearn.utils import check_random_state
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from mavhums.learn.scaling import unit_interval
+
+__all__ = ["VectorThinning"]
+
+_ITERATIONS = 20
+
+
+class VectorThinning(BaseEstimator):
+    """Keep some vectors of each class, and how many each of them stands for.
+
+    Each class keeps its share of the vectors, at least one. Similarity is measured on features
+    scaled onto the unit interval.
+
+    Parameters
+    ----------
+    n_vectors
+        How many to keep of all classes together; all are kept if there are no more.
+    method
+        ``"kmeans"``: the sample nearest to each centre of k-means, with the cluster's size as
+        weight. ``"random"``: drawn without replacement, with equal weights; what any other method
+        has to beat.
+    metric
+        By which the sample nearest to a centre is found; any of
+        :func:`sklearn.metrics.pairwise_distances_argmin`.
+    random_state
+        Seed, generator or None.
+
+    Attributes
+    ----------
+    indices_
+        Rows that are kept, ascending.
+    weights_
+        How many samples each kept row stands for; they sum to the number of samples.
+    n_features_in_
+        Number of features seen by :meth:`fit`.
+
+    References
+    ----------
+    S. Bazhenov, A. Skryabin, G. Veresnikov: The Development of Algorithms for EMA Fault Early
+    Detection System, section 2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> features = np.repeat([[0.0], [1.0], [5.0]], [6, 2, 4], axis=0)
+    >>> kept = VectorThinning(n_vectors=3, random_state=0).fit(features, np.repeat([0, 1], [8, 4]))
+    >>> features[kept.indices_].ravel(), kept.weights_
+    (array([0., 1., 5.]), array([6., 2., 4.]))
+    """
+
+    indices_: NDArray[np.intp]
+    weights_: NDArray[np.float64]
+
+    def __init__(
+        self,
+        n_vectors: int = 2000,
+        method: Literal["kmeans", "random"] = "kmeans",
+        metric: str = "euclidean",
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
+        self.n_vectors = n_vectors
+        self.method = method
+        self.metric = metric
+        self.random_state = random_state
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> VectorThinning:
+        """Choose the vectors to keep.
+
+        Parameters
+        ----------
+        X
+            Shape (n_samples, n_features), finite.
+        y
+            Class of each sample, shape (n_samples,).
+
+        Raises
+        ------
+        ValueError
+            If a parameter or the data are not as described.
+        """
+        if not isinstance(self.n_vectors, Integral) or self.n_vectors < 1:
+            raise ValueError(f"n_vectors must be an integer of at least 1, got {self.n_vectors!r}")
+        if self.method not in ("kmeans", "random"):
+            raise ValueError(f"method must be 'kmeans' or 'random', got {self.method!r}")
+        values, target = validate_data(self, X, y, dtype=np.float64)
+        check_classification_targets(target)
+        random = check_random_state(self.random_state)
+        scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
+        choose = self._representatives if self.method == "kmeans" else self._drawn
+        rows, weights = [], []
+        for label in np.unique(target):
+            members = np.flatnonzero(target == label)
+            count = max(1, round(self.n_vectors * len(members) / len(target)))
+            if count >= len(members):
+                chosen, weight = np.arange(len(members)), np.ones(len(members))
+            else:
+                chosen, weight = choose(scaled[members], count, random)
+            rows.append(members[chosen])
+            weights.append(weight)
+        kept = np.concatenate(rows)
+        order = np.argsort(kept)
+        self.indices_, self.weights_ = kept[order], np.concatenate(weights)[order]
+        return self
+
+    def fit_resample(
+        self, X: ArrayLike, y: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[Any], NDArray[np.float64]]:
+        """Return the kept samples, their classes and their weights.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`fit`.
+        """
+        self.fit(X, y)
+        check_is_fitted(self)
+        return np.asarray(X, dtype=np.float64)[self.indices_], np.asarray(y)[self.indices_], self.weights_
+
+    def _representatives(
+        self, scaled: NDArray[np.float64], count: int, random: np.random.RandomState
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        distinct = len(np.unique(scaled, axis=0))
+        clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random).fit(
+            scaled
+        )
+        nearest = pairwise_distances_argmin(clusters.cluster_centers_, scaled, metric=self.metric)
+        chosen = np.unique(nearest)
+        stands_for = pairwise_distances_argmin(scaled, scaled[chosen], metric=self.metric)
+        return chosen, np.bincount(stands_for, minlength=len(chosen)).astype(np.float64)
+
+    def _drawn(
+        self, scaled: NDArray[np.float64], count: int, random: np.random.RandomState
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        chosen = random.choice(len(scaled), size=count, replace=False)
+        return chosen, np.full(count, len(scaled) / count)
+
+    def __sklearn_tags__(self) -> Any:
+        """Say that the classes are needed."""
+        tags = super().__sklearn_tags__()
+        tags.target_tags.required = True
+        return tags

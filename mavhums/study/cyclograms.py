@@ -1,0 +1,129 @@
+"""The cyclograms of the study, fixed before any training, and the eight conditions flown through each.
+
+The paper shows its cyclogram in pictures only, so these are ours: the one that the study turns
+on, and three others. All fly in the air of the simulator's take-off, with PI control and without
+sensor noise, as the paper's data are a model's output.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums_sim.cyclogram import takeoff
+from mavhums_sim.ema import CONTROL_PERIOD_S, EmaParameters, simulate
+from mavhums_sim.sensors import SensorNoise, sample_times, sense
+
+__all__ = ["CYCLOGRAMS", "MAIN", "Flown", "fly_condition"]
+
+Array = NDArray[np.float64]
+
+MAIN = "pilot ±20°"
+
+_DURATION_S = 100.0
+_RATE_HZ = 100.0
+_SURFACE = "elevator"
+_HINGE_PER_DEFLECTION, _HINGE_PER_INCIDENCE = 0.016, 0.006
+_AIR_DENSITY = 1.225
+_MOVING_DEG_S = 1.0
+_SEED = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """One condition flown through a cyclogram.
+
+    Attributes
+    ----------
+    friction_nm
+        Coulomb friction T_c.
+    time_s
+        Shape (n,).
+    values
+        V1…V12, shape (n, 12).
+    moving
+        Whether the output shaft turns at 1°/s or more, as sensed by V10, shape (n,).
+    moving_fraction
+        Share of the time in which the shaft turned at all, from the simulator.
+    """
+
+    friction_nm: float
+    time_s: Array
+    values: Array
+    moving: NDArray[np.bool_]
+    moving_fraction: float
+
+
+def _time() -> Array:
+    time: Array = np.arange(1.0, round(_DURATION_S / CONTROL_PERIOD_S) + 1) * CONTROL_PERIOD_S
+    return time
+
+
+def _pilot(amplitude_deg: float, low_hz: float, high_hz: float, seed: int) -> Array:
+    """Return a random smooth command: 24 waves with a 1/f power spectrum, of a given peak, °."""
+    random = np.random.default_rng(seed)
+    frequency = np.exp(random.uniform(np.log(low_hz), np.log(high_hz), 24))
+    shift = random.uniform(0, 2 * np.pi, 24)
+    waves: Array = np.sin(2 * np.pi * frequency * _time()[:, None] + shift).sum(axis=1)
+    waves *= np.clip(_time() / 2, 0, 1)
+    command: Array = amplitude_deg * waves / np.abs(waves).max()
+    return command
+
+
+def _steps(amplitude_deg: float, seed: int) -> Array:
+    """Return moves of up to two seconds between rests of one to four, °."""
+    random = np.random.default_rng(seed)
+    times, angles = [0.0], [0.0]
+    while times[-1] < _DURATION_S:
+        rest, move = random.uniform(1, 4), random.uniform(0.7, 2)
+        times += [times[-1] + rest, times[-1] + rest + move]
+        angles += [angles[-1], random.uniform(-amplitude_deg, amplitude_deg)]
+    command: Array = np.interp(_time(), times, angles)
+    return command
+
+
+def _takeoff() -> Array:
+    command: Array = np.degrees(takeoff(_SEED, _DURATION_S).commands[_SURFACE])
+    return command
+
+
+CYCLOGRAMS: dict[str, Callable[[], Array]] = {
+    MAIN: lambda: _pilot(20, 0.05, 0.25, seed=0),
+    "take-off": _takeoff,
+    "pilot ±12°": lambda: _pilot(12, 0.05, 0.4, seed=1),
+    "moves and rests": lambda: _steps(20, seed=2),
+}
+"""The command of each cyclogram, °, one value per millisecond."""
+
+
+@cache
+def _flown(cyclogram: str, friction_nm: float) -> Flown:
+    command = np.radians(CYCLOGRAMS[cyclogram]())
+    air = takeoff(_SEED, _DURATION_S)
+    pressure = 0.5 * _AIR_DENSITY * air.airspeed**2
+    parameters = EmaParameters.from_data_sheet(integral_gain=400.0)
+    motion = simulate(
+        parameters,
+        command,
+        np.full(command.size, friction_nm),
+        pressure * _HINGE_PER_DEFLECTION,
+        pressure * _HINGE_PER_INCIDENCE * air.incidence[_SURFACE],
+    )
+    random = np.random.default_rng(_SEED)
+    times = sample_times(random, _DURATION_S, _RATE_HZ)
+    values = sense(motion, parameters, times, random, SensorNoise.none())
+    moving = np.abs(values[:, 9]) * 6 >= _MOVING_DEG_S
+    return Flown(friction_nm, times, values, moving, motion.moving_fraction)
+
+
+def fly_condition(cyclogram: str, frictions_nm: Sequence[float]) -> list[Flown]:
+    """Fly a cyclogram of :data:`CYCLOGRAMS` at each friction; 10,000 samples each.
+
+    The command and the times of the samples are the same at every friction, so neither can carry
+    the class.
+    """
+    return [_flown(cyclogram, friction) for friction in frictions_nm]

@@ -1,0 +1,217 @@
+"""Fifty networks on one set of inputs: tables 4 and 5, and figures 16 to 19."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import process_time
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mavhums.learn import TanhNetwork, TanhNetworkEnsemble
+from mavhums.quantities import column
+from mavhums.study.cyclograms import Flown, fly_condition
+from mavhums.study.published import TEST_NM, TRAINING_NM
+
+__all__ = ["Effort", "Experiment", "emergency", "held_decision", "run_experiment", "samples"]
+
+_EMERGENCY_NM = 0.5
+_VOTES = 100
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much the study computes.
+
+    Attributes
+    ----------
+    networks, iterations
+        Of each experiment.
+    every
+        Of the training samples every so many are trained on.
+    subset_samples, subset_iterations
+        Of each of the 4,095 networks of the subset search.
+    thinning
+        Numbers of vectors to thin to.
+    """
+
+    networks: int = 50
+    iterations: int = 300
+    every: int = 1
+    subset_samples: int = 1000
+    subset_iterations: int = 60
+    thinning: tuple[int, ...] = (500, 2000)
+
+    @classmethod
+    def quick(cls) -> Effort:
+        """Return what fits into a minute."""
+        return cls(
+            networks=5, iterations=60, every=10, subset_samples=200, subset_iterations=20, thinning=(200,)
+        )
+
+
+def emergency(flown: Flown) -> bool:
+    """Say whether a condition is of the emergency class."""
+    return flown.friction_nm > _EMERGENCY_NM
+
+
+def samples(flights: Sequence[Flown], every: int = 1) -> tuple[Array, Flags, NDArray[np.int64]]:
+    """Return V1…V12, class and flight of the samples of several flights, one after another."""
+    values = [flown.values[::every] for flown in flights]
+    numbers = np.repeat(np.arange(len(flights)), [len(part) for part in values])
+    return np.concatenate(values), np.array([emergency(flown) for flown in flights])[numbers], numbers
+
+
+def held_decision(said: Flags, moving: Flags, votes: int = 1) -> tuple[Flags, Flags]:
+    """Keep the last decision made in motion through standstill; what follows is never looked at.
+
+    Parameters
+    ----------
+    said
+        The network's decision at each sample, shape (n,).
+    moving
+        Whether the actuator moved, shape (n,).
+    votes
+        Of how many of the last moving samples the majority decides.
+
+    Returns
+    -------
+    NDArray, NDArray
+        The decision, and whether there is one yet, shape (n,) each.
+    """
+    count = np.cumsum(moving)
+    total = np.concatenate([[0], np.cumsum(said[moving])])
+    since = np.maximum(count - votes, 0)
+    decided = count > 0
+    share = (total[count] - total[since]) / np.maximum(count - since, 1)
+    return np.asarray(share > 0.5), np.asarray(decided)
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What fifty networks gave.
+
+    Attributes
+    ----------
+    cyclogram, inputs
+        What was flown and what the networks saw.
+    table
+        A row for each network: hidden, training and test accuracy in %, loss, iterations.
+    chosen
+        The network with the smallest training loss: its row. No test data have a say in it.
+    network
+        That network.
+    ensemble_test, ensemble_spread
+        Test accuracy of the mean of all networks, %, and the mean spread of their probabilities.
+    seconds
+        Of processor time to train all networks, which other programs do not lengthen.
+    flights
+        A row for each flight: friction, role, moving fraction, accuracies in % of the chosen
+        network per sample, held, and held with the majority of the last 100 moving samples.
+    outputs
+        The chosen network's probability of an emergency over each flight, by friction.
+    """
+
+    cyclogram: str
+    inputs: tuple[str, ...]
+    table: pd.DataFrame
+    chosen: int
+    network: TanhNetwork
+    ensemble_test: float
+    ensemble_spread: float
+    seconds: float
+    flights: pd.DataFrame
+    outputs: dict[float, Array]
+
+    @property
+    def best_five(self) -> pd.DataFrame:
+        """The paper's convention: the five with the best accuracy on the test set, best first."""
+        return self.table.sort_values("test", ascending=False).head(5)
+
+    @property
+    def without_test_data(self) -> float:
+        """Test accuracy of the chosen network, %."""
+        return float(self.table["test"].iloc[self.chosen])
+
+    def test_mean(self, name: str) -> float:
+        """Return the mean over the test flights of a column of :attr:`flights`."""
+        return float(self.flights.loc[self.flights["role"] == "test", name].mean())
+
+
+def run_experiment(
+    cyclogram: str, inputs: tuple[str, ...], effort: Effort, *, seed: int, n_jobs: int = 2
+) -> Experiment:
+    """Train networks on the paper's training flights and test them on its test flights.
+
+    Parameters
+    ----------
+    cyclogram
+        A key of :data:`~mavhums.study.cyclograms.CYCLOGRAMS`.
+    inputs
+        Keys of the quantities that the networks see.
+    effort, seed, n_jobs
+        How much to compute, from which seed, on how many threads.
+    """
+    columns = [column(key) for key in inputs]
+    training, test = fly_condition(cyclogram, TRAINING_NM), fly_condition(cyclogram, TEST_NM)
+    values, classes, _ = samples(training, effort.every)
+    ensemble = TanhNetworkEnsemble(
+        effort.networks, max_iter=effort.iterations, precision="single", n_jobs=n_jobs, random_state=seed
+    )
+    begin = process_time()
+    ensemble.fit(values[:, columns], classes)
+    seconds = process_time() - begin
+    scores = {
+        role: 100 * np.mean([_member_scores(ensemble, part, columns) for part in flights], axis=0)
+        for role, flights in (("training", training), ("test", test))
+    }
+    together = [(ensemble.predict(part.values[:, columns]) == emergency(part)).mean() for part in test]
+    spread = [ensemble.spread(part.values[::10, columns]).mean() for part in test]
+    table = pd.DataFrame(
+        {
+            "hidden": [len(network.b1) for network in ensemble.networks_],
+            **scores,
+            "loss": ensemble.losses_,
+            "iterations": ensemble.n_iter_,
+        }
+    )
+    network = ensemble.networks_[ensemble.best_]
+    judged = [_judge(network, part, columns) for part in (*training, *test)]
+    flights = pd.DataFrame([row for row, _ in judged]).sort_values("friction_nm", ignore_index=True)
+    return Experiment(
+        cyclogram=cyclogram,
+        inputs=inputs,
+        table=table,
+        chosen=ensemble.best_,
+        network=network,
+        ensemble_test=100 * float(np.mean(together)),
+        ensemble_spread=float(np.mean(spread)),
+        seconds=seconds,
+        flights=flights,
+        outputs={part.friction_nm: p for part, (_, p) in zip((*training, *test), judged, strict=True)},
+    )
+
+
+def _member_scores(ensemble: TanhNetworkEnsemble, flown: Flown, columns: list[int]) -> Array:
+    return ensemble.member_scores(flown.values[:, columns], np.full(len(flown.values), emergency(flown)))
+
+
+def _judge(network: TanhNetwork, flown: Flown, columns: list[int]) -> tuple[dict[str, float | str], Array]:
+    probability = network.p_first(flown.values[:, columns])
+    said, truth = probability > 0.5, emergency(flown)
+    row: dict[str, float | str] = {
+        "friction_nm": flown.friction_nm,
+        "role": "training" if flown.friction_nm in TRAINING_NM else "test",
+        "moving_fraction": flown.moving_fraction,
+        "per_sample": 100 * float((said == truth).mean()),
+    }
+    for name, votes in (("held", 1), ("voted", _VOTES)):
+        decision, decided = held_decision(said, flown.moving, votes)
+        row[name] = 100 * float((decision[decided] == truth).mean())
+        row["before_motion"] = int((~decided).sum())
+    return row, probability

@@ -1,0 +1,145 @@
+"""Everything that the study computes, before any of it is written."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import pandas as pd
+
+from mavhums.learn import CommandLeak, CommandLeakWarning, SubsetSearch, check_command
+from mavhums.quantities import KEYS
+from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, Flown, fly_condition
+from mavhums.study.experiment import Effort, Experiment, run_experiment, samples
+from mavhums.study.published import CONDITIONS, SELECTED, TEST_NM, TRAINING_NM
+from mavhums.study.selection import (
+    Grouping,
+    chi_square_table,
+    grouping,
+    p_level_table,
+    subset_table,
+    thinning_table,
+)
+from mavhums.study.table_1 import table_1
+
+__all__ = ["Findings", "Progress", "find"]
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All that the report tells.
+
+    Attributes
+    ----------
+    groupings
+        By cyclogram.
+    experiments
+        By cyclogram; on the main one: 12 inputs, Algorithm 1's, the paper's, the pairwise filter's;
+        on the others the first three.
+    subsets
+        By the quantities searched: best rows, enumeration, and genetic search if there was one.
+    leaks
+        Of the command: of the study's own data, and of classes flown through different cyclograms.
+    """
+
+    effort: Effort
+    seed: int
+    table_1: pd.DataFrame
+    chi_square: pd.DataFrame
+    p_levels: pd.DataFrame
+    groupings: dict[str, Grouping]
+    experiments: dict[str, list[Experiment]]
+    subsets: dict[tuple[str, ...], tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]]
+    thinning: pd.DataFrame
+    leaks: tuple[CommandLeak, CommandLeak]
+    moving: pd.DataFrame
+
+    @property
+    def main(self) -> list[Experiment]:
+        """The experiments on the main cyclogram."""
+        return self.experiments[MAIN]
+
+
+def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Findings:
+    """Compute the study.
+
+    Parameters
+    ----------
+    effort
+        How much.
+    seed
+        Of the networks and of what is drawn; the flights are fixed.
+    progress
+        Called with the steps done and their number.
+    """
+    training = {name: fly_condition(name, TRAINING_NM) for name in CYCLOGRAMS}
+    test = fly_condition(MAIN, TEST_NM)
+    groupings = {name: grouping(flights) for name, flights in training.items()}
+    plan = [
+        (name, inputs)
+        for name, found in groupings.items()
+        for inputs in dict.fromkeys(
+            (KEYS, found.selected, SELECTED, *((found.pairwise_selected,) if name == MAIN else ()))
+        )
+    ]
+    searched = list(dict.fromkeys((SELECTED, groupings[MAIN].selected, KEYS)))
+    steps = len(plan) + len(searched) + 1
+    done = 0
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        if progress:
+            progress(done, steps)
+
+    run_experiment(MAIN, KEYS, replace(Effort.quick(), networks=2, iterations=2), seed=seed)  # warms up
+    experiments: dict[str, list[Experiment]] = {name: [] for name in CYCLOGRAMS}
+    for name, inputs in plan:
+        experiments[name].append(run_experiment(name, inputs, effort, seed=seed))
+        step()
+    subsets = {}
+    for keys in searched:
+        subsets[keys] = subset_table(training[MAIN], test, keys, effort, seed=seed)
+        step()
+    thinning = thinning_table(training[MAIN], test, SELECTED, effort, seed=seed)
+    step()
+    return Findings(
+        effort=effort,
+        seed=seed,
+        table_1=table_1(),
+        chi_square=chi_square_table(training[MAIN], fly_condition(MAIN, CONDITIONS)),
+        p_levels=p_level_table(),
+        groupings=groupings,
+        experiments=experiments,
+        subsets=subsets,
+        thinning=thinning,
+        leaks=_leaks(training),
+        moving=_moving(),
+    )
+
+
+def _leaks(training: dict[str, list[Flown]]) -> tuple[CommandLeak, CommandLeak]:
+    """Check the study's own data, and the classes flown through different cyclograms."""
+    other = next(name for name in training if name != MAIN)
+    mixed = [training[MAIN][0], training[other][1]]
+    found = []
+    for flights in (training[MAIN], mixed):
+        values, classes, numbers = samples(flights)
+        with warnings.catch_warnings():
+            # The report says what the warning says, of data made to leak.
+            warnings.simplefilter("ignore", CommandLeakWarning)
+            found.append(check_command(values[:, 0], classes, numbers))
+    return found[0], found[1]
+
+
+def _moving() -> pd.DataFrame:
+    rows = {
+        name: {f"{flown.friction_nm:.3f}": flown.moving_fraction for flown in fly_condition(name, CONDITIONS)}
+        for name in CYCLOGRAMS
+    }
+    table = pd.DataFrame(rows).T.rename_axis("cyclogram").reset_index()
+    table["mean"] = table.drop(columns="cyclogram").mean(axis=1)
+    return table

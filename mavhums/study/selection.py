@@ -1,0 +1,215 @@
+"""Feature selection as the study reports it: figure 15, the groups, and the subset search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from mavhums.learn import (
+    ChiSquareRanking,
+    PairwiseRedundancyFilter,
+    RegressionRedundancyFilter,
+    SubsetSearch,
+    TanhNetworkEnsemble,
+    VectorThinning,
+    exhaustive_search,
+    genetic_search,
+    network_objective,
+)
+from mavhums.learn.splits import hold_out
+from mavhums.learn.subsets import Objective
+from mavhums.quantities import KEYS, column
+from mavhums.study.cyclograms import Flown
+from mavhums.study.experiment import Effort, samples
+from mavhums.study.published import CHI_SQUARE, P_LEVELS
+
+__all__ = [
+    "THRESHOLD",
+    "Grouping",
+    "chi_square_table",
+    "grouping",
+    "p_level_table",
+    "subset_table",
+    "thinning_table",
+]
+
+THRESHOLD = 0.99
+"""R² from which Algorithm 1 excludes a quantity: the paper says "close to 1"."""
+
+_FEW = 5
+"""Up to so many quantities the subsets are few enough to train each as long as any network."""
+
+Groups = tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Grouping:
+    """Groups of interdependent quantities and what is selected, by both filters.
+
+    Attributes
+    ----------
+    expressions
+        Of each quantity that Algorithm 1 excludes: the fewest regressors' model, its R², and R²
+        with all that were left.
+    """
+
+    algorithm_1: Groups
+    selected: tuple[str, ...]
+    pairwise: Groups
+    pairwise_selected: tuple[str, ...]
+    expressions: tuple[tuple[str, float, float], ...]
+
+
+def grouping(flights: list[Flown]) -> Grouping:
+    """Run Algorithm 1 and the pairwise filter on the samples of some flights."""
+    values, classes, _ = samples(flights)
+    multiple = RegressionRedundancyFilter(threshold=THRESHOLD).fit(values, classes)
+    pairs = PairwiseRedundancyFilter().fit(values, classes)
+    expressions = tuple(
+        (
+            found.model.expression([KEYS[place] for place in found.explained_by], target=KEYS[found.feature]),
+            found.model.r2_,
+            found.r2_all,
+        )
+        for found in multiple.dependences_
+    )
+    return Grouping(
+        _named(multiple.groups_),
+        tuple(KEYS[place] for place in multiple.get_support(indices=True)),
+        _named(pairs.groups_),
+        tuple(KEYS[place] for place in pairs.get_support(indices=True)),
+        expressions,
+    )
+
+
+def _named(groups: tuple[tuple[int, ...], ...]) -> Groups:
+    return tuple(tuple(KEYS[place] for place in group) for group in groups)
+
+
+def chi_square_table(training: list[Flown], flights: list[Flown]) -> pd.DataFrame:
+    """Return the statistic of each quantity: the paper's, and ours by samples, bins and strategy."""
+    table = pd.DataFrame({"quantity": list(CHI_SQUARE), "paper": list(CHI_SQUARE.values())})
+    for name, part in (("training", training), ("all", flights)):
+        values, classes, _ = samples(part)
+        for bins in (10, 12):
+            for strategy in ("width", "quantile"):
+                ranking = ChiSquareRanking(bins=bins, strategy=strategy).fit(values, classes)
+                table[f"{name} {bins} {strategy}"] = ranking.scores_
+    return table.sort_values("paper", ascending=False, kind="stable", ignore_index=True)
+
+
+def p_level_table() -> pd.DataFrame:
+    """Return the p-levels that the paper's statistics have by degrees of freedom, beside those it gives."""
+    rows = [
+        {"quantity": key, "chi-square": CHI_SQUARE[key], "paper": level}
+        | {f"{dof} d.o.f.": float(chi2.sf(CHI_SQUARE[key], dof)) for dof in (1, 2, 3, 9, 11)}
+        for key, level in P_LEVELS.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+def subset_table(
+    training: list[Flown], test: list[Flown], keys: tuple[str, ...], effort: Effort, *, seed: int
+) -> tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]:
+    """Score every subset of some quantities, and search them genetically where there are many.
+
+    Returns
+    -------
+    DataFrame
+        A row for each subset, best first: validation accuracy (blocks of time held out of the
+        training flights), and test accuracy of the same network size for comparison only.
+    SubsetSearch, SubsetSearch or None
+        By enumeration, and by the genetic algorithm on the same table where quantities are many.
+    """
+    columns = [column(key) for key in keys]
+    random = np.random.default_rng(seed)
+    values, classes, numbers = samples(training)
+    few = len(keys) <= _FEW
+    count = (5 if few else 1) * effort.subset_samples
+    iterations = effort.iterations if few else effort.subset_iterations
+    held_out, _ = hold_out(classes, numbers, random)
+    parts = [
+        (values[rows][:, columns], classes[rows])
+        for rows in (
+            random.permutation(np.flatnonzero(~held_out))[:count],
+            random.permutation(np.flatnonzero(held_out))[: 2 * count],
+        )
+    ]
+    tested = samples(test, every=60_000 // (2 * count))
+
+    def objective(validation: tuple[NDArray[np.float64], NDArray[np.bool_]]) -> Objective:
+        return network_objective(parts[0], validation, max_iter=iterations, n_jobs=2, random_state=seed)
+
+    search = exhaustive_search(objective(parts[1]), len(keys))
+    on_test = objective((tested[0][:, columns], tested[1]))
+    order = np.argsort(-search.scores, kind="stable")[:15]
+    table = pd.DataFrame(
+        {
+            "subset": [" ".join(np.array(keys)[search.subsets[row]]) for row in order],
+            "validation": 100 * search.scores[order],
+            "test": 100 * on_test(search.subsets[order]),
+        }
+    )
+    return table, search, None if few else _genetic(search)
+
+
+def _genetic(search: SubsetSearch) -> SubsetSearch:
+    known = {subset.tobytes(): score for subset, score in zip(search.subsets, search.scores, strict=True)}
+
+    def look_up(subsets: NDArray[np.bool_]) -> NDArray[np.float64]:
+        return np.array([known[subset.tobytes()] for subset in subsets])
+
+    return genetic_search(look_up, search.subsets.shape[1], evaluations=len(known) // 10)
+
+
+_Method = Literal["kmeans", "random"]
+_METHODS: tuple[_Method, ...] = ("random", "kmeans")
+_THINNINGS: tuple[tuple[str, _Method, bool], ...] = (
+    ("random", "random", False),
+    ("k-means", "kmeans", False),
+    ("k-means, weighted", "kmeans", True),
+)
+
+
+def thinning_table(
+    training: list[Flown], test: list[Flown], keys: tuple[str, ...], effort: Effort, *, seed: int
+) -> pd.DataFrame:
+    """Return test accuracies of networks trained on thinned precedents, by method and size.
+
+    Each method is repeated with five seeds of ten networks; the medians over networks are
+    averaged. Equal sizes compare k-means with and without weights against random thinning.
+    """
+    columns = [column(key) for key in keys]
+    values, classes, _ = samples(training)
+    everything, truth, _ = samples(test, every=10)
+    tested = everything[:, columns]
+    rows = []
+    for count in effort.thinning:
+        medians: dict[str, list[float]] = {name: [] for name, _, _ in _THINNINGS}
+        for repeat in range(seed, seed + 5):
+            thinned = {
+                method: VectorThinning(count, method=method, random_state=repeat).fit_resample(
+                    values[:, columns], classes
+                )
+                for method in _METHODS
+            }
+            for name, method, weighted in _THINNINGS:
+                features, labels, weights = thinned[method]
+                ensemble = TanhNetworkEnsemble(
+                    10,
+                    max_iter=min(100, effort.iterations),
+                    precision="single",
+                    random_state=repeat,
+                    n_jobs=2,
+                ).fit(features, labels, weights if weighted else None)
+                medians[name].append(100 * float(np.median(ensemble.member_scores(tested, truth))))
+        rows += [
+            {"vectors": count, "method": name, "test": np.mean(found), "sd of five": np.std(found, ddof=1)}
+            for name, found in medians.items()
+        ]
+    return pd.DataFrame(rows)

@@ -1,0 +1,65 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from mavhums.learn import PrecedentBase, PrecedentError, Provenance
+from mavhums.quantities import KEYS
+
+PROVENANCE = Provenance(
+    log="flight.tlog", sha256="ab" * 32, vehicle=1, actuator="elevator", airframe="paper",
+    tier="instrumented", label="normal", origin="flown",
+)  # fmt: skip
+VALUES = np.random.default_rng(0).normal(size=(50, 12))
+VALUES[:, 10] = np.nan
+TIME = 1_700_000_000_000_000 + 10_000 * np.arange(50)
+
+
+def test_what_is_added_comes_back_with_its_provenance(tmp_path: Path) -> None:
+    base = PrecedentBase(tmp_path / "base")
+    added = base.add(PROVENANCE, TIME, VALUES)
+    assert list(base) == [added]
+    assert (added.provenance, added.samples) == (PROVENANCE, 50)
+    np.testing.assert_array_equal(base.read(added), VALUES)
+    assert [path.name for path in base.folder.iterdir()] == [added.path.name]
+
+
+def test_every_row_says_where_it_comes_from(tmp_path: Path) -> None:
+    frame = pd.read_parquet(PrecedentBase(tmp_path).add(PROVENANCE, TIME, VALUES).path)
+    assert list(frame.columns)[:13] == ["time", *KEYS]
+    assert frame["time"].iloc[0] == pd.Timestamp(TIME[0], unit="us", tz="UTC")
+    assert set(frame["label"]) == {"normal"}
+    assert set(frame["log"]) == {"flight.tlog"}
+    assert set(frame["origin"]) == {"flown"}
+
+
+def test_the_same_log_again_replaces_and_another_actuator_adds(tmp_path: Path) -> None:
+    base = PrecedentBase(tmp_path)
+    base.add(PROVENANCE, TIME, VALUES)
+    base.add(replace(PROVENANCE, label="emergency"), TIME[:9], VALUES[:9])
+    base.add(replace(PROVENANCE, actuator="rudder"), TIME, VALUES)
+    found = {
+        (precedent.provenance.actuator, precedent.provenance.label): precedent.samples for precedent in base
+    }
+    assert found == {("elevator", "emergency"): 9, ("rudder", "normal"): 50}
+
+
+def test_damage_and_absence_are_said(tmp_path: Path) -> None:
+    with pytest.raises(PrecedentError, match="no precedent base there: add to one with"):
+        list(PrecedentBase(tmp_path / "absent"))
+    (tmp_path / "bad.parquet").write_bytes(b"PAR1 nonsense")
+    with pytest.raises(PrecedentError, match=r"bad\.parquet: not a precedent"):
+        list(PrecedentBase(tmp_path))
+    pd.DataFrame({"label": ["normal"]}).to_parquet(tmp_path / "bad.parquet")
+    with pytest.raises(PrecedentError, match=r"bad\.parquet: not a precedent"):
+        list(PrecedentBase(tmp_path))
+
+
+def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(PrecedentError, match="cannot be written"):
+        PrecedentBase(tmp_path / "file").add(PROVENANCE, TIME, VALUES)
+    with pytest.raises(ValueError, match="shape"):
+        PrecedentBase(tmp_path).add(PROVENANCE, TIME, VALUES[:, :3])

@@ -1,0 +1,110 @@
+"""The study from its command line: complete, honest about its split, and fast enough when quick."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import rerun as rr
+from click.testing import CliRunner
+from rerun.chunk import RrdReader
+
+from mavhums.cli import cli
+from mavhums.quantities import KEYS
+from mavhums.study.experiment import Effort
+
+TINY = Effort(networks=3, iterations=40, every=20, subset_samples=40, subset_iterations=3, thinning=(60,))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rr.set_strict_mode(True)
+    out = tmp_path_factory.mktemp("study") / "report"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Effort, "quick", classmethod(lambda _: TINY))
+        outcome = CliRunner().invoke(cli, ["study", "paper", "-o", str(out), "--quick"])
+    assert outcome.exit_code == 0, outcome.output
+    assert outcome.output.splitlines() == [str(out / path.name) for path in map(Path, outcome.output.split())]
+    return out
+
+
+def test_every_file_is_there_and_none_is_left_half_written(folder: Path) -> None:
+    assert {path.name for path in folder.iterdir()} == {
+        "report.md", "study.rrd", "table-1.csv", "figure-15-chi-square.csv", "networks.csv", "flights.csv",
+        "subsets-of-twelve.csv", "thinning.csv", "moving-fraction.csv", "figures-3-14.png",
+        "figures-16-19.png", "accuracy-against-moving-fraction.png",
+    }  # fmt: skip
+
+
+def test_the_report_holds_every_table_and_figure_of_the_paper(folder: Path) -> None:
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    for part in (
+        "Table 1,", "The split", "Figures 3 to 14", "Figure 15", "Tables 4 and 5", "Four cyclograms",
+        "15 subsets of V2, V5, V9, V11", "4095 subsets of V1–V12", "Redundant vectors", "Figures 16 to 19",
+        "A quick run",
+    ):  # fmt: skip
+        assert part in text, part
+    for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
+        assert (folder / name).is_file()
+    for figure in ("96.70", "98.01", "41807.3", "98.00"[:4]):
+        assert figure in text
+
+
+def test_the_networks_are_tested_on_flights_that_they_never_saw(folder: Path) -> None:
+    flights = pd.read_csv(folder / "flights.csv")
+    main = flights[flights["inputs"] == " ".join(KEYS)].groupby("cyclogram")
+    assert len(main) == 4
+    for _, part in main:
+        assert set(part.loc[part["role"] == "training", "friction_nm"]) == {0.225, 1.025}
+        assert set(part.loc[part["role"] == "test", "friction_nm"]) == {
+            0.275,
+            0.325,
+            0.375,
+            0.875,
+            0.925,
+            0.975,
+        }
+
+
+def test_the_choice_without_test_data_is_the_smallest_training_loss(folder: Path) -> None:
+    networks = pd.read_csv(folder / "networks.csv")
+    for _, part in networks.groupby(["cyclogram", "inputs"]):
+        assert len(part) == TINY.networks
+        assert part["loss"].to_numpy()[part["chosen"].to_numpy()].tolist() == [part["loss"].min()]
+
+
+def test_linear_pairs_score_alike_and_the_command_scores_nothing(folder: Path) -> None:
+    table = pd.read_csv(folder / "figure-15-chi-square.csv").set_index("quantity")
+    for one, other in (("V2", "V3"), ("V5", "V8"), ("V7", "V10")):
+        np.testing.assert_allclose(table.loc[one].to_numpy(), table.loc[other].to_numpy(), rtol=0.05, atol=1)
+    assert (table.loc["V1"].drop("paper") == 0).all()
+    assert table["training 12 width"].max() <= 20_000
+
+
+def test_the_simulated_actuator_is_that_of_table_1(folder: Path) -> None:
+    table = pd.read_csv(folder / "table-1.csv")
+    np.testing.assert_allclose(table["simulated"], table["paper"], rtol=2e-3)
+
+
+def test_all_subsets_are_scored(folder: Path) -> None:
+    subsets = pd.read_csv(folder / "subsets-of-twelve.csv")
+    assert subsets["subset"].nunique() == len(subsets) == 4095
+    assert subsets["validation"].between(0, 100).all()
+
+
+def test_the_recording_holds_the_quantities_and_the_outputs_of_figures_16_to_19(folder: Path) -> None:
+    entities = {chunk.entity_path for chunk in RrdReader(folder / "study.rrd").stream().to_chunks()}
+    for friction in ("0225", "0375", "0875", "1025"):
+        assert {f"/friction_{friction}/{key}" for key in KEYS} <= entities
+        outputs = [path for path in entities if path.startswith(f"/friction_{friction}/output/")]
+        assert len(outputs) >= 3
+    assert "/report" in entities
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    outcome = CliRunner().invoke(cli, ["study", "paper", "-o", str(tmp_path / "file"), "--quick"])
+    assert "name a folder that you may write to" in str(outcome.exception)
