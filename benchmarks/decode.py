@@ -267,12 +267,16 @@ def main() -> None:
                 print(f"first call, {state}: {row['wall_s']:.2f} s, with imports")
         row = measure("memory", path)
         if row:
-            print(f"anonymous memory above the imports, {options.megabytes} MB: {row['result'] / 2**20:.0f} MiB")
+            print(
+                f"anonymous memory above the imports, {options.megabytes} MB: {row['result'] / 2**20:.0f} MiB"
+            )
         if options.large:
             write_log(path, options.large)
             row = measure("memory", path)
             if row:
-                print(f"anonymous memory above the imports, {options.large} MB: {row['result'] / 2**20:.0f} MiB")
+                print(
+                    f"anonymous memory above the imports, {options.large} MB: {row['result'] / 2**20:.0f} MiB"
+                )
 
 
 if __name__ == "__main__":
