@@ -34,7 +34,7 @@ def damaged(tmp_path: Path) -> Path:
     beats[10][20] ^= 1
     beats[20][1] ^= 0x80
     path = tmp_path / "damaged.tlog"
-    begin = [*beats[:30], trimmed_after_crc(6), beats[30], b"noise"]
+    begin: list[bytes | bytearray] = [*beats[:30], trimmed_after_crc(6), beats[30], b"noise"]
     path.write_bytes(b"".join([*begin, *beats[31:], beats[0][:7], bytes(40)]))
     return path
 
