@@ -59,9 +59,8 @@ def one_round(seed: int = 1) -> list[bytes]:
         name = rng.choices(names, list(MIX.values()))[0]
         form = rng.choices(["v2", "v1", "signed", "unknown"], [50, 30, 18, 2])[0]
         dialect = v2
-        if form == "v1" and hasattr(v1, f"MAVLink_{name.lower()}_message") and name != "DEBUG_FLOAT_ARRAY":
-            if getattr(v1, f"MAVLINK_MSG_ID_{name}") < 256:
-                dialect = v1
+        if form == "v1" and getattr(v2, f"MAVLINK_MSG_ID_{name}") < 256:
+            dialect = v1
         link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
         link.seq = k % 256
         if form == "signed":
@@ -208,6 +207,7 @@ def measure(
     done = subprocess.run(
         [*command, "--needed"] if needed else command,
         capture_output=True,
+        check=False,
         text=True,
         env=os.environ | (environment or {}),
     )
@@ -265,18 +265,12 @@ def main() -> None:
             row = measure("first_call", small, environment=environment)
             if row:
                 print(f"first call, {state}: {row['wall_s']:.2f} s, with imports")
-        row = measure("memory", path)
-        if row:
-            print(
-                f"anonymous memory above the imports, {options.megabytes} MB: {row['result'] / 2**20:.0f} MiB"
-            )
-        if options.large:
-            write_log(path, options.large)
+        for megabytes in (options.megabytes, options.large):
+            write_log(path, megabytes)
             row = measure("memory", path)
             if row:
-                print(
-                    f"anonymous memory above the imports, {options.large} MB: {row['result'] / 2**20:.0f} MiB"
-                )
+                mebibytes = row["result"] / 2**20
+                print(f"anonymous memory above the imports, {megabytes} MB: {mebibytes:.0f} MiB")
 
 
 if __name__ == "__main__":

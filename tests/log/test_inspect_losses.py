@@ -34,9 +34,8 @@ def damaged(tmp_path: Path) -> Path:
     beats[10][20] ^= 1
     beats[20][1] ^= 0x80
     path = tmp_path / "damaged.tlog"
-    path.write_bytes(
-        b"".join([*beats[:30], trimmed_after_crc(6), b"noise", *beats[30:], beats[0][:9], bytes(40)])
-    )
+    begin: list[bytes | bytearray] = [*beats[:30], trimmed_after_crc(6), beats[30], b"noise"]
+    path.write_bytes(b"".join([*begin, *beats[31:], beats[0][:7], bytes(40)]))
     return path
 
 
@@ -45,8 +44,8 @@ def test_every_loss_is_said_in_words(damaged: Path) -> None:
     assert "34 bytes skipped in 2 places" in text
     assert "1 frames with a bad CRC (HEARTBEAT 1)" in text
     assert "1 implausible time stamps" in text
-    assert "skipped at byte (offset+size): 290+29, 896+5" in text
-    assert "9 bytes of an unfinished record at the end" in text
+    assert "skipped at byte (offset+size): 290+29, 925+5" in text
+    assert "7 bytes of an unfinished record at the end" in text
     assert "40 zero bytes follow the last frame" in text
     assert "Sequence numbers of 1/1" in text
 
@@ -55,7 +54,7 @@ def test_every_loss_is_in_the_json_and_in_the_exit_code(damaged: Path) -> None:
     result = CliRunner().invoke(cli, ["inspect", str(damaged), "--json"])
     assert result.exit_code == ExitCode.READ_WITH_LOSSES
     losses = json.loads(result.output)["losses"]
-    assert losses["regions"] == [{"offset": 290, "size": 29}, {"offset": 896, "size": 5}]
+    assert losses["regions"] == [{"offset": 290, "size": 29}, {"offset": 925, "size": 5}]
     assert losses["bad_crc_by_message"] == {"HEARTBEAT": 1}
     assert losses["trailing_zeros"] == 40
 

@@ -25,7 +25,7 @@ def test_to_frame_has_every_field_as_contiguous_columns(table: Table) -> None:
     for k in (0, 11, 57):
         assert np.array_equal(frame[f"data[{k}]"], table["data"][:, k], equal_nan=True)
     assert frame.dtypes["array_id"] == np.uint16
-    assert np.array_equal(frame.index.to_numpy().astype(np.int64), table.time_us)
+    assert np.array_equal(frame.index.to_numpy("M8[us]").astype(np.int64), table.time_us)
 
 
 def test_arrow_and_parquet_hold_what_the_table_holds(table: Table, tmp_path: Path) -> None:
