@@ -397,3 +397,15 @@ def test_a_tier_that_cannot_tell_says_so(every_tier: FlightRecord, tiers: tuple[
 def test_blocks_do_not_matter_when_every_tier_speaks(data: st.DataObject, every_tier: FlightRecord) -> None:
     content = b"".join(record for _, record in packed(carrying(every_tier, "esc-unsigned", "pwm", "named")))
     assert judge(blocks(content, data.draw(cuts(len(content))))).to_json() == judge([content]).to_json()
+
+
+def test_a_bus_side_esc_is_undecided_with_its_reason() -> None:
+    flight = Flight(seed=24, duration_s=15.0, rate_hz=25.0, tiers=("esc-signed", "pwm"), esc_side="bus")
+    paper = load_airframe("paper")
+    sides = [actuator.model_copy(update={"esc_side": "bus"}) for actuator in paper.actuators]
+    airframe = paper.model_copy(update={"actuators": tuple(sides)})
+    elevator = of(judge_records((data for _, data in packed(fly(flight))), airframe=airframe), "elevator")
+    assert elevator.condition == "undecided"
+    assert "supply bus" in str(elevator.reason)
+    assert "V6" in elevator.provenance
+    assert "V5" not in elevator.provenance

@@ -2,7 +2,7 @@
 
 A magnitude gets its sign first: of the speed from the command, of the current from the voltage
 equation |U| = |R·I + k_t·ω|, which tells a current that drives the motion from one that opposes it.
-An ESC at the supply bus tells the motor's power: R·I² + k_t·ω·I = P.
+An ESC at the supply bus tells the motor's power and no more.
 """
 
 from __future__ import annotations
@@ -44,10 +44,13 @@ class Deriver:
     ----------
     derived
         How each quantity that was derived came about, by key.
+    dropped
+        Quantities that the log carries, but not as this actuator's.
     """
 
     def __init__(self, actuator: Actuator) -> None:
         self.derived: dict[str, str] = {}
+        self.dropped: set[str] = set()
         self._actuator = actuator
         self._rotor_deg = 0.0
         self._last: tuple[int, float] | None = None
@@ -92,20 +95,17 @@ class Deriver:
         self.derived["V4"] = "magnitude from {V4}, sign from the voltage equation"
 
     def _from_bus(self, values: Array, *, signed: bool) -> None:
-        """Replace the bus's voltage and current by the motor's, through the power balance."""
-        ema = self._actuator.ema
-        power = values[:, _V4] * (values[:, _V5] - self._actuator.electronics_a)
-        if not signed:
-            power = np.full(len(values), np.nan)
-        speed = values[:, _V7] * _RAD_S
-        emf = ema.torque_constant * speed
-        root = emf**2 + 4.0 * ema.resistance * power
-        with np.errstate(invalid="ignore"):
-            current = (-emf + np.sign(emf) * np.sqrt(root)) / (2.0 * ema.resistance)
-        values[:, _V5] = current
-        values[:, _V4] = ema.resistance * current + emf
-        self.derived["V5"] = "power balance of {V4} and {V5} at the bus"
-        self.derived["V4"] = "voltage equation"
+        """Replace the bus's voltage and current by the motor's power, the most that they tell.
+
+        R·I² + k_t·ω·I = P has two roots: a current that drives the motor, and one that brakes it.
+        In a motor whose winding takes more voltage than its back-EMF both are ordinary, so that
+        the motor's current stays unknown.
+        """
+        if signed:
+            values[:, _V6] = values[:, _V4] * (values[:, _V5] - self._actuator.electronics_a)
+            self.derived["V6"] = "power balance of {V4} and {V5} at the bus"
+        values[:, [_V4, _V5]] = np.nan
+        self.dropped.update(("V4", "V5"))
 
     def _fill(self, values: Array) -> None:
         for target, how, rule in _RULES:

@@ -127,7 +127,7 @@ class Mapper:
             if track.used.size and track.used[:, k].any():
                 series = track.aligner.sources[int(track.used[:, k].argmax())]
                 fields[key] = f"{series.source}.{series.fields[key]}"
-        merged = dict(fields)
+        merged = {key: source for key, source in fields.items() if key not in track.deriver.dropped}
         for key, how in track.deriver.derived.items():
             reworked = "{" in how
             if reworked or key not in fields:

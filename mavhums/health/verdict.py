@@ -32,7 +32,7 @@ def judged(
     condition: Condition = "undecided" if silent else findings.condition
     reason, remedy = None, None
     if findings.condition == "undecided":
-        reason, remedy = _why_undecided(findings, provenance)
+        reason, remedy = _why_undecided(actuator, findings, provenance)
     elif silent:
         ended = f"its telemetry ended at {findings.last_s:.0f} s of {end_s:.0f} s"
         reason = f"{ended}, when it was {findings.condition}"
@@ -101,10 +101,16 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
     )
 
 
-def _why_undecided(findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
+def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
     missing = [] if "V7" in provenance else ["V7"]
     if not {"V5", "V8"} & provenance.keys():
         missing.append("V5 or V8")
+    if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
+        return (
+            "its ESC measures at the supply bus, where a current that drives the motor and one that brakes "
+            "it look alike",
+            "measure at the motor's terminals, or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA",
+        )
     if missing:
         return f"{', '.join(missing)} not measured, so the torque balance is open", TO_BE_JUDGED
     coverage = findings.coverage

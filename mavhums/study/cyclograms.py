@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums_sim.cyclogram import takeoff
-from mavhums_sim.ema import CONTROL_PERIOD_S, EmaParameters, simulate
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 from mavhums_sim.sensors import SensorNoise, sample_times, sense
 
 __all__ = ["CYCLOGRAMS", "MAIN", "Flown", "fly_condition"]

@@ -83,24 +83,35 @@ def bus(actuator: Actuator) -> Actuator:
     return actuator.model_copy(update={"esc_side": "bus", "electronics_a": 0.05})
 
 
-def test_a_bus_side_esc_goes_through_the_power_balance() -> None:
+def test_a_bus_side_esc_tells_the_motors_power_and_no_more() -> None:
     speed = np.array([100.0, -100.0, 80.0, -80.0])
-    current = np.array([0.4, -0.4, 0.1, -0.1])
+    current = np.array([0.4, -0.4, -0.3, 0.3])
     power = motor(current, speed) * current
     given = {"V4": np.full(4, 27.0), "V5": power / 27.0 + 0.05, "V7": speed * 30 / np.pi}
     deriver = Deriver(bus(ACTUATOR))
     values = deriver.complete(aligned(given, "esc-signed"))
-    assert values[:, V["V5"]] == pytest.approx(current)
-    assert values[:, V["V4"]] == pytest.approx(motor(current, speed))
-    assert "bus" in deriver.derived["V5"]
+    assert values[:, V["V6"]] == pytest.approx(power)
+    assert np.isnan(values[:, [V["V4"], V["V5"], V["V8"]]]).all()
+    assert "bus" in deriver.derived["V6"]
+    assert deriver.dropped == {"V4", "V5"}
 
 
-def test_a_bus_side_esc_without_signs_tells_no_current() -> None:
+def test_driving_and_braking_take_the_same_power_from_the_bus() -> None:
+    """Why a bus-side current is not resolved: two ordinary currents, one power."""
+    speed = 150.0
+    drives = 0.3
+    power = float(motor(np.array(drives), np.array(speed)) * drives)
+    brakes = -power / (EMA.resistance * drives)
+    assert brakes < -0.3
+    assert float(motor(np.array(brakes), np.array(speed)) * brakes) == pytest.approx(power)
+
+
+def test_a_bus_side_esc_without_signs_tells_nothing() -> None:
     given = {"V4": np.full(2, 27.0), "V5": np.full(2, 0.1), "V7": np.full(2, 600.0)}
     values = Deriver(bus(ACTUATOR)).complete(
         aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 12.0))
     )
-    assert np.isnan(values[:, V["V5"]]).all()
+    assert np.isnan(values[:, [V["V4"], V["V5"], V["V6"]]]).all()
 
 
 def test_products_follow_and_measured_ones_stay() -> None:
