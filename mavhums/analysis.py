@@ -23,6 +23,7 @@ def analyse(
     *,
     airframe: Airframe | str | Path | None = None,
     model: Model | str | Path | None = None,
+    dialect: str | os.PathLike[str] | None = None,
     recording: str | os.PathLike[str] | None = None,
     consume: Callable[[Sequence[Event]], None] | None = None,
     progress: Callable[[int], None] | None = None,
@@ -37,6 +38,8 @@ def analyse(
         A profile, its name or its path; if None, the one that the log names itself.
     model
         A model or its file; if None, the one that ships with mavhums.
+    dialect
+        A MAVLink XML file whose definitions go before the shipped ones.
     recording
         Where to write a Rerun recording on the way.
     consume
@@ -48,8 +51,8 @@ def analyse(
     ------
     UnreadableLogError
         If the file is missing or not a telemetry log.
-    ProfileError, ModelError
-        If the profile or the model cannot be used.
+    ProfileError, ModelError, DialectError
+        If the profile, the model or the XML cannot be used.
     MissingExtraError
         If a recording is wanted and rerun is not installed.
     """
@@ -57,6 +60,8 @@ def analyse(
     if not isinstance(model, Model):
         model = default_model() if model is None else load_model(model)
     if recording is not None:
+        if str(path) == "-":
+            raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
         from mavhums.show import Recorder
 
         identity = f"{Path(path).name}-{_sha256(path)[:16]}"
@@ -67,12 +72,14 @@ def analyse(
                 if consume:
                     consume(events)
 
-            assessment = analyse(path, airframe=profile, model=model, consume=both, progress=progress)
+            assessment = analyse(
+                path, airframe=profile, model=model, dialect=dialect, consume=both, progress=progress
+            )
             recorder.close(assessment)
         return assessment
-    engine = Engine(profile, model=model)
+    engine = Engine(profile, model=model, dialect=dialect)
     digest, size = hashlib.sha256(), 0
-    for block in read_blocks(path):
+    for block in read_blocks(path, dialect=dialect):
         digest.update(block)
         size += len(block)
         events = engine.feed(block)

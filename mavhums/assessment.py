@@ -30,6 +30,8 @@ __all__ = [
     "LogSummary",
     "Losses",
     "ModelSummary",
+    "Region",
+    "SequenceLoss",
     "Since",
     "Suspect",
     "Verdict",
@@ -125,8 +127,36 @@ class Verdict(_Contract):
         return max(self.worst, self.condition, key=_GRAVITY.index)
 
 
+class Region(_Contract):
+    """Damaged bytes between two frames: where they begin in the log, and how many they are."""
+
+    offset: int
+    size: int
+
+
+class SequenceLoss(_Contract):
+    """What the sequence numbers of one sender say: frames that never reached the log.
+
+    ``missing`` counts modulo 256 where a link was silent for long, so it is a lower bound.
+    """
+
+    system: int
+    component: int
+    frames: int
+    missing: int
+    gaps: int
+    reordered: int
+    duplicated: int
+
+
 class Losses(_Contract):
-    """What could not be read."""
+    """What could not be read, and what was odd.
+
+    ``regions`` lists the first hundred of ``damaged_regions``. ``padded_frames`` had their zeros
+    trimmed after the CRC was computed and were accepted with the zeros put back; at most
+    ``padded_false_bound`` of them are expected to be accepted by chance. ``line_ends_restored``
+    counts the carriage returns that a conversion to text had put in.
+    """
 
     bytes_skipped: int = 0
     damaged_regions: int = 0
@@ -134,11 +164,29 @@ class Losses(_Contract):
     unknown_frames: int = 0
     implausible_times: int = 0
     cut_end_bytes: int = 0
+    regions: tuple[Region, ...] = ()
+    bad_crc_by_message: dict[str, int] = {}
+    padded_frames: int = 0
+    padded_false_bound: float = 0.0
+    trailing_zeros: int = 0
+    line_ends_restored: int = 0
+    time_jumps: int = 0
+    time_rewinds: int = 0
+    sequence: tuple[SequenceLoss, ...] = ()
 
     @property
     def any(self) -> bool:
-        """Whether anything that the log should hold is gone (frames of a foreign dialect are not)."""
-        return bool(self.bytes_skipped or self.bad_crc_frames or self.implausible_times or self.cut_end_bytes)
+        """Whether anything that the log held is gone or in doubt.
+
+        Frames of a foreign dialect and frames that never reached the log are not.
+        """
+        return bool(
+            self.bytes_skipped
+            or self.bad_crc_frames
+            or self.implausible_times
+            or self.cut_end_bytes
+            or self.padded_frames
+        )
 
 
 class LogSummary(_Contract):

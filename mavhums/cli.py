@@ -27,6 +27,12 @@ _LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=c
 _LOG = click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
 _AIRFRAME = click.option("--airframe", metavar="NAME|FILE", help=_AIRFRAME_HELP)
 _PATH: click.Path = click.Path(path_type=Path)
+_DIALECT = click.option(
+    "--dialect",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="MAVLink XML whose messages go before the ones known here.",
+)
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 
 
@@ -47,6 +53,7 @@ def cli() -> None:
 @_LOGS
 @_AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")
+@_DIALECT
 @_JSON
 @click.option(
     "--rrd",
@@ -59,6 +66,7 @@ def analyse(
     logs: tuple[Path, ...],
     airframe: str | None,
     model: str | None,
+    dialect: Path | None,
     as_json: bool,
     rrd: Path | None,
     open_viewer: bool,
@@ -85,7 +93,12 @@ def analyse(
         try:
             with _progress(log) as progress:
                 assessment = judge(
-                    log, airframe=profile, model=network, recording=recordings.get(log), progress=progress
+                    log,
+                    airframe=profile,
+                    model=network,
+                    dialect=dialect,
+                    recording=recordings.get(log),
+                    progress=progress,
                 )
         except MavhumsError as error:
             _complain(error)
@@ -104,13 +117,17 @@ def analyse(
 @cli.command()
 @_LOG
 @_AIRFRAME
+@_DIALECT
 @_JSON
-def inspect(log: Path, airframe: str | None, as_json: bool) -> None:
-    """Say what LOG holds: vehicles, messages and rates, losses, telemetry tier, and what is missing."""
+def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) -> None:
+    """Say what LOG holds: vehicles, messages and rates, losses, telemetry tier, and what is missing.
+
+    LOG may be - for the standard input.
+    """
     from mavhums.inspection import inspect_log
 
     with _progress(log) as progress:
-        inspection = inspect_log(log, airframe=airframe, progress=progress)
+        inspection = inspect_log(log, airframe=airframe, dialect=dialect, progress=progress)
     if as_json:
         click.echo(inspection.to_json())
     else:

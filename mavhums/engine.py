@@ -6,13 +6,14 @@ of its own. However its input is cut into blocks, the verdicts are the same.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 
-from mavhums.actuator.airframe_name import announcements
-from mavhums.actuator.mapping import MESSAGES, Mapped, Mapper, is_instrumented
-from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
-from mavhums.actuator.tiers import Tier, best_tier
+from mavhums.actuator.fleet import Fleet
+from mavhums.actuator.mapping import Mapped, Mapper, messages_for
+from mavhums.actuator.profile import Airframe, packaged_airframes
+from mavhums.actuator.tiers import tier_named
 from mavhums.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.events import AirframeNamed, Event, Notice, Samples
 from mavhums.health.monitor import Monitor
@@ -33,6 +34,8 @@ class Engine:
         The profile for every vehicle; if None, each vehicle is judged by the one that it names.
     model
         Whose network's votes are shown beside the friction, where its card names the airframe.
+    dialect
+        A MAVLink XML file whose definitions go before the shipped ones.
 
     Examples
     --------
@@ -42,14 +45,19 @@ class Engine:
     'no vehicle speaks in this log'
     """
 
-    def __init__(self, airframe: Airframe | None = None, *, model: Model | None = None) -> None:
-        self._decoder = Decoder(MESSAGES | {"STATUSTEXT"})
-        self._given = airframe
+    def __init__(
+        self,
+        airframe: Airframe | None = None,
+        *,
+        model: Model | None = None,
+        dialect: str | os.PathLike[str] | None = None,
+    ) -> None:
+        wanted = messages_for(airframe.actuators if airframe else ())
+        self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect)
+        self._fleet = Fleet(airframe)
         self._model = model
-        self._mappers = [] if airframe is None else [Mapper(airframe)]
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
-        self._instrumented: set[int] = set()
         self._segments: dict[int, int] = {}
 
     def feed(self, block: bytes) -> list[Event]:
@@ -60,7 +68,7 @@ class Engine:
 
     def finish(self) -> list[Event]:
         """Say that nothing follows; judge what is left."""
-        events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True))]
+        events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True), final=True)]
         for monitor in self._monitors.values():
             events.extend(monitor.finish())
         return events
@@ -70,13 +78,13 @@ class Engine:
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
         vehicles = vehicles_of(decoder.counts)
-        names = list(dict.fromkeys(mapper.airframe.name for mapper in self._mappers))
+        names = self._fleet.airframes
         model = self._model if self._model and names == [self._model.card.airframe] else None
         return Assessment(
             log=LogSummary(
                 path=path,
                 sha256=sha256,
-                start_utc=None if first is None else _utc(first).isoformat(),
+                start_utc=None if first is None or decoder.sender_clock else _utc(first).isoformat(),
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=decoder.losses,
@@ -86,24 +94,20 @@ class Engine:
             verdicts=tuple(verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle)),
         )
 
-    def _follow(self, tables: Mapping[str, Table]) -> Iterator[Event]:
+    def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
+        if not tables and not final:
+            return
         yield from self._listen(tables)
-        if (table := tables.get("DEBUG_FLOAT_ARRAY")) is not None:
-            self._instrumented.update(table.system[is_instrumented(table)].tolist())
-        for mapper in self._mappers:
-            for mapped in mapper.feed(tables):
+        for mapper, mapped in self._fleet.feed(tables, final=final):
+            if mapped.utc_us.size:
                 yield from self._notice_clock(mapper, mapped)
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
         """Heed what vehicles say, and take the profile of each that names one."""
-        for said in announcements(tables):
-            if self._given is not None or any(mapper.serves(said.vehicle) for mapper in self._mappers):
-                continue
+        for said, airframe in self._fleet.listen(tables):
             time_s = self._flight_time(said.time_us)
-            if said.known:
-                airframe = load_airframe(said.name)
-                self._mappers.append(Mapper(airframe, vehicle=said.vehicle, from_frame=said.frame))
+            if airframe is not None:
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
@@ -133,15 +137,17 @@ class Engine:
         yield from self._monitors[key].feed(time_s, mapped.values)
 
     def _verdicts(self, vehicle: int | None) -> Iterator[Verdict]:
-        tier = self._tier(vehicle)
-        mapper = next((mapper for mapper in self._mappers if mapper.serves(vehicle)), None)
+        tier = self._fleet.tier(vehicle, self._decoder.counts)
+        mapper = self._fleet.mapper(vehicle)
         if vehicle is None or mapper is None:
             yield unjudged_vehicle(vehicle, tier, packaged_airframes())
             return
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))
-            if monitor is None or tier is None:
-                yield unjudged_actuator(vehicle, actuator, tier)
+            own = mapper.tier(vehicle, actuator)
+            provenance = mapper.provenance(vehicle, actuator)
+            if monitor is None or own is None or not tier_named(own).judged:
+                yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
             else:
                 yield judged(
                     vehicle,
@@ -149,13 +155,10 @@ class Engine:
                     monitor.findings(),
                     start_utc=_utc(self._decoder.first_time_us or 0),
                     end_s=self._flight_time(self._decoder.last_time_us or 0),
-                    provenance=mapper.provenance(vehicle, actuator),
-                    tier=tier,
+                    late=mapper.late(vehicle, actuator),
+                    provenance=provenance,
+                    tier=tier_named(own),
                 )
-
-    def _tier(self, vehicle: int | None) -> Tier | None:
-        messages = {name for system, _, name in self._decoder.counts if system == vehicle}
-        return best_tier(messages, instrumented=vehicle in self._instrumented)
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6

@@ -5,17 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from mavhums.actuator.airframe_name import announcements
-from mavhums.actuator.mapping import Mapper, is_instrumented
+from mavhums.actuator.fleet import Fleet
+from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
-from mavhums.actuator.tiers import TIERS, best_tier
+from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.assessment import Losses
-from mavhums.log import Decoder, Table, read_blocks
+from mavhums.log import Decoder, read_blocks
 from mavhums.log.vehicles import vehicles_of
 from mavhums.quantities import KEYS
 
@@ -58,7 +58,10 @@ class VehicleTelemetry(_Section):
 
 
 class Inspection(_Section):
-    """What a log holds."""
+    """What a log holds.
+
+    ``sender_clock`` says that the log has no time stamps and that times count from the sender's boot.
+    """
 
     path: str
     size_bytes: int
@@ -66,6 +69,7 @@ class Inspection(_Section):
     duration_s: float
     vehicles: tuple[VehicleTelemetry, ...]
     messages: tuple[MessageRate, ...]
+    sender_clock: bool
     unknown_ids: dict[int, int]
     losses: Losses
 
@@ -78,6 +82,7 @@ def inspect_log(
     path: str | os.PathLike[str],
     *,
     airframe: Airframe | str | Path | None = None,
+    dialect: str | os.PathLike[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Inspection:
     """Read a log and say what it holds, without judging.
@@ -85,9 +90,11 @@ def inspect_log(
     Parameters
     ----------
     path
-        A ``.tlog`` file.
+        A ``.tlog`` file, or ``-`` for the standard input.
     airframe
         A profile, its name or its path; if None, each vehicle's own, if the log names it.
+    dialect
+        A MAVLink XML file whose definitions go before the shipped ones.
     progress
         Called with the number of bytes read after each block.
 
@@ -97,42 +104,32 @@ def inspect_log(
         If the file is missing or not a telemetry log.
     ProfileError
         If the profile cannot be used.
+    DialectError
+        If the XML cannot be used.
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
-    decoder = Decoder({"STATUSTEXT", "DEBUG_FLOAT_ARRAY"})
-    mappers: dict[int, Mapper] = {}
-    instrumented: set[int] = set()
-
-    def take(tables: dict[str, Table]) -> None:
-        for said in announcements(tables):
-            if given is None and said.known:
-                mappers.setdefault(said.vehicle, Mapper(load_airframe(said.name), vehicle=said.vehicle))
-        table = tables.get("DEBUG_FLOAT_ARRAY")
-        if table is not None:
-            for system in np.unique(table.system[is_instrumented(table)]).tolist():
-                instrumented.add(system)
-                if given is not None:
-                    mappers.setdefault(system, Mapper(given, vehicle=system))
-        for mapper in mappers.values():
-            mapper.feed(tables)
-
+    decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"}, dialect=dialect)
+    fleet = Fleet(given)
     size = 0
-    for block in read_blocks(path):
-        take(decoder.feed(block))
-        size += len(block)
+    for block in chain(read_blocks(path, dialect=dialect), [None]):
+        tables = decoder.feed(b"", final=True) if block is None else decoder.feed(block)
+        for _ in (*fleet.listen(tables), *fleet.feed(tables, final=block is None)):
+            pass
+        size += len(block or b"")
         if progress:
             progress(size)
-    take(decoder.feed(b"", final=True))
     first, last = decoder.first_time_us, decoder.last_time_us
     duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
     vehicles = vehicles_of(decoder.counts)
     return Inspection(
         path=str(path),
         size_bytes=size,
-        start_utc=None if first is None else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
+        start_utc=None
+        if first is None or decoder.sender_clock
+        else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
         duration_s=duration_s,
         vehicles=tuple(
-            _vehicle(vehicle, decoder, mappers.get(vehicle), given, vehicle in instrumented)
+            _vehicle(vehicle, fleet.tier(vehicle, decoder.counts), fleet.mapper(vehicle))
             for vehicle in vehicles
         ),
         messages=tuple(
@@ -145,19 +142,19 @@ def inspect_log(
             )
             for (system, component, name), count in sorted(decoder.counts.items())
         ),
+        sender_clock=decoder.sender_clock,
         unknown_ids=decoder.unknown,
         losses=decoder.losses,
     )
 
 
-def _vehicle(
-    vehicle: int, decoder: Decoder, mapper: Mapper | None, given: Airframe | None, instrumented: bool
-) -> VehicleTelemetry:
-    messages = {name for system, _, name in decoder.counts if system == vehicle}
-    tier = best_tier(messages, instrumented=instrumented)
-    airframe = mapper.airframe if mapper else given
+def _iso(time_us: int) -> str:
+    return datetime.fromtimestamp(time_us / 1e6, tz=UTC).isoformat()
+
+
+def _vehicle(vehicle: int, tier: Tier | None, mapper: Mapper | None) -> VehicleTelemetry:
     rows = []
-    for actuator in airframe.actuators if airframe else ():
+    for actuator in mapper.airframe.actuators if mapper else ():
         provenance = mapper.provenance(vehicle, actuator) if mapper else {}
         missing = tuple(key for key in KEYS if key not in provenance)
         rows.append(
@@ -165,9 +162,10 @@ def _vehicle(
                 actuator=actuator.name, servo=actuator.servo, provenance=provenance, missing=missing
             )
         )
+    airframe = mapper.airframe if mapper else None
     judged = tier is not None and tier.judged
     if not judged:
-        remedy = f"to be judged, send {TIERS[0].gives} of each servo as DEBUG_FLOAT_ARRAY named EMA"
+        remedy = TO_BE_JUDGED
     elif airframe is None:
         remedy = f"name an airframe profile with --airframe, for example: {', '.join(packaged_airframes())}"
     else:

@@ -44,7 +44,12 @@ def messages(draw: st.DrawFn, *, version: int = 2) -> Any:
     """A message of any type of the dialect, with any field values."""
     dialect = v2 if version == 2 else v1
     numbers = sorted(number for number in dialect.mavlink_map if number < 256 or version == 2)
-    kind = dialect.mavlink_map[draw(st.sampled_from(numbers))]
+    return draw(contents(dialect.mavlink_map[draw(st.sampled_from(numbers))]))
+
+
+@st.composite
+def contents(draw: st.DrawFn, kind: Any) -> Any:
+    """A message of one of pymavlink's classes, with any field values."""
     values: list[Any] = []
     for name, field, length in zip(kind.fieldnames, kind.fieldtypes, _lengths(kind), strict=True):
         if field == "char":

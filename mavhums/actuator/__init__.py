@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from mavhums.actuator.history import History, actuators
-from mavhums.actuator.mapping import MESSAGES, Mapped, Mapper
+from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, Ema, Limits, load_airframe, packaged_airframes
 
 __all__ = [
-    "MESSAGES",
     "Actuator",
     "Airframe",
     "Ema",
@@ -17,5 +16,6 @@ __all__ = [
     "Mapper",
     "actuators",
     "load_airframe",
+    "messages_for",
     "packaged_airframes",
 ]

@@ -18,14 +18,20 @@ class SenderClock:
     from it, the sender has rebooted or its clock was set, and a new segment starts; fewer are a
     damaged time stamp, and the offset stays.
 
+    Parameters
+    ----------
+    wrap_us
+        After which the sender's time starts anew, as a 32-bit counter of microseconds does.
+
     Attributes
     ----------
     segments
         Number of segments so far.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, wrap_us: int | None = None) -> None:
         self.segments = 0
+        self._wrap_us = wrap_us
         self._offset_us = 0
         self._astray = 0
 
@@ -39,6 +45,11 @@ class SenderClock:
         [1000, 1010, 1020]
         """
         lag = received_us - sent_us
+        if self._wrap_us and lag.size:
+            reference = self._offset_us if self.segments else int(lag[0])
+            laps = np.rint((lag - reference) / self._wrap_us).astype(np.int64)
+            sent_us = sent_us + laps * self._wrap_us
+            lag = received_us - sent_us
         utc = np.empty_like(lag)
         start = 0
         while start < lag.size:

@@ -66,16 +66,22 @@ def actuators(
             )
         airframe = load_airframe(name)
     mapper = Mapper(airframe)
-    mapped = mapper.feed(log.tables)
+    mapped = mapper.feed(log.tables, final=True)
     if vehicle is None:
         vehicle = min((part.vehicle for part in mapped), default=0)
-    return {part.actuator.name: _history(mapper, part) for part in mapped if part.vehicle == vehicle}
+    parts: dict[str, list[Mapped]] = {}
+    for part in mapped:
+        if part.vehicle == vehicle:
+            parts.setdefault(part.actuator.name, []).append(part)
+    return {name: _history(mapper, several) for name, several in parts.items()}
 
 
-def _history(mapper: Mapper, part: Mapped) -> History:
+def _history(mapper: Mapper, parts: list[Mapped]) -> History:
     import pandas as pd
 
-    order = np.argsort(part.utc_us, kind="stable")
-    index = pd.DatetimeIndex(part.utc_us[order].astype("datetime64[us]"), tz="UTC", name="time")
-    frame = pd.DataFrame(part.values[order], columns=list(KEYS), index=index)
-    return History(part.vehicle, part.actuator.name, frame, mapper.provenance(part.vehicle, part.actuator))
+    utc_us = np.concatenate([part.utc_us for part in parts])
+    values = np.concatenate([part.values for part in parts])
+    index = pd.DatetimeIndex(utc_us.astype("datetime64[us]"), tz="UTC", name="time")
+    vehicle, actuator = parts[0].vehicle, parts[0].actuator
+    frame = pd.DataFrame(values, columns=list(KEYS), index=index)
+    return History(vehicle, actuator.name, frame, mapper.provenance(vehicle, actuator))

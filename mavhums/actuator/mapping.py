@@ -1,25 +1,30 @@
 """Map message fields to V1–V12 of each actuator, and say where each came from.
 
-The instrumented tier: DEBUG_FLOAT_ARRAY with ``name`` "EMA", ``array_id`` the servo number and
-``data[0..11]`` = V1…V12, NaN where not measured.
+Sources are read, aligned on one clock and completed: :mod:`~mavhums.actuator.sources`,
+:mod:`~mavhums.actuator.align`, :mod:`~mavhums.actuator.derive`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.clock import SenderClock
+from mavhums.actuator.align import Aligned, Aligner
+from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, Airframe
+from mavhums.actuator.readings import Clocks, Reading
+from mavhums.actuator.sources import SOURCES
+from mavhums.actuator.tiers import TIERS
 from mavhums.log import Table
 from mavhums.quantities import KEYS
 
-__all__ = ["MESSAGES", "Mapped", "Mapper", "is_instrumented"]
+__all__ = ["Mapped", "Mapper", "messages_for"]
 
-MESSAGES = frozenset({"DEBUG_FLOAT_ARRAY"})
+_TRUST = tuple(tier.name for tier in TIERS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,9 +37,24 @@ class Mapped:
     values: NDArray[np.float64]
 
 
-def is_instrumented(table: Table) -> NDArray[np.bool_]:
-    """Return which rows of a DEBUG_FLOAT_ARRAY table are actuator telemetry, shape (n,)."""
-    return np.array(table["name"] == b"EMA")
+@dataclass(slots=True, eq=False)
+class _Track:
+    """One actuator of one vehicle on its way from readings to samples."""
+
+    vehicle: int
+    actuator: Actuator
+    aligner: Aligner
+    deriver: Deriver
+    tier: str = ""
+    used: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, len(KEYS)), dtype=np.int64))
+
+    def note(self, aligned: Aligned) -> None:
+        """Count how often each quantity came from each source."""
+        self.tier = aligned.tier
+        missing = len(self.aligner.sources) - len(self.used)
+        self.used = np.pad(self.used, ((0, missing), (0, 0)))
+        for k in range(len(self.used)):
+            self.used[k] += np.count_nonzero(aligned.origin == k, axis=0)
 
 
 class Mapper:
@@ -54,62 +74,89 @@ class Mapper:
         self.airframe = airframe
         self._vehicle = vehicle
         self._from_frame = from_frame
-        self._by_servo = {actuator.servo: actuator for actuator in airframe.actuators}
-        self._clocks: dict[tuple[int, int], SenderClock] = {}
-        self._measured: dict[tuple[int, str], NDArray[np.bool_]] = {}
+        self._clocks = Clocks()
+        self._tracks: dict[tuple[int, str], _Track] = {}
 
-    def feed(self, tables: Mapping[str, Table]) -> list[Mapped]:
-        """Return the samples that these messages carry, each actuator's in the order of the log."""
-        table = tables.get("DEBUG_FLOAT_ARRAY")
-        if table is None:
-            return []
-        ours = is_instrumented(table) & (table.frame >= self._from_frame)
-        if self._vehicle is not None:
-            ours &= table.system == self._vehicle
-        table = table.select(ours)
+    def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> list[Mapped]:
+        """Return the samples that these messages settle, each actuator's in the order of time.
+
+        ``final`` says that nothing follows.
+        """
+        tables = {name: self._ours(table) for name, table in tables.items()}
+        by_track: dict[tuple[int, str], list[Reading]] = {key: [] for key in self._tracks}
+        for source in SOURCES:
+            for reading in source.read(tables, self.airframe.actuators, self._clocks):
+                by_track.setdefault((reading.vehicle, reading.actuator.name), []).append(reading)
         out = []
-        for system in np.unique(table.system):
-            of_vehicle = table.select(table.system == system)
-            utc_us = self._utc(of_vehicle)
-            for servo in np.unique(of_vehicle["array_id"]):
-                actuator = self._by_servo.get(int(servo))
-                if actuator is None:
-                    continue
-                rows = of_vehicle["array_id"] == servo
-                values = of_vehicle["data"][rows, :12].astype(np.float64)
-                values[~np.isfinite(values)] = np.nan
-                self._note(int(system), actuator, values)
-                out.append(Mapped(int(system), actuator, utc_us[rows], values))
+        for key, readings in by_track.items():
+            if key not in self._tracks:
+                actuator = readings[0].actuator
+                aligner = Aligner(_TRUST, actuator.response_lag_s)
+                self._tracks[key] = _Track(key[0], actuator, aligner, Deriver(actuator))
+            track = self._tracks[key]
+            for aligned in track.aligner.feed(readings, final=final):
+                track.note(aligned)
+                values = track.deriver.complete(aligned)
+                out.append(Mapped(track.vehicle, track.actuator, aligned.utc_us, values))
         return out
 
     def serves(self, vehicle: int | None) -> bool:
         """Return whether the profile is for this vehicle."""
         return self._vehicle is None or self._vehicle == vehicle
 
+    def tier(self, vehicle: int, actuator: Actuator) -> str | None:
+        """Return the tier of the source that gives an actuator its clock; None before any."""
+        track = self._tracks.get((vehicle, actuator.name))
+        return track.tier or None if track else None
+
+    def late(self, vehicle: int, actuator: Actuator) -> int:
+        """Return how many values came out of order, or twice, and were left out."""
+        track = self._tracks.get((vehicle, actuator.name))
+        return sum(series.late for series in track.aligner.sources) if track else 0
+
     def provenance(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
-        """Return the message field behind each quantity that was measured so far."""
-        measured = self._measured.get((vehicle, actuator.name), np.zeros(len(KEYS), dtype=bool))
-        return {
-            key: f"DEBUG_FLOAT_ARRAY[EMA,{actuator.servo}].data[{k}]"
-            for k, key in enumerate(KEYS)
-            if measured[k]
-        }
+        """Return where each quantity came from.
+
+        That is the message field that gave it most often, or how it was derived.
+        """
+        track = self._tracks.get((vehicle, actuator.name))
+        if track is None:
+            return {}
+        fields: dict[str, str] = {}
+        for k, key in enumerate(KEYS):
+            if track.used.size and track.used[:, k].any():
+                series = track.aligner.sources[int(track.used[:, k].argmax())]
+                fields[key] = f"{series.source}.{series.fields[key]}"
+        merged = dict(fields)
+        for key, how in track.deriver.derived.items():
+            reworked = "{" in how
+            if reworked or key not in fields:
+                merged[key] = f"derived: {_fill_in(how, fields)}"
+        return {key: merged[key] for key in KEYS if key in merged}
 
     def clock_segments(self, vehicle: int) -> int:
         """Return how many segments the vehicle's clock has had; more than one is a reboot or a jump."""
-        return max((clock.segments for key, clock in self._clocks.items() if key[0] == vehicle), default=0)
+        return self._clocks.segments(vehicle)
 
-    def _utc(self, table: Table) -> NDArray[np.int64]:
-        utc_us = np.empty(len(table), dtype=np.int64)
-        sent_us = table["time_usec"].astype(np.int64)
-        for component in np.unique(table.component):
-            rows = table.component == component
-            key = (int(table.system[0]), int(component))
-            clock = self._clocks.setdefault(key, SenderClock())
-            utc_us[rows] = clock.to_utc_us(sent_us[rows], table.time_us[rows])
-        return utc_us
+    def _ours(self, table: Table) -> Table:
+        ours = table.frame >= self._from_frame
+        if self._vehicle is not None:
+            ours &= table.system == self._vehicle
+        return table if ours.all() else table.select(ours)
 
-    def _note(self, vehicle: int, actuator: Actuator, values: NDArray[np.float64]) -> None:
-        seen = np.isfinite(values).any(axis=0)
-        key = (vehicle, actuator.name)
-        self._measured[key] = self._measured.get(key, np.zeros_like(seen)) | seen
+
+def messages_for(actuators: Sequence[Actuator] = ()) -> frozenset[str]:
+    """Return the message types that sources read; those that profiles map are added.
+
+    Examples
+    --------
+    >>> "DEBUG_FLOAT_ARRAY" in messages_for()
+    True
+    """
+    configured = {mapping.message for actuator in actuators for mapping in actuator.fields.values()}
+    return frozenset(configured).union(*(source.MESSAGES for source in SOURCES))
+
+
+def _fill_in(how: str, fields: Mapping[str, str]) -> str:
+    """Name the sources of the quantities in braces."""
+    return re.sub(r"\{(V\d+)\}", lambda match: fields.get(match[1], match[1]), how)

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from mavhums.errors import MavhumsError
+from mavhums.quantities import KEYS
 
 __all__ = ["Actuator", "Airframe", "Ema", "Limits", "ProfileError", "load_airframe", "packaged_airframes"]
 
@@ -62,19 +63,66 @@ class Limits(_Section):
         return self
 
 
+class FieldMapping(_Section):
+    """Which message field is a quantity: value = field · scale + offset, in the quantity's unit.
+
+    Attributes
+    ----------
+    message
+        MAVLink message, for example NAMED_VALUE_FLOAT.
+    field
+        Of the message; ``rpm[2]`` is an element of an array.
+    where
+        Values that other fields must have, for example ``{ name = "S1Pos" }``.
+    """
+
+    message: Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]*$")]
+    field: Annotated[str, Field(pattern=r"^[a-z_][a-z0-9_]*(\[\d{1,3}\])?$")]
+    where: dict[str, str | int] = {}
+    scale: Annotated[float, Field(allow_inf_nan=False)] = 1.0
+    offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+
+
 class Actuator(_Section):
-    """One servo actuator and the control surface it moves."""
+    """One servo actuator and the control surface it moves.
+
+    Attributes
+    ----------
+    servo
+        Output channel, from 1.
+    esc
+        Index of the ESC that drives it, from 0; None if no ESC reports on it.
+    esc_side
+        Whether that ESC measures at the motor's terminals or at the supply bus.
+    electronics_a
+        What the electronics draw from the bus beside the motor.
+    travel_deg, pwm_us
+        Deflection at the smallest and the largest pulse; the pulses at the least, the zero and the
+        largest deflection.
+    moving_speed_deg_s
+        Output speed above which the actuator counts as moving.
+    response_lag_s
+        By how much the shaft follows the command.
+    min_rate_hz
+        A quantity that comes less often is shown but is no evidence.
+    fields
+        Quantities that the log carries under names of its own.
+    """
 
     name: Annotated[str, Field(min_length=1)]
-    surface: str
+    surface: str = ""
     servo: Annotated[int, Field(ge=1, le=32)]
-    esc: Annotated[int, Field(ge=0, le=31)]
+    esc: Annotated[int, Field(ge=0, le=31)] | None = None
     esc_side: Literal["motor", "bus"] = "motor"
+    electronics_a: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     travel_deg: tuple[float, float]
     pwm_us: tuple[int, int, int]
     moving_speed_deg_s: _Positive = 1.0
+    response_lag_s: Annotated[float, Field(ge=0.04, le=1.0)] = 0.05
+    min_rate_hz: _Positive = 5.0
     ema: Ema
     limits: Limits
+    fields: dict[Literal[*KEYS], FieldMapping] = {}  # type: ignore[valid-type]
 
     @property
     def moving_speed_rev_min(self) -> float:

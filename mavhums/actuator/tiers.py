@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-__all__ = ["TIERS", "Tier", "best_tier"]
+from mavhums.actuator.sources import esc_signed, esc_unsigned, pwm
+from mavhums.actuator.sources.instrumented import is_instrumented
+from mavhums.actuator.sources.named import is_named
+from mavhums.log import Table
+
+__all__ = ["TIERS", "TO_BE_JUDGED", "Tier", "best_tier", "tier_named", "tiers_by_content"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,33 +33,54 @@ class Tier:
     judged: bool
 
 
+TO_BE_JUDGED = (
+    "record each servo's ESC telemetry (voltage, current, speed) beside its command, "
+    "or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA"
+)
+"""How to record a log from which health can be judged."""
+
 TIERS = (
-    Tier("instrumented", frozenset({"DEBUG_FLOAT_ARRAY"}), "V1–V12", True),
-    Tier(
-        "esc-unsigned",
-        frozenset({"ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8", "ESC_TELEMETRY_9_TO_12"}),
-        "magnitudes of V4, V5, V7",
-        False,
-    ),
-    Tier("pwm", frozenset({"SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS"}), "V1", False),
+    Tier("instrumented", frozenset(), "V1–V12", True),
+    Tier("esc-signed", esc_signed.MESSAGES, "V4, V5 and V7 with their signs", True),
+    Tier("named", frozenset(), "the quantities that are named", True),
+    Tier("esc-unsigned", esc_unsigned.MESSAGES, "magnitudes of V4, V5 and V7", True),
+    Tier("pwm", pwm.MESSAGES, "V1, the command, alone", False),
 )
 
 
-def best_tier(messages: Collection[str], *, instrumented: bool) -> Tier | None:
-    """Return the richest tier that a vehicle's messages allow, None if they carry nothing.
-
-    ``instrumented`` says whether a DEBUG_FLOAT_ARRAY named "EMA" was among them: others use
-    that message, too.
+def tier_named(name: str) -> Tier:
+    """Return a tier by its name.
 
     Examples
     --------
-    >>> best_tier({"HEARTBEAT", "SERVO_OUTPUT_RAW"}, instrumented=False).name
+    >>> tier_named("pwm").judged
+    False
+    """
+    return next(tier for tier in TIERS if tier.name == name)
+
+
+def best_tier(messages: Collection[str], marked: Collection[str] = ()) -> Tier | None:
+    """Return the richest tier that a vehicle's messages allow, None if they carry nothing.
+
+    ``marked`` names tiers that were recognised by what messages contain: a DEBUG_FLOAT_ARRAY
+    counts only if it is named EMA, a NAMED_VALUE_FLOAT only if its name is a quantity's.
+
+    Examples
+    --------
+    >>> best_tier({"HEARTBEAT", "SERVO_OUTPUT_RAW"}).name
     'pwm'
     """
-    for tier in TIERS:
-        if tier.name == "instrumented":
-            if instrumented:
-                return tier
-        elif tier.messages & set(messages):
-            return tier
-    return None
+    return next((tier for tier in TIERS if tier.name in marked or tier.messages & set(messages)), None)
+
+
+def tiers_by_content(tables: Mapping[str, Table]) -> set[tuple[int, str]]:
+    """Return (vehicle, tier) for the tiers that only the contents of messages tell."""
+    found: set[tuple[int, str]] = set()
+    for message, tier, matches in (
+        ("DEBUG_FLOAT_ARRAY", "instrumented", is_instrumented),
+        ("NAMED_VALUE_FLOAT", "named", is_named),
+    ):
+        table = tables.get(message)
+        if table is not None:
+            found.update((int(vehicle), tier) for vehicle in set(table.system[matches(table)].tolist()))
+    return found

@@ -67,7 +67,8 @@ def friction_moments(actuator: Actuator, motion: Motion) -> Moments:
         torque = torque - load
         deflection = np.zeros_like(load)
     else:
-        deflection = np.radians(values[:, column("V3")])
+        angle, command = values[:, column("V3")], values[:, column("V1")]
+        deflection = np.radians(np.where(np.isfinite(angle), angle, command))
     X = np.stack([np.sign(motion.speed), motion.acceleration, np.ones(len(torque)), deflection], axis=1)
     usable = motion.moving & np.isfinite(torque) & np.isfinite(X).all(axis=1)
     X, y = X[usable], torque[usable]
@@ -78,7 +79,8 @@ def estimate_friction(slots: Sequence[Moments], torque_uncertainty: float) -> In
     """Return T_c in N·m with its 95 % interval, or None where the window cannot show it.
 
     It takes at least four slots with motion, motion both ways, and slots that agree on whether
-    V11 is measured.
+    V11 is measured. An interval that lies below zero contradicts the balance: the constants are not
+    this actuator's, or a sensor lies.
     """
     slots = [slot for slot in slots if slot.count > 0]
     if len(slots) < _MIN_SLOTS or sum(slot.count for slot in slots) < _MIN_SAMPLES:
@@ -101,4 +103,6 @@ def estimate_friction(slots: Sequence[Moments], torque_uncertainty: float) -> In
     n = len(slots)
     error = np.sqrt((n - 1) / n * np.sum((leave_one_out - leave_one_out.mean()) ** 2))
     half = float(stdtrit(n - 1, 0.975) * error + torque_uncertainty * abs(friction))
+    if friction + half < 0.0:
+        return None
     return Interval(estimate=float(friction), low=float(friction) - half, high=float(friction) + half)

@@ -13,7 +13,7 @@ from mavhums.quantities import column
 
 __all__ = ["Motion", "motion"]
 
-_MAX_GAP_S = 0.5
+_PERIODS = 2.5
 
 
 class Motion(NamedTuple):
@@ -22,7 +22,8 @@ class Motion(NamedTuple):
     Attributes
     ----------
     moving
-        Whether the rotor turns the same way, and fast enough, before, at and after the sample.
+        Whether the rotor turns the same way, and fast enough, before, at and after the sample, and
+        the samples come often enough to be evidence.
     speed
         Output shaft, rad/s.
     acceleration
@@ -47,5 +48,5 @@ def motion(actuator: Actuator, slot: Slot) -> Motion | None:
     fast = np.abs(rev_min) > actuator.moving_speed_rev_min
     sign = np.sign(rev_min)
     one_way = (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
-    moving = fast[:-2] & fast[1:-1] & fast[2:] & one_way & (span < _MAX_GAP_S)
+    moving = fast[:-2] & fast[1:-1] & fast[2:] & one_way & (span < _PERIODS / actuator.min_rate_hz)
     return Motion(moving, speed[1:-1], (speed[2:] - speed[:-2]) / span, slot.values[1:-1])

@@ -5,13 +5,11 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.tiers import Tier
+from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.assessment import ALL, Condition, Coverage, Evidence, Interval, Since, Suspect, Verdict
 from mavhums.health.monitor import WINDOW_S, Findings
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
-
-_INSTRUMENT = "send V1–V12 of each servo as DEBUG_FLOAT_ARRAY named EMA, with the servo number as array_id"
 
 
 def judged(
@@ -21,6 +19,7 @@ def judged(
     *,
     start_utc: datetime,
     end_s: float,
+    late: int,
     provenance: dict[str, str],
     tier: Tier,
 ) -> Verdict:
@@ -51,7 +50,7 @@ def judged(
             moving_fraction=round(findings.coverage.moving_fraction, 4),
             windows=findings.coverage.windows,
             decidable=findings.coverage.decidable,
-            late=findings.coverage.late,
+            late=findings.coverage.late + late,
         ),
         tier=tier.name,
         provenance=provenance,
@@ -61,22 +60,25 @@ def judged(
     )
 
 
-def unjudged_actuator(vehicle: int, actuator: Actuator, tier: Tier | None) -> Verdict:
+def unjudged_actuator(
+    vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
+) -> Verdict:
     """Return the verdict on an actuator of which the log carries too little."""
     if tier is None:
         reason = f"the log carries no telemetry of servo {actuator.servo}"
     elif tier.judged:
         reason = f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
     else:
-        reason = f"the log carries only {tier.gives} ({tier.name}), which does not show the friction"
+        reason = f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
         condition="undecided",
         worst="undecided",
         tier=tier.name if tier else None,
+        provenance=provenance,
         reason=reason,
-        remedy=_INSTRUMENT,
+        remedy=TO_BE_JUDGED,
     )
 
 
@@ -100,13 +102,11 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
 
 
 def _why_undecided(findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
-    missing = [key for key in ("V7", "V3") if key not in provenance]
+    missing = [] if "V7" in provenance else ["V7"]
     if not {"V5", "V8"} & provenance.keys():
         missing.append("V5 or V8")
-    if "V11" in provenance and "V3" in missing:
-        missing.remove("V3")
     if missing:
-        return f"{', '.join(missing)} not measured, so the torque balance is open", _INSTRUMENT
+        return f"{', '.join(missing)} not measured, so the torque balance is open", TO_BE_JUDGED
     coverage = findings.coverage
     if coverage.windows == 0:
         return f"less than {WINDOW_S} s of telemetry", "record the whole flight"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+
 from mavhums.errors import UnreadableLogError
-from mavhums.log.frames import FrameScanner
+from mavhums.log.decoder import Decoder
 
 __all__ = ["refuse_foreign"]
 
@@ -17,7 +19,7 @@ _SIGNATURES = (
 _RECORD = "mavhums reads MAVLink telemetry logs (.tlog); record one with the ground station, or with MAVProxy"
 
 
-def refuse_foreign(name: str, head: bytes) -> None:
+def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | None = None) -> None:
     """Raise if a file that begins with ``head`` is not a telemetry log.
 
     Raises
@@ -29,12 +31,7 @@ def refuse_foreign(name: str, head: bytes) -> None:
         raise UnreadableLogError(
             f"{name}: the file is empty", "check that the ground station had closed the log"
         )
-    if _holds_frames(b"".join(bytes(8) + frame for frame in _raw_frames(head))):
-        raise UnreadableLogError(
-            f"{name}: MAVLink frames without time stamps (.tlog.raw)",
-            "use the .tlog that the ground station writes beside it",
-        )
-    if _holds_frames(head):
+    if _holds_frames(head, dialect):
         return
     for signature, kind in _SIGNATURES:
         if head.startswith(signature):
@@ -45,24 +42,10 @@ def refuse_foreign(name: str, head: bytes) -> None:
     raise UnreadableLogError(f"{name}: no MAVLink frame found in the first {len(head)} bytes", _RECORD)
 
 
-def _holds_frames(data: bytes) -> bool:
-    scanner = FrameScanner()
-    found = sum(1 for _ in scanner.feed(data, final=True))
-    return bool(found or scanner.unknown)
-
-
-def _raw_frames(head: bytes) -> list[bytes]:
-    """Cut ``head`` at the frames that its first magic byte and lengths imply."""
-    pieces: list[bytes] = []
-    position = 0
-    while position + 3 < len(head) and head[position] in (0xFD, 0xFE) and len(pieces) < 20:
-        if head[position] == 0xFD:
-            size = 12 + head[position + 1] + (13 if head[position + 2] & 1 else 0)
-        else:
-            size = 8 + head[position + 1]
-        pieces.append(head[position : position + size])
-        position += size
-    return pieces
+def _holds_frames(data: bytes, dialect: str | os.PathLike[str] | None) -> bool:
+    decoder = Decoder((), dialect=dialect)
+    decoder.feed(data, final=True)
+    return bool(decoder.counts or decoder.unknown)
 
 
 def _is_text(head: bytes) -> bool:

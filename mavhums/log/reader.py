@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import sys
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,16 +25,32 @@ if TYPE_CHECKING:
 __all__ = ["Log", "read_blocks", "read_log"]
 
 _BLOCK = 1 << 20
-_HEAD = 1 << 16
+_HEAD = 1 << 20
 
 
-def read_blocks(path: str | os.PathLike[str], *, size: int = _BLOCK) -> Iterator[bytes]:
-    """Yield the bytes of a log in blocks.
+def read_blocks(
+    path: str | os.PathLike[str],
+    *,
+    size: int = _BLOCK,
+    dialect: str | os.PathLike[str] | None = None,
+) -> Iterator[bytes]:
+    """Yield the bytes of a log in blocks; ``-`` is the standard input.
+
+    Parameters
+    ----------
+    path
+        A ``.tlog`` file, or ``-``.
+    size
+        Bytes of a block.
+    dialect
+        The MAVLink XML that the log will be decoded with, if any.
 
     Raises
     ------
     UnreadableLogError
         If the file is missing, unreadable or not a telemetry log.
+    DialectError
+        If the XML cannot be used.
     """
     path = Path(path)
     if path.is_dir():
@@ -39,9 +58,10 @@ def read_blocks(path: str | os.PathLike[str], *, size: int = _BLOCK) -> Iterator
             f"{path}: this is a folder", f"name the logs in it, for example {path}/*.tlog"
         )
     try:
-        with path.open("rb") as file:
-            refuse_foreign(str(path), file.read(_HEAD))
-            file.seek(0)
+        with nullcontext(sys.stdin.buffer) if str(path) == "-" else path.open("rb") as file:
+            head = file.read(_HEAD)
+            refuse_foreign(str(path), head, dialect=dialect)
+            yield from (head[k : k + size] for k in range(0, len(head), size))
             while block := file.read(size):
                 yield block
     except FileNotFoundError as error:
@@ -70,6 +90,8 @@ class Log:
         System ids of the vehicles.
     span
         Times of reception of the first and the last frame, microseconds of UTC; None if empty.
+    sender_clock
+        Whether the log has no time stamps, so that all times count from the sender's boot.
     """
 
     path: Path
@@ -79,6 +101,7 @@ class Log:
     losses: Losses
     vehicles: tuple[int, ...]
     span: tuple[int, int] | None
+    sender_clock: bool = False
 
     @cached_property
     def messages(self) -> dict[str, pd.DataFrame]:
@@ -86,24 +109,33 @@ class Log:
         return {name: table.to_frame() for name, table in self.tables.items()}
 
 
-def read_log(path: str | os.PathLike[str], *, messages: Iterable[str] | None = None) -> Log:
+def read_log(
+    path: str | os.PathLike[str],
+    *,
+    messages: Iterable[str] | None = None,
+    dialect: str | os.PathLike[str] | None = None,
+) -> Log:
     """Read a whole log into memory; for long logs, feed ``read_blocks`` to an engine instead.
 
     Parameters
     ----------
     path
-        A ``.tlog`` file.
+        A ``.tlog`` file, or ``-`` for the standard input.
     messages
         Names of the message types to keep; all if None.
+    dialect
+        A MAVLink XML file whose definitions go before the shipped ones.
 
     Raises
     ------
     UnreadableLogError
         If the file is missing, unreadable or not a telemetry log.
+    DialectError
+        If the XML cannot be used.
     """
-    decoder = Decoder(messages)
+    decoder = Decoder(messages, dialect=dialect)
     batches: dict[str, list[Table]] = {}
-    for block in [*read_blocks(path), None]:
+    for block in itertools.chain(read_blocks(path, dialect=dialect), [None]):
         fed = decoder.feed(block) if block is not None else decoder.feed(b"", final=True)
         for name, table in fed.items():
             batches.setdefault(name, []).append(table)
@@ -111,9 +143,10 @@ def read_log(path: str | os.PathLike[str], *, messages: Iterable[str] | None = N
     return Log(
         Path(path),
         {name: Table.concatenate(parts) for name, parts in batches.items()},
-        dict(decoder.counts),
+        decoder.counts,
         decoder.unknown,
         decoder.losses,
         vehicles_of(decoder.counts),
         None if first is None or last is None else (first, last),
+        decoder.sender_clock,
     )

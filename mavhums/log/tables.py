@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.log import convert
+from mavhums.log.convert import text_of
+
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 __all__ = ["Table"]
+
+_PARTS = ("frame", "time_us", "system", "component", "sequence", "flags", "fields")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +35,8 @@ class Table:
         Time of reception, microseconds of UTC since 1970.
     system, component, sequence
         From the frame's header.
+    flags
+        How the frame came: bits of `mavhums.log.flags`.
     fields
         Record array: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
     """
@@ -38,6 +47,7 @@ class Table:
     system: NDArray[np.uint8]
     component: NDArray[np.uint8]
     sequence: NDArray[np.uint8]
+    flags: NDArray[np.uint8]
     fields: NDArray[np.void]
 
     def __len__(self) -> int:
@@ -48,52 +58,50 @@ class Table:
 
     def select(self, rows: NDArray[Any]) -> Table:
         """Return the rows that a mask or an index array names."""
-        return Table(
-            self.name,
-            self.frame[rows],
-            self.time_us[rows],
-            self.system[rows],
-            self.component[rows],
-            self.sequence[rows],
-            self.fields[rows],
-        )
+        return Table(self.name, **{part: getattr(self, part)[rows] for part in _PARTS})
 
     @classmethod
     def concatenate(cls, tables: list[Table]) -> Table:
         """Join tables of one message type, in order."""
-        return cls(
-            tables[0].name,
-            np.concatenate([table.frame for table in tables]),
-            np.concatenate([table.time_us for table in tables]),
-            np.concatenate([table.system for table in tables]),
-            np.concatenate([table.component for table in tables]),
-            np.concatenate([table.sequence for table in tables]),
-            np.concatenate([table.fields for table in tables]),
-        )
+        if len(tables) == 1:
+            return tables[0]
+        parts = {part: [getattr(table, part) for table in tables] for part in _PARTS}
+        wire = tables[0].fields.dtype
+        parts["fields"] = [np.ascontiguousarray(rows).view(np.uint8) for rows in parts["fields"]]
+        joined = {part: np.concatenate(rows) for part, rows in parts.items()}
+        return cls(tables[0].name, **joined | {"fields": joined["fields"].view(wire)})
 
     def texts(self, field: str) -> list[str]:
         """Return a char field as text, cut at the first NUL."""
-        return [bytes(value).split(b"\0")[0].decode("utf-8", "replace") for value in self.fields[field]]
+        return [text_of(value) for value in self.fields[field].tolist()]
 
     def to_frame(self) -> pd.DataFrame:
         """Return a DataFrame indexed by time of reception (UTC).
 
         An array field of k elements becomes k columns, ``data[0]`` … ``data[k-1]``.
         """
-        import pandas as pd
+        return convert.to_frame(self)
 
-        columns: dict[str, Any] = {
-            "system": self.system,
-            "component": self.component,
-            "sequence": self.sequence,
-        }
-        for field in self.fields.dtype.names or ():
-            values = self.fields[field]
-            if values.dtype.kind == "S":
-                columns[field] = self.texts(field)
-            elif values.ndim == 1:
-                columns[field] = values
-            else:
-                columns |= {f"{field}[{k}]": values[:, k] for k in range(values.shape[1])}
-        index = pd.DatetimeIndex(self.time_us.astype("datetime64[us]"), tz="UTC", name="time")
-        return pd.DataFrame(columns, index=index)
+    def to_arrow(self) -> pa.Table:
+        """Return an Arrow table, array fields as fixed-size lists.
+
+        Raises
+        ------
+        MissingExtraError
+            If pyarrow is not installed.
+        """
+        return convert.to_arrow(self)
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> None:
+        """Write a Parquet file of the Arrow table.
+
+        Raises
+        ------
+        MissingExtraError
+            If pyarrow is not installed.
+        """
+        convert.to_parquet(self, path)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write a CSV file of the DataFrame."""
+        convert.to_csv(self, path)

@@ -178,6 +178,7 @@ def losses(lost: Losses) -> str:
         (lost.bad_crc_frames, "frame with a wrong checksum", "frames with a wrong checksum"),
         (lost.implausible_times, "implausible time", "implausible times"),
         (lost.cut_end_bytes, "byte of a frame cut off at the end", "bytes of a frame cut off at the end"),
+        (lost.padded_frames, "frame in doubt", "frames in doubt"),
         (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -77,6 +79,8 @@ def _consecutive(keys: list[str]) -> bool:
 
 def _losses(inspection: Inspection, console: Console) -> None:
     losses = inspection.losses
+    for note in _notes(inspection):
+        console.print(f"\n{note}", highlight=False, markup=False)
     if not losses.any:
         console.print("\nNothing was lost.")
         return
@@ -84,9 +88,53 @@ def _losses(inspection: Inspection, console: Console) -> None:
     if losses.bytes_skipped:
         parts.append(f"{losses.bytes_skipped:,} bytes skipped in {losses.damaged_regions:,} places")
     if losses.bad_crc_frames:
-        parts.append(f"{losses.bad_crc_frames:,} frames with a bad CRC")
+        parts.append(
+            f"{losses.bad_crc_frames:,} frames with a bad CRC ({_ranked(losses.bad_crc_by_message)})"
+        )
     if losses.implausible_times:
         parts.append(f"{losses.implausible_times:,} implausible time stamps")
     if losses.cut_end_bytes:
         parts.append(f"{losses.cut_end_bytes:,} bytes of an unfinished record at the end")
-    console.print(f"\nLost: {', '.join(parts)}.", highlight=False)
+    if parts:
+        console.print(f"\nLost: {', '.join(parts)}.", highlight=False)
+    if losses.regions:
+        shown = ", ".join(f"{region.offset:,}+{region.size:,}" for region in losses.regions[:5])
+        more = ", …" if losses.damaged_regions > 5 else ""
+        console.print(f"  skipped at byte (offset+size): {shown}{more}", highlight=False)
+    if losses.padded_frames:
+        console.print(
+            f"\nIn doubt: {losses.padded_frames:,} frames whose zeros were trimmed after the CRC "
+            "was computed, accepted with the zeros put back; "
+            f"at most {losses.padded_false_bound:.2g} of them by chance.",
+            highlight=False,
+        )
+
+
+def _notes(inspection: Inspection) -> Iterator[str]:
+    """Say what befell the log as a whole, and what never reached it."""
+    losses = inspection.losses
+    if inspection.sender_clock:
+        yield "The log has no time stamps (.tlog.raw): times count from the sender's boot."
+    if losses.line_ends_restored:
+        yield (
+            "The log was converted to text (LF to CRLF); "
+            f"that was undone in {losses.line_ends_restored:,} places."
+        )
+    if losses.trailing_zeros:
+        yield f"{losses.trailing_zeros:,} zero bytes follow the last frame."
+    if losses.time_jumps or losses.time_rewinds:
+        ahead, back = losses.time_jumps, losses.time_rewinds
+        yield f"The clock jumps ahead {ahead} times by over a minute, back {back} times by over a second."
+    for sender in losses.sequence:
+        parts = [f"{sender.missing:,} frames missing in {sender.gaps:,} gaps"] if sender.missing else []
+        parts += [f"{sender.reordered:,} out of order"] if sender.reordered else []
+        parts += [f"{sender.duplicated:,} twice"] if sender.duplicated else []
+        if parts:
+            of = f"of {sender.system}/{sender.component} ({sender.frames:,} frames)"
+            yield f"Sequence numbers {of}: {', '.join(parts)}."
+
+
+def _ranked(counts: dict[str, int]) -> str:
+    ranked = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    more = ", …" if len(ranked) > 4 else ""
+    return ", ".join(f"{name} {count:,}" for name, count in ranked[:4]) + more

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums_sim.cyclogram import takeoff
-from mavhums_sim.ema import CONTROL_PERIOD_S, EmaParameters, simulate
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 from mavhums_sim.sensors import SensorNoise, sample_times, sense
 
 __all__ = ["CYCLOGRAMS", "MAIN", "Flown", "fly_condition"]
@@ -117,7 +118,7 @@ def _flown(cyclogram: str, friction_nm: float) -> Flown:
     times = sample_times(random, _DURATION_S, _RATE_HZ)
     values = sense(motion, parameters, times, random, SensorNoise.none())
     moving = np.abs(values[:, 9]) * 6 >= _MOVING_DEG_S
-    return Flown(friction_nm, times, values, moving, motion.moving_fraction)
+    return Flown(friction_nm, times, values, moving, float(np.mean(motion.speed != 0)))
 
 
 def fly_condition(cyclogram: str, frictions_nm: Sequence[float]) -> list[Flown]:

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 
 from mavhums.study.published import TABLE_1
-from mavhums_sim.ema import CONTROL_PERIOD_S, DataSheet, EmaParameters, simulate
+from mavhums_sim.ema import DataSheet, EmaParameters
+from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 
 __all__ = ["table_1"]
 

@@ -5,16 +5,19 @@ It knows nothing of mavhums: it writes logs as an aircraft would, and stays an i
 
 from __future__ import annotations
 
-from mavhums_sim.ema import DataSheet, EmaParameters, Motion, simulate
+from mavhums_sim.ema import DataSheet, EmaParameters, Gearbox
 from mavhums_sim.flight import ActuatorRecord, Flight, FlightRecord, fly
+from mavhums_sim.motion import Degradation, Motion, simulate
 from mavhums_sim.telemetry import write_tlog
 
 __all__ = [
     "ActuatorRecord",
     "DataSheet",
+    "Degradation",
     "EmaParameters",
     "Flight",
     "FlightRecord",
+    "Gearbox",
     "Motion",
     "fly",
     "simulate",

@@ -1,70 +1,211 @@
-"""The integration kernel: exact exponential update of the current, implicit dry friction.
+"""The integration kernels: one mass or two, with dry friction as an impulse or after Karnopp.
 
-Friction is an impulse (Moreau): each step it takes up to T_c·dt of the momentum, and while the
-shaft rests it withstands up to T_s·dt. That is stable at any step and needs no velocity band.
+The current follows its exact exponential within each step, which is stable at any step where an
+explicit rule needs dt < 2L/R. Angles follow the new speeds (symplectic Euler).
 """
 
 from __future__ import annotations
+
+from math import copysign
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["Constants", "Course", "State", "integrate_one_mass", "integrate_two_masses"]
+
 Array = NDArray[np.float64]
 
 
+class Constants(NamedTuple):
+    """What does not change in a flight; meanings and units in :class:`mavhums_sim.ema.EmaParameters`."""
+
+    torque_per_ampere: float
+    resistance: float
+    inductance: float
+    inertia: float
+    viscous: float
+    supply_voltage: float
+    current_limit: float
+    slew_limit: float
+    stroke: float
+    position_gain: float
+    speed_gain: float
+    integral_gain: float
+    stiction_ratio: float
+    karnopp_band: float
+    output_inertia: float
+    stiffness: float
+    damping: float
+    backlash: float
+    rotor_friction: float
+
+
+class Course(NamedTuple):
+    """What changes in a flight: one value per control period, shape (n,) each, SI units."""
+
+    command: Array
+    friction: Array
+    load_slope: Array
+    load_offset: Array
+    torque_factor: Array
+    resistance_factor: Array
+    sag: Array
+    sensor_bias: Array
+    backlash: Array
+    jam: Array
+
+
+class State(NamedTuple):
+    """What the actuator did at the end of each control period, shape (n,) each, SI units."""
+
+    angle: Array
+    speed: Array
+    rotor_angle: Array
+    rotor_speed: Array
+    current: Array
+    voltage: Array
+    load: Array
+
+
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def integrate(
-    dt: float,
-    steps: int,
-    torque_per_ampere: float,
-    resistance: float,
-    inductance: float,
-    inertia: float,
-    supply_voltage: float,
-    current_limit: float,
-    slew_limit: float,
-    stroke: float,
-    position_gain: float,
-    speed_gain: float,
-    integral_gain: float,
-    stiction_ratio: float,
-    command: Array,
-    friction: Array,
-    load_slope: Array,
-    load_offset: Array,
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Return angle, speed, current, voltage and load after each control period, shape (n,) each."""
-    n = command.size
-    angle_out = np.empty(n)
-    speed_out = np.empty(n)
-    current_out = np.empty(n)
-    voltage_out = np.empty(n)
-    load_out = np.empty(n)
-    decay = np.exp(-resistance * dt / inductance)
+def rub(
+    speed: float, torque: float, kinetic: float, breakaway: float, inertia: float, dt: float, band: float
+) -> float:
+    """Return the speed after ``dt`` under a torque and dry friction.
+
+    With ``band`` zero the friction is an impulse (Moreau): up to T_c·dt of momentum while moving, up
+    to T_s·dt at rest. Otherwise it is Karnopp's: slower than ``band`` counts as rest.
+    """
+    if band == 0.0:
+        free = speed + dt * torque / inertia
+        slip = kinetic * dt / inertia
+        grip = breakaway * dt / inertia
+        if abs(free) <= (grip if speed == 0.0 else slip):
+            return 0.0
+        return free - slip if free > 0.0 else free + slip
+    if abs(speed) > band:
+        return speed + dt * (torque - copysign(kinetic, speed)) / inertia
+    if abs(torque) <= breakaway:
+        return 0.0
+    return speed + dt * (torque - copysign(breakaway, torque)) / inertia
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def mesh(twist: float, speed: float, half: float, stiffness: float, damping: float) -> float:
+    """Return the torque that the teeth carry: none inside the backlash ±``half``, and never a pull."""
+    if twist > half:
+        return max(0.0, stiffness * (twist - half) + damping * speed)
+    if twist < -half:
+        return min(0.0, stiffness * (twist + half) + damping * speed)
+    return 0.0
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def control(
+    c: Constants, command: float, angle: float, speed: float, integral: float, sag: float, period: float
+) -> tuple[float, float]:
+    """Return the voltage for the next control period, and the integral after it.
+
+    Position loop around a speed loop with back-EMF compensation, both limited; the integral waits
+    while the voltage saturates. The controller knows the healthy constants only.
+    """
+    target = min(max(command, -c.stroke), c.stroke)
+    wanted = min(max(c.position_gain * (target - angle), -c.slew_limit), c.slew_limit)
+    back_emf = c.torque_per_ampere * speed
+    demand = c.speed_gain * (wanted - speed) + back_emf + integral
+    supply = c.supply_voltage - sag
+    low = max(-supply, back_emf - c.resistance * c.current_limit)
+    high = min(supply, back_emf + c.resistance * c.current_limit)
+    voltage = min(max(demand, low), high)
+    if voltage == demand:
+        integral += c.integral_gain * (wanted - speed) * period
+    return voltage, integral
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def integrate_one_mass(dt: float, steps: int, c: Constants, course: Course) -> State:
+    """Drive a rigid actuator through a course, ``steps`` of ``dt`` seconds per control period."""
+    n = course.command.size
+    out = np.empty((5, n))
     angle = speed = current = integral = load = 0.0
     for k in range(n):
-        target = min(max(command[k], -stroke), stroke)
-        wanted = min(max(position_gain * (target - angle), -slew_limit), slew_limit)
-        back_emf = torque_per_ampere * speed
-        demand = speed_gain * (wanted - speed) + back_emf + integral
-        low = max(-supply_voltage, back_emf - resistance * current_limit)
-        high = min(supply_voltage, back_emf + resistance * current_limit)
-        voltage = min(max(demand, low), high)
-        if voltage == demand:
-            integral += integral_gain * (wanted - speed) * dt * steps
-        coulomb = friction[k]
+        voltage, integral = control(
+            c, course.command[k], angle + course.sensor_bias[k], speed, integral, course.sag[k], dt * steps
+        )
+        torque_per_ampere = c.torque_per_ampere * course.torque_factor[k]
+        resistance = c.resistance * course.resistance_factor[k]
+        decay = np.exp(-resistance * dt / c.inductance)
+        kinetic = course.friction[k] + course.jam[k]
+        breakaway = c.stiction_ratio * course.friction[k] + course.jam[k]
         for _ in range(steps):
             steady = (voltage - torque_per_ampere * speed) / resistance
             current = steady + (current - steady) * decay
-            load = load_slope[k] * angle + load_offset[k]
-            free = speed + dt * (torque_per_ampere * current - load) / inertia
-            hold = (stiction_ratio if speed == 0.0 else 1.0) * coulomb * dt / inertia
-            speed = 0.0 if abs(free) <= hold else free - np.sign(free) * coulomb * dt / inertia
+            load = course.load_slope[k] * angle + course.load_offset[k]
+            torque = torque_per_ampere * current - load - c.viscous * speed
+            speed = rub(speed, torque, kinetic, breakaway, c.inertia, dt, c.karnopp_band)
             angle += speed * dt
-        angle_out[k] = angle
-        speed_out[k] = speed
-        current_out[k] = current
-        voltage_out[k] = voltage
-        load_out[k] = load
-    return angle_out, speed_out, current_out, voltage_out, load_out
+        out[0, k] = angle
+        out[1, k] = speed
+        out[2, k] = current
+        out[3, k] = voltage
+        out[4, k] = load
+    return State(out[0], out[1], out[0], out[1], out[2], out[3], out[4])
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def integrate_two_masses(dt: float, steps: int, c: Constants, course: Course) -> State:
+    """Drive rotor and output shaft, coupled by a gear with play, through a course.
+
+    ``c.inertia`` is the rotor's share; position is fed back from the output shaft, speed from the rotor.
+    """
+    n = course.command.size
+    out = np.empty((7, n))
+    rotor = rotor_speed = angle = speed = current = integral = load = 0.0
+    for k in range(n):
+        voltage, integral = control(
+            c,
+            course.command[k],
+            angle + course.sensor_bias[k],
+            rotor_speed,
+            integral,
+            course.sag[k],
+            dt * steps,
+        )
+        torque_per_ampere = c.torque_per_ampere * course.torque_factor[k]
+        resistance = c.resistance * course.resistance_factor[k]
+        decay = np.exp(-resistance * dt / c.inductance)
+        half = 0.5 * (c.backlash + course.backlash[k])
+        rotor_friction = c.rotor_friction * course.friction[k]
+        output_friction = course.friction[k] - rotor_friction
+        output_kinetic = output_friction + course.jam[k]
+        output_breakaway = c.stiction_ratio * output_friction + course.jam[k]
+        for _ in range(steps):
+            steady = (voltage - torque_per_ampere * rotor_speed) / resistance
+            current = steady + (current - steady) * decay
+            load = course.load_slope[k] * angle + course.load_offset[k]
+            teeth = mesh(rotor - angle, rotor_speed - speed, half, c.stiffness, c.damping)
+            torque = torque_per_ampere * current - teeth - c.viscous * rotor_speed
+            rotor_speed = rub(
+                rotor_speed,
+                torque,
+                rotor_friction,
+                c.stiction_ratio * rotor_friction,
+                c.inertia,
+                dt,
+                c.karnopp_band,
+            )
+            speed = rub(
+                speed, teeth - load, output_kinetic, output_breakaway, c.output_inertia, dt, c.karnopp_band
+            )
+            rotor += rotor_speed * dt
+            angle += speed * dt
+        out[0, k] = angle
+        out[1, k] = speed
+        out[2, k] = rotor
+        out[3, k] = rotor_speed
+        out[4, k] = current
+        out[5, k] = voltage
+        out[6, k] = load
+    return State(out[0], out[1], out[2], out[3], out[4], out[5], out[6])

@@ -1,19 +1,32 @@
-"""Many flights with their ground truth: the paper's eight conditions, and one that grows."""
+"""Many flights on all cores: to logs with their ground truth, or straight into a consumer."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import multiprocessing
 import os
-from collections.abc import Callable, Iterator
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import suppress
+from functools import partial
+from itertools import islice
 from pathlib import Path
+from typing import Any, TypeVar
 
-from mavhums_sim.flight import Flight, fly
+from mavhums_sim.flight import Flight, FlightRecord, fly
+from mavhums_sim.link import Link
 from mavhums_sim.telemetry import write_tlog
 
-__all__ = ["CAMPAIGNS", "PAPER_FRICTION_NM", "paper_campaign", "run_campaign", "write_truth"]
+__all__ = ["CAMPAIGNS", "PAPER_FRICTION_NM", "consume", "paper_campaign", "run_campaign", "write_truth"]
 
 PAPER_FRICTION_NM = (0.225, 0.275, 0.325, 0.375, 0.875, 0.925, 0.975, 1.025)
 _SURFACE = "elevator"
+_JOURNAL = "truth.jsonl"
+
+T = TypeVar("T")
+Truth = dict[str, Any]
 
 
 def paper_campaign(seed: int = 0, duration_s: float = 100.0) -> Iterator[tuple[str, Flight]]:
@@ -35,12 +48,66 @@ def paper_campaign(seed: int = 0, duration_s: float = 100.0) -> Iterator[tuple[s
 CAMPAIGNS: dict[str, Callable[[int, float], Iterator[tuple[str, Flight]]]] = {"paper": paper_campaign}
 
 
+def consume(
+    flights: Iterable[tuple[str, Flight]], consumer: Callable[[str, FlightRecord], T], workers: int = 1
+) -> Iterator[tuple[str, T]]:
+    """Fly each flight, hand its record to a consumer, and yield (name, what it returned).
+
+    The consumer runs where the flight was flown, so arrays of hundreds of hours never leave their
+    process: return what is to be kept of them.
+
+    Parameters
+    ----------
+    flights
+        (name, flight) pairs.
+    consumer
+        Called with the name and the record; with several workers, a function of a module.
+    workers
+        Processes; 1 flies in this one. Results come in the order of the flights.
+
+    Examples
+    --------
+    >>> flights = [(str(seed), Flight(seed=seed, duration_s=2.0)) for seed in range(3)]
+    >>> [name for name, _ in consume(flights, lambda name, record: record.actuators["rudder"].values)]
+    ['0', '1', '2']
+    """
+    if workers == 1:
+        for name, flight in flights:
+            yield name, _fly_and_consume(name, flight, consumer)
+        return
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(
+        workers, context, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
+    )
+    try:
+        waiting = iter(flights)
+        running: list[tuple[str, Future[T]]] = []
+        while True:
+            for name, flight in islice(waiting, 4 * workers - len(running)):
+                running.append((name, pool.submit(_fly_and_consume, name, flight, consumer)))
+            if not running:
+                return
+            name, future = running.pop(0)
+            yield name, future.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _fly_and_consume(name: str, flight: Flight, consumer: Callable[[str, FlightRecord], T]) -> T:
+    return consumer(name, fly(flight))
+
+
 def run_campaign(
     flights: list[tuple[str, Flight]],
     folder: Path,
     progress: Callable[[int, int], None] | None = None,
+    *,
+    link: Link | None = None,
+    workers: int = 1,
 ) -> Path:
     """Fly and log each flight into ``folder`` and return the path of its ``truth.json``.
+
+    What an interrupted run of the same campaign has finished is not flown again.
 
     Parameters
     ----------
@@ -50,6 +117,10 @@ def run_campaign(
         Created if it does not exist.
     progress
         Called with the flights flown and their number, after each.
+    link
+        Between each aircraft and its log.
+    workers
+        Processes.
 
     Raises
     ------
@@ -57,23 +128,58 @@ def run_campaign(
         If the folder or a file in it cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    truths = []
-    for done, (name, flight) in enumerate(flights, start=1):
-        record = fly(flight)
-        log = folder / f"{name}.tlog"
-        counts = write_tlog(record, log)
-        truths.append({"log": log.name, **record.truth(), "messages": counts})
-        if progress:
-            progress(done, len(flights))
-    return write_truth(truths, folder / "truth.json")
+    link = link or Link()
+    prints = {name: _fingerprint(flight, link) for name, flight in flights}
+    truths = {
+        name: truth
+        for name, truth in _finished(folder).items()
+        if truth.get("fingerprint") == prints.get(name) and (folder / f"{name}.tlog").exists()
+    }
+    left = [(name, flight) for name, flight in flights if name not in truths]
+    with (folder / _JOURNAL).open("a", encoding="utf-8") as journal:
+        for name, truth in consume(left, partial(_log, folder=folder, link=link), workers):
+            truths[name] = {**truth, "fingerprint": prints[name]}
+            journal.write(json.dumps(truths[name]) + "\n")
+            journal.flush()
+            if progress:
+                progress(len(truths), len(flights))
+    path = write_truth([truths[name] for name, _ in flights], folder / "truth.json")
+    (folder / _JOURNAL).unlink()
+    return path
+
+
+def _log(name: str, record: FlightRecord, *, folder: Path, link: Link) -> Truth:
+    log = folder / f"{name}.tlog"
+    counts = write_tlog(record, log, link)
+    return {"log": log.name, **record.truth(), "messages": counts}
+
+
+def _fingerprint(flight: Flight, link: Link) -> str:
+    """Identify a flight by its description."""
+    described = repr((flight, link))
+    if not isinstance(flight.cyclogram, str):
+        commands = b"".join(command.tobytes() for command in flight.cyclogram.commands.values())
+        described += hashlib.sha256(commands).hexdigest()
+    return hashlib.sha256(described.encode()).hexdigest()[:16]
+
+
+def _finished(folder: Path) -> dict[str, Truth]:
+    """Return the truths that earlier runs left, by flight."""
+    truths: list[Truth] = []
+    with suppress(FileNotFoundError, ValueError, KeyError):
+        truths += json.loads((folder / "truth.json").read_text(encoding="utf-8"))["flights"]
+    with suppress(FileNotFoundError, ValueError):  # the last line of a run that was killed may be cut
+        for line in (folder / _JOURNAL).read_text(encoding="utf-8").splitlines():
+            truths.append(json.loads(line))
+    return {str(truth.get("log", "")).removesuffix(".tlog"): truth for truth in truths}
 
 
 def write_truth(flights: list[dict[str, object]], path: Path) -> Path:
     """Write ground truth as JSON, atomically, and return its path."""
-    partial = path.with_name(f".{path.name}.partial")
+    partial_file = path.with_name(f".{path.name}.partial")
     try:
-        partial.write_text(json.dumps({"flights": flights}, indent=2) + "\n", encoding="utf-8")
-        os.replace(partial, path)  # noqa: PTH105 - atomic, and says so
+        partial_file.write_text(json.dumps({"flights": flights}, indent=2) + "\n", encoding="utf-8")
+        os.replace(partial_file, path)  # noqa: PTH105 - atomic, and says so
     finally:
-        partial.unlink(missing_ok=True)
+        partial_file.unlink(missing_ok=True)
     return path

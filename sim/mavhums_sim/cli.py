@@ -2,50 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from mavhums_sim._options import DURATION, SEED, given, plan_flight, with_flight_options
+
+if TYPE_CHECKING:
+    from mavhums_sim.flight import Flight
+    from mavhums_sim.link import Link
+
 __all__ = ["main"]
-
-_DURATION = click.option(
-    "--duration",
-    default=100.0,
-    show_default=True,
-    type=click.FloatRange(1, 36_000),
-    metavar="S",
-    help="Seconds.",
-)
-_SEED = click.option(
-    "--seed",
-    default=0,
-    show_default=True,
-    type=click.IntRange(0),
-    help="Pilot, gusts and noise; the same seed flies the same.",
-)
-
-
-class _Friction(click.ParamType[tuple[str, tuple[float, float]]]):
-    """``SURFACE=VALUE`` or ``SURFACE=FROM..TO``."""
-
-    name = "friction"
-
-    def convert(
-        self, value: str, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, tuple[float, float]]:
-        surface, _, numbers = value.partition("=")
-        start, _, end = numbers.partition("..")
-        try:
-            return surface, (float(start), float(end or start))
-        except ValueError:
-            self.fail(
-                f"{value!r} is not SURFACE=N·m or SURFACE=FROM..TO, for example elevator=0.225..1.0",
-                param,
-                ctx,
-            )
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -57,49 +29,26 @@ def cli() -> None:
     Start here:
       mavhums-sim flight -o flight.tlog --friction elevator=0.225..1.0
       mavhums-sim campaign paper -o logs/
+      mavhums-sim stream udpout:127.0.0.1:14550
+      mavhums-sim validate
     """
 
 
 @cli.command()
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FILE.tlog")
-@click.option(
-    "--friction",
-    multiple=True,
-    type=_Friction(),
-    metavar="SURFACE=N·m",
-    help="Coulomb friction of a surface, 0.9 or growing 0.225..1.0; others have 0.225. Repeatable.",
-)
-@_SEED
-@_DURATION
-@click.option(
-    "--rate",
-    default=100.0,
-    show_default=True,
-    type=click.FloatRange(1, 500),
-    metavar="HZ",
-    help="Actuator telemetry.",
-)
-def flight(
-    output: Path,
-    friction: tuple[tuple[str, tuple[float, float]], ...],
-    seed: int,
-    duration: float,
-    rate: float,
-) -> None:
-    """Fly one take-off of a four-surface aircraft; write FILE.tlog and FILE.truth.json.
+@with_flight_options
+def flight(output: Path, **options: Any) -> None:
+    """Fly a four-surface aircraft once; write FILE.tlog and FILE.truth.json.
 
     Surfaces: aileron_left, aileron_right, elevator, rudder.
     """
+    planned = plan_flight(options)
     from mavhums_sim.campaign import write_truth
-    from mavhums_sim.flight import Flight, fly
+    from mavhums_sim.flight import fly
     from mavhums_sim.telemetry import write_tlog
 
-    try:
-        planned = Flight(seed=seed, duration_s=duration, friction_nm=dict(friction), rate_hz=rate)
-    except ValueError as error:
-        raise click.UsageError(str(error)) from error
-    record = fly(planned)
-    counts = write_tlog(record, output)
+    record = fly(planned.flight)
+    counts = write_tlog(record, output, planned.link)
     truth = write_truth(
         [{"log": output.name, **record.truth(), "messages": counts}], output.with_suffix(".truth.json")
     )
@@ -109,23 +58,109 @@ def flight(
 
 
 @cli.command()
-@click.argument("name", type=click.Choice(["paper"]), metavar="NAME")
+@click.argument("url")
+@click.option(
+    "--speed",
+    default=1.0,
+    show_default=True,
+    type=click.FloatRange(0, min_open=True),
+    help="Flight seconds per second.",
+)
+@with_flight_options
+def stream(url: str, speed: float, **options: Any) -> None:
+    """Fly live: send the messages to URL when they are due.
+
+    \b
+    URL: udpout:HOST:PORT, udpbcast:…, tcp:… or tcpin:…
+    """
+    planned = plan_flight(options)
+    from mavhums_sim.flight import fly
+    from mavhums_sim.link import transmit
+    from mavhums_sim.stream import connect
+    from mavhums_sim.stream import stream as send
+    from mavhums_sim.telemetry import messages
+
+    record = fly(planned.flight)
+    try:
+        with connect(url) as write:
+            counts = send(transmit(messages(record), planned.link, planned.flight.seed), write, speed)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    click.echo(f"{url}: {sum(counts.values()):,} messages")
+    for name, count in sorted(counts.items()):
+        click.echo(f"  {name} {count:,}")
+
+
+@cli.command()
+@click.argument("name", metavar="NAME|FILE.toml")
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FOLDER")
-@_SEED
-@_DURATION
-def campaign(name: str, output: Path, seed: int, duration: float) -> None:
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Processes; by default one per core, and one for short campaigns.",
+)
+@SEED
+@DURATION
+def campaign(name: str, output: Path, workers: int | None, seed: int, duration: float) -> None:
     """Fly a campaign and write a log per flight, and truth.json, into FOLDER.
+
+    What an interrupted run has finished is not flown again.
 
     \b
     NAME:
-      paper   the elevator at the paper's eight frictions, and growing from 0.225 to 1.0 N·m
+      paper      the elevator at the paper's eight frictions, and growing from 0.225 to 1.0 N·m
+      FILE.toml  cyclograms × conditions × seeds, with their own seed and duration
     """
-    from mavhums_sim.campaign import CAMPAIGNS, run_campaign
+    from mavhums_sim.campaign import run_campaign
 
-    flights = list(CAMPAIGNS[name](seed, duration))
+    flights, link = _campaign(name, seed, duration)
+    if workers is None:
+        workers = min(os.cpu_count() or 1, max(1, len(flights) // 10))
     with _progress("flying") as progress:
-        truth = run_campaign(flights, output, progress)
-    click.echo(f"{output}: {len(flights)} flights of {duration:g} s; truth in {truth}")
+        truth = run_campaign(flights, output, progress, link=link, workers=workers)
+    click.echo(f"{output}: {len(flights)} flights of {flights[0][1].duration_s:g} s; truth in {truth}")
+
+
+def _campaign(name: str, seed: int, duration: float) -> tuple[list[tuple[str, Flight]], Link | None]:
+    from mavhums_sim.campaign import CAMPAIGNS
+    from mavhums_sim.plan import load_plan
+
+    if name in CAMPAIGNS:
+        return list(CAMPAIGNS[name](seed, duration)), None
+    if not name.endswith(".toml"):
+        raise click.UsageError(f"no campaign {name!r}; there is {', '.join(CAMPAIGNS)}, or a FILE.toml")
+    if given("seed") or given("duration"):
+        raise click.UsageError(f"seed and duration_s of this campaign are set in {name}")
+    try:
+        plan = load_plan(Path(name))
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    return list(plan.flights()), plan.link
+
+
+@cli.command()
+def validate() -> None:
+    """Check the physics against data sheet, solutions on paper, conservation and finer steps.
+
+    Exits with 1 if a check fails.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    from mavhums_sim.validation import validate as checks
+
+    table = Table("check", "expected", "simulated", "allowed", "unit", "", box=None)
+    failed = total = 0
+    for check in checks():
+        total += 1
+        failed += not check.passed
+        verdict = "ok" if check.passed else "[red]FAILED"
+        numbers = (f"{check.expected:.6g}", f"{check.measured:.6g}", f"±{check.tolerance:.2g}")
+        table.add_row(check.name, *numbers, check.unit, verdict)
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    click.echo(f"{total - failed} of {total} checks passed")
+    sys.exit(1 if failed else 0)
 
 
 def main() -> None:
@@ -136,7 +171,7 @@ def main() -> None:
         error.show()
         sys.exit(2)
     except OSError as error:
-        click.echo(f"mavhums-sim: {error.filename}: {error.strerror}", err=True)
+        click.echo(f"mavhums-sim: {error.filename or 'link'}: {error.strerror or error}", err=True)
         sys.exit(1)
     except (click.Abort, KeyboardInterrupt):
         click.echo("mavhums-sim: stopped; the flights finished so far are whole", err=True)

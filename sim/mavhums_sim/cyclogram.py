@@ -6,12 +6,14 @@ condition would let a classifier cheat.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums_sim.ema import CONTROL_PERIOD_S
+from mavhums_sim._signals import gusts, ramp
+from mavhums_sim.motion import CONTROL_PERIOD_S
 
 __all__ = ["SURFACES", "Cyclogram", "takeoff"]
 
@@ -26,6 +28,10 @@ class Cyclogram:
 
     Attributes
     ----------
+    name
+        Kind of flight.
+    time_s
+        Flight time at the end of each control period.
     commands
         Commanded deflection of each surface, rad.
     airspeed
@@ -48,6 +54,15 @@ class Cyclogram:
     yaw: Array
     altitude: Array
 
+    def first(self, n: int) -> Cyclogram:
+        """Return the first ``n`` control periods."""
+        arrays: dict[str, Any] = {
+            field.name: value[:n] if isinstance(value, np.ndarray) else {s: a[:n] for s, a in value.items()}
+            for field in fields(self)
+            if not isinstance(value := getattr(self, field.name), str)
+        }
+        return Cyclogram(self.name, **arrays)
+
 
 def takeoff(seed: int, duration_s: float = 100.0) -> Cyclogram:
     """Return a take-off: control check, ground roll, rotation, climb through gusts, level-off.
@@ -60,42 +75,24 @@ def takeoff(seed: int, duration_s: float = 100.0) -> Cyclogram:
     time = (np.arange(n, dtype=np.float64) + 1.0) * CONTROL_PERIOD_S
     phase = time / duration_s
 
-    airspeed = 24.0 * _ramp(phase, 0.08, 0.24) + rng.normal(0, 0.3)
-    airspeed = np.maximum(airspeed + 0.8 * _gusts(rng, time, 0.05, 0.5) * _ramp(phase, 0.2, 0.25), 0.0)
-    climb = _ramp(phase, 0.22, 0.28) - 0.8 * _ramp(phase, 0.85, 0.92)
-    pitch = np.radians(10.0 * climb + 1.5 * _gusts(rng, time, 0.05, 0.4) * _ramp(phase, 0.22, 0.26))
-    roll = np.radians(8.0 * _gusts(rng, time, 0.02, 0.3) * _ramp(phase, 0.25, 0.3))
-    yaw = np.radians(90.0 + 5.0 * _gusts(rng, time, 0.01, 0.05))
+    airspeed = 24.0 * ramp(phase, 0.08, 0.24) + rng.normal(0, 0.3)
+    airspeed = np.maximum(airspeed + 0.8 * gusts(rng, time, 0.05, 0.5) * ramp(phase, 0.2, 0.25), 0.0)
+    climb = ramp(phase, 0.22, 0.28) - 0.8 * ramp(phase, 0.85, 0.92)
+    pitch = np.radians(10.0 * climb + 1.5 * gusts(rng, time, 0.05, 0.4) * ramp(phase, 0.22, 0.26))
+    roll = np.radians(8.0 * gusts(rng, time, 0.02, 0.3) * ramp(phase, 0.25, 0.3))
+    yaw = np.radians(90.0 + 5.0 * gusts(rng, time, 0.01, 0.05))
     altitude = np.cumsum(airspeed * np.sin(np.maximum(pitch, 0.0)) * CONTROL_PERIOD_S)
 
-    check = _ramp(phase, 0.0, 0.005) * (1.0 - _ramp(phase, 0.075, 0.08))
-    activity = 5.0 + 3.0 * _ramp(phase, 0.2, 0.24)
-    trim = {"elevator": -6.0 * _ramp(phase, 0.2, 0.23) + 3.0 * _ramp(phase, 0.26, 0.3)}
+    check = ramp(phase, 0.0, 0.005) * (1.0 - ramp(phase, 0.075, 0.08))
+    activity = 5.0 + 3.0 * ramp(phase, 0.2, 0.24)
+    trim = {"elevator": -6.0 * ramp(phase, 0.2, 0.23) + 3.0 * ramp(phase, 0.26, 0.3)}
     commands: dict[str, Array] = {}
     incidence: dict[str, Array] = {}
     for surface in SURFACES:
         sweep = 20.0 * np.sin(2 * np.pi * time / (0.04 * duration_s) + rng.uniform(0, 2 * np.pi)) * check
-        corrections = activity * _gusts(rng, time, 0.1, 1.0) * (1.0 - check)
+        corrections = activity * gusts(rng, time, 0.1, 1.0) * (1.0 - check)
         commands[surface] = np.radians(np.clip(sweep + corrections + trim.get(surface, 0.0), -25.0, 25.0))
         mean = 4.0 * climb if surface != "rudder" else 0.0
-        incidence[surface] = np.radians(mean + 2.0 * _gusts(rng, time, 0.1, 2.0))
+        incidence[surface] = np.radians(mean + 2.0 * gusts(rng, time, 0.1, 2.0))
     commands["aileron_right"] = -commands["aileron_left"]
     return Cyclogram("takeoff", time, commands, airspeed, incidence, roll, pitch, yaw, altitude)
-
-
-def _ramp(x: Array, start: float, end: float) -> Array:
-    """Rise smoothly from 0 at ``start`` to 1 at ``end``."""
-    s: Array = np.clip((x - start) / (end - start), 0.0, 1.0)
-    smooth: Array = s * s * (3.0 - 2.0 * s)
-    return smooth
-
-
-def _gusts(rng: np.random.Generator, time: Array, low_hz: float, high_hz: float, waves: int = 24) -> Array:
-    """Return a smooth random signal of unit variance with a 1/f power spectrum in a band."""
-    frequency = np.exp(rng.uniform(np.log(low_hz), np.log(high_hz), waves))
-    shift = rng.uniform(0.0, 2 * np.pi, waves)
-    total = np.zeros_like(time)
-    for f, s in zip(frequency, shift, strict=True):
-        total += np.sin(2 * np.pi * f * time + s)
-    scaled: Array = total * np.sqrt(2.0 / waves)
-    return scaled

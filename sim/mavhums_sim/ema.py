@@ -1,36 +1,38 @@
-"""The paper's electromechanical actuator: one rotating mass with Coulomb friction and stiction.
+"""What an actuator is: its data sheet, and the constants of its models.
 
-Torque balance at the output shaft (paper, section 4):
+Torque balance (paper, section 4), at the output shaft:
 
-    N k_t I = N² J dω/dt + T_ext + T_D,        L dI/dt = U - R I - N k_t ω
+    N·k_t·I = N²·J·dω/dt + T_ext + T_E + T_D,        L·dI/dt = U − R·I − N·k_t·ω
 
-The elastic torque T_E is absent, for the gear is rigid. T_D is Coulomb friction T_c against the
-motion, and holds the shaft up to T_s while it rests. Data sheet to constants: an ideal gear, so
-that friction is the only loss, and a controller whose speed command is limited to reach the data
-sheet's no-load speed.
+With a rigid gear T_E is absent and there is one mass. With a :class:`Gearbox`, T_E is the torque of
+its teeth and rotor and output shaft are two masses. T_D is dry friction, T_c against the motion and
+up to T_s at rest, and viscous drag.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import radians
+from dataclasses import dataclass, replace
+from math import isfinite, radians
+from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from mavhums_sim._integrate import Constants
 
-from mavhums_sim._integrate import integrate
+__all__ = ["DataSheet", "EmaParameters", "FrictionMethod", "Gearbox"]
 
-__all__ = ["CONTROL_PERIOD_S", "DataSheet", "EmaParameters", "Motion", "simulate"]
+FrictionMethod = Literal["impulse", "karnopp"]
 
-CONTROL_PERIOD_S = 1e-3
-_STEPS_PER_PERIOD = 10
-
-Array = NDArray[np.float64]
+_KARNOPP_BAND = 0.005
 
 
 @dataclass(frozen=True, slots=True)
 class DataSheet:
-    """The main characteristics of an EMA; the defaults are the paper's Table 1."""
+    """The main characteristics of an EMA; the defaults are the paper's Table 1.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive, or the stall torque is not above the nominal torque.
+    """
 
     nominal_torque_nm: float = 3.5
     stall_torque_nm: float = 5.0
@@ -40,25 +42,67 @@ class DataSheet:
     nominal_current_a: float = 0.85
     mass_kg: float = 0.36
 
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            if not (isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ValueError(f"data sheet: {name} must be a positive number")
+        if self.stall_torque_nm <= self.nominal_torque_nm:
+            raise ValueError("data sheet: the stall torque must be above the nominal torque")
+
 
 @dataclass(frozen=True, slots=True)
-class EmaParameters:
-    """Constants of the single-mass model, referred to the output shaft unless the name says rotor.
+class Gearbox:
+    """An elastic gear with play between rotor and output shaft, referred to the output shaft.
 
     Attributes
     ----------
+    stiffness, damping
+        Of the teeth in contact, N·m/rad and N·m·s/rad.
+    backlash
+        Whole play, rad.
+    rotor_share
+        Share of the actuator's inertia that turns with the rotor; the rest, and
+        ``surface_inertia`` (kg·m²), turn with the output shaft.
+    rotor_friction
+        Share of the dry friction that acts on the rotor.
+    """
+
+    stiffness: float = 400.0
+    damping: float = 1.5
+    backlash: float = radians(0.08)
+    rotor_share: float = 5.0 / 6.0
+    surface_inertia: float = 0.004
+    rotor_friction: float = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class EmaParameters:
+    """Constants of an actuator, referred to the output shaft.
+
+    Attributes
+    ----------
+    gear_ratio
+        N, rotor revolutions per revolution of the output shaft.
     torque_per_ampere
         N·k_t, N·m/A; the back-EMF constant in V·s/rad is the same number.
     resistance, inductance
         Of the stator winding, Ω and H.
     inertia
-        N²·J, kg·m².
-    slew_limit
-        Largest commanded speed, rad/s.
+        N²·J of rotor and gear, kg·m².
+    supply_voltage, current_limit
+        V and A.
+    slew_limit, stroke
+        Largest commanded speed, rad/s, and angle to either side, rad.
     position_gain, speed_gain, integral_gain
         Controller: 1/s, V·s/rad, V/rad.
     stiction_ratio
         T_s / T_c.
+    viscous
+        Viscous drag on the rotor, N·m·s/rad.
+    gearbox
+        Elastic gear with play: two masses. None is a rigid gear: one mass.
+    friction_method
+        ``impulse`` (Moreau; stable at any step) or ``karnopp`` (rest is a band of speed).
     """
 
     gear_ratio: float
@@ -74,6 +118,9 @@ class EmaParameters:
     speed_gain: float = 40.0
     integral_gain: float = 0.0
     stiction_ratio: float = 1.2
+    viscous: float = 0.0
+    gearbox: Gearbox | None = None
+    friction_method: FrictionMethod = "impulse"
 
     @classmethod
     def from_data_sheet(
@@ -85,11 +132,29 @@ class EmaParameters:
         inductance: float = 2e-3,
         rotor_inertia: float = 2.4e-7,
         integral_gain: float = 0.0,
+        gearbox: Gearbox | None = None,
+        friction_method: FrictionMethod = "impulse",
     ) -> EmaParameters:
-        """Derive the constants from a data sheet.
+        """Derive the constants from a data sheet, closed by an ideal gear and a slew limit.
 
-        The nominal torque and the friction together take the nominal current, which fixes N·k_t;
-        the supply drives the stall current through the winding, which fixes R.
+        Nominal torque and friction together take the nominal current, which fixes N·k_t; the supply
+        drives the stall current through the winding, which fixes R; the controller's speed limit
+        makes the shaft reach the no-load speed. Identified constants replace the other defaults.
+
+        Parameters
+        ----------
+        sheet
+            Table 1 of the paper if omitted.
+        healthy_friction_nm
+            T_c of the actuator that the data sheet describes.
+        rotor_inertia
+            J of rotor and gear at the rotor, kg·m².
+
+        Examples
+        --------
+        >>> paper = EmaParameters.from_data_sheet()
+        >>> round(paper.torque_per_ampere, 5), round(paper.resistance, 4)
+        (4.38235, 22.6457)
         """
         sheet = sheet or DataSheet()
         torque_per_ampere = (sheet.nominal_torque_nm + healthy_friction_nm) / sheet.nominal_current_a
@@ -109,77 +174,35 @@ class EmaParameters:
             stroke=radians(sheet.stroke_deg),
             speed_gain=speed_gain,
             integral_gain=integral_gain,
+            gearbox=gearbox,
+            friction_method=friction_method,
         )
 
+    def two_masses(self, gearbox: Gearbox | None = None) -> EmaParameters:
+        """Return the same actuator with an elastic gear, :class:`Gearbox`'s defaults if omitted."""
+        return replace(self, gearbox=gearbox or Gearbox())
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Motion:
-    """What the actuator did, one row per control period (1 ms); every array has shape (n,).
-
-    Attributes
-    ----------
-    command, angle
-        Output shaft, rad.
-    speed
-        Output shaft, rad/s; exactly zero while friction holds the shaft.
-    current, voltage
-        At the motor's terminals, A and V.
-    load
-        Hinge moment T_ext, N·m, positive against motion towards positive angles.
-    friction
-        Coulomb friction T_c, N·m.
-    """
-
-    time_s: Array
-    command: Array
-    angle: Array
-    speed: Array
-    current: Array
-    voltage: Array
-    load: Array
-    friction: Array
-
-    @property
-    def moving_fraction(self) -> float:
-        """Share of the time in which the shaft turned."""
-        return float(np.mean(self.speed != 0.0))
-
-
-def simulate(
-    parameters: EmaParameters, command: Array, friction: Array, load_slope: Array, load_offset: Array
-) -> Motion:
-    """Drive the actuator from rest through a cyclogram.
-
-    Parameters
-    ----------
-    parameters
-        Constants of the actuator.
-    command
-        Commanded angle, rad, shape (n,), one value per control period of 1 ms.
-    friction
-        Coulomb friction T_c, N·m, shape (n,).
-    load_slope, load_offset
-        Hinge moment = slope·angle + offset, N·m/rad and N·m, shape (n,).
-    """
-    state = integrate(
-        CONTROL_PERIOD_S / _STEPS_PER_PERIOD,
-        _STEPS_PER_PERIOD,
-        parameters.torque_per_ampere,
-        parameters.resistance,
-        parameters.inductance,
-        parameters.inertia,
-        parameters.supply_voltage,
-        parameters.current_limit,
-        parameters.slew_limit,
-        parameters.stroke,
-        parameters.position_gain,
-        parameters.speed_gain,
-        parameters.integral_gain,
-        parameters.stiction_ratio,
-        np.ascontiguousarray(command, dtype=np.float64),
-        np.ascontiguousarray(friction, dtype=np.float64),
-        np.ascontiguousarray(load_slope, dtype=np.float64),
-        np.ascontiguousarray(load_offset, dtype=np.float64),
-    )
-    time_s = (np.arange(len(command), dtype=np.float64) + 1.0) * CONTROL_PERIOD_S
-    return Motion(time_s, command, *state, friction)
+    def constants(self) -> Constants:
+        """Return what the kernels take."""
+        gear = self.gearbox or Gearbox(rotor_share=1.0)
+        return Constants(
+            torque_per_ampere=self.torque_per_ampere,
+            resistance=self.resistance,
+            inductance=self.inductance,
+            inertia=self.inertia * gear.rotor_share,
+            viscous=self.viscous,
+            supply_voltage=self.supply_voltage,
+            current_limit=self.current_limit,
+            slew_limit=self.slew_limit,
+            stroke=self.stroke,
+            position_gain=self.position_gain,
+            speed_gain=self.speed_gain,
+            integral_gain=self.integral_gain,
+            stiction_ratio=self.stiction_ratio,
+            karnopp_band=_KARNOPP_BAND if self.friction_method == "karnopp" else 0.0,
+            output_inertia=self.inertia * (1.0 - gear.rotor_share) + gear.surface_inertia,
+            stiffness=gear.stiffness,
+            damping=gear.damping,
+            backlash=gear.backlash,
+            rotor_friction=gear.rotor_friction,
+        )

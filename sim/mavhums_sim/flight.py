@@ -8,9 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums_sim.cyclogram import SURFACES, Cyclogram, takeoff
-from mavhums_sim.ema import EmaParameters, Motion, simulate
-from mavhums_sim.sensors import SensorNoise, sample_times, sense
+from mavhums_sim.conditions import Condition, degrade
+from mavhums_sim.cyclogram import SURFACES, Cyclogram
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.individuals import Individual
+from mavhums_sim.manoeuvres import CYCLOGRAMS
+from mavhums_sim.motion import CONTROL_PERIOD_S, Motion, simulate
+from mavhums_sim.rates import Rates
+from mavhums_sim.sensors import EscSide, SensorNoise, sample_times, sense, sense_esc
 
 __all__ = ["HEALTHY_FRICTION_NM", "ActuatorRecord", "Flight", "FlightRecord", "fly"]
 
@@ -30,11 +35,32 @@ class Flight:
     ----------
     seed
         Decides pilot, gusts, sampling and noise; nothing else does.
+    duration_s
+        Length; of a given :class:`Cyclogram` the first so many seconds.
     friction_nm
         Coulomb friction at start and end of the flight, per surface; it grows linearly between
-        them. Surfaces that are not named have the paper's healthy 0.225 N·m.
+        them. Surfaces that are not named have their individual's, by default the paper's 0.225 N·m.
     rate_hz
         Sample rate of the actuator telemetry.
+    parameters
+        The type of actuator; with a gearbox it has two masses.
+    cyclogram
+        A name of :data:`mavhums_sim.manoeuvres.CYCLOGRAMS`, or what was flown elsewhere.
+    conditions
+        What is wrong with each surface's actuator, beside ``friction_nm``.
+    individuals
+        Seed of the aircraft whose actuators are drawn; None flies the data sheet's.
+    esc_side
+        Where the ESC measures: at the ``motor`` or at the supply ``bus``.
+    rates
+        Of the other messages.
+    tiers
+        How the actuators are reported; see :mod:`mavhums_sim.tiers`.
+
+    Raises
+    ------
+    ValueError
+        If a surface, cyclogram or number is impossible; the message names it.
     """
 
     seed: int = 0
@@ -43,9 +69,15 @@ class Flight:
     rate_hz: float = 100.0
     noise: SensorNoise = field(default_factory=SensorNoise)
     parameters: EmaParameters = field(default_factory=EmaParameters.from_data_sheet)
+    cyclogram: str | Cyclogram = "takeoff"
+    conditions: Mapping[str, tuple[Condition, ...]] = field(default_factory=dict)
+    individuals: int | None = None
+    esc_side: EscSide = "motor"
+    rates: Rates = field(default_factory=Rates)
+    tiers: tuple[str, ...] = ("instrumented", "esc-unsigned", "pwm")
 
     def __post_init__(self) -> None:
-        unknown = set(self.friction_nm) - set(SURFACES)
+        unknown = (set(self.friction_nm) | set(self.conditions)) - set(SURFACES)
         if unknown:
             raise ValueError(f"no surface {sorted(unknown)[0]!r}; there are {', '.join(SURFACES)}")
         if not 1.0 <= self.duration_s <= 36_000.0:
@@ -55,15 +87,63 @@ class Flight:
         for surface, pair in self.friction_nm.items():
             if not all(np.isfinite(value) and value >= 0 for value in pair):
                 raise ValueError(f"friction of {surface} must be a number of N·m, zero or more")
+        self._check_cyclogram()
+        faults = {condition.fault for several in self.conditions.values() for condition in several}
+        if "backlash" in faults and self.parameters.gearbox is None:
+            raise ValueError("a rigid gear has no backlash; fly the two-mass model")
+
+    def _check_cyclogram(self) -> None:
+        if isinstance(self.cyclogram, str):
+            if self.cyclogram not in CYCLOGRAMS:
+                raise ValueError(f"no cyclogram {self.cyclogram!r}; there are {', '.join(CYCLOGRAMS)}")
+        elif self.cyclogram.time_s.size < round(self.duration_s / CONTROL_PERIOD_S):
+            lasts = self.cyclogram.time_s[-1]
+            raise ValueError(f"{self.cyclogram.name} lasts {lasts:g} s, less than {self.duration_s:g} s")
+
+    def fly_cyclogram(self) -> Cyclogram:
+        """Return what is commanded, and the air that is met."""
+        if isinstance(self.cyclogram, str):
+            return CYCLOGRAMS[self.cyclogram](self.seed, self.duration_s)
+        return self.cyclogram.first(round(self.duration_s / CONTROL_PERIOD_S))
+
+    def individual(self, index: int) -> Individual:
+        """Return the actuator that surface ``index`` has."""
+        return Individual() if self.individuals is None else Individual.draw(self.individuals, index)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ActuatorRecord:
-    """One actuator's flight: true motion, and V1…V12 as sensed, ``values`` of shape (n, 12)."""
+    """One actuator's flight.
+
+    Attributes
+    ----------
+    motion
+        What truly happened.
+    time_s, values
+        Sample times, shape (n,), and V1…V12 as sensed, shape (n, 12).
+    esc
+        Voltage, current and speed at the ESC's side, shape (n, 3).
+    individual, conditions
+        Which actuator it was, and what was wrong with it.
+    """
 
     motion: Motion
     time_s: Array
     values: Array
+    esc: Array
+    individual: Individual
+    conditions: tuple[Condition, ...]
+
+    def truth(self, fault: str) -> dict[str, object]:
+        """Return the ground truth of this actuator as plain data."""
+        return {
+            "fault": fault,
+            "friction_nm": {"start": float(self.motion.friction[0]), "end": float(self.motion.friction[-1])},
+            "moving_fraction": round(self.motion.moving_fraction, 4),
+            "peak_load_nm": round(float(np.abs(self.motion.load).max()), 3),
+            "conditions": [condition.truth() for condition in self.conditions],
+            "individual": self.individual.truth(),
+        }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,27 +156,30 @@ class FlightRecord:
 
     def truth(self) -> dict[str, object]:
         """Return the ground truth as plain data for ``truth.json``."""
+        flight = self.flight
         return {
-            "seed": self.flight.seed,
-            "duration_s": self.flight.duration_s,
+            "seed": flight.seed,
+            "duration_s": flight.duration_s,
             "cyclogram": self.cyclogram.name,
             "airframe": "paper",
+            "model": "two-mass" if flight.parameters.gearbox else "single-mass",
+            "esc_side": flight.esc_side,
+            "tiers": list(flight.tiers),
             "actuators": {
-                surface: {
-                    "fault": "friction" if surface in self.flight.friction_nm else "none",
-                    "friction_nm": {
-                        "start": float(record.motion.friction[0]),
-                        "end": float(record.motion.friction[-1]),
-                    },
-                    "moving_fraction": round(record.motion.moving_fraction, 4),
-                }
-                for surface, record in self.actuators.items()
+                surface: record.truth(self._fault(surface)) for surface, record in self.actuators.items()
             },
         }
 
+    def _fault(self, surface: str) -> str:
+        faults = ["friction"] if surface in self.flight.friction_nm else []
+        faults += [c.fault for c in self.flight.conditions.get(surface, ()) if c.fault not in faults]
+        return "+".join(faults) or "none"
+
 
 def fly(flight: Flight) -> FlightRecord:
-    """Fly a take-off and return what happened and what was sensed.
+    """Fly and return what happened and what was sensed.
+
+    Hinge moment: T_ext = ½·ρ·V²·(c_δ·δ + c_α·α).
 
     Examples
     --------
@@ -104,20 +187,30 @@ def fly(flight: Flight) -> FlightRecord:
     >>> record.actuators["elevator"].values.shape
     (1000, 12)
     """
-    cyclogram = takeoff(flight.seed, flight.duration_s)
-    pressure = 0.5 * _AIR_DENSITY * cyclogram.airspeed**2
-    actuators = {}
-    for index, surface in enumerate(SURFACES):
-        rng = np.random.default_rng([flight.seed, 2, index])
-        start, end = flight.friction_nm.get(surface, (HEALTHY_FRICTION_NM, HEALTHY_FRICTION_NM))
-        motion = simulate(
-            flight.parameters,
-            cyclogram.commands[surface],
-            np.linspace(start, end, cyclogram.time_s.size),
-            pressure * _HINGE_PER_DEFLECTION,
-            pressure * _HINGE_PER_INCIDENCE * cyclogram.incidence[surface],
-        )
-        times = sample_times(rng, flight.duration_s, flight.rate_hz)
-        values = sense(motion, flight.parameters, times, rng, flight.noise)
-        actuators[surface] = ActuatorRecord(motion, times, values)
+    cyclogram = flight.fly_cyclogram()
+    actuators = {surface: _actuate(flight, cyclogram, index) for index, surface in enumerate(SURFACES)}
     return FlightRecord(flight, cyclogram, actuators)
+
+
+def _actuate(flight: Flight, cyclogram: Cyclogram, index: int) -> ActuatorRecord:
+    surface = SURFACES[index]
+    individual = flight.individual(index)
+    conditions = flight.conditions.get(surface, ())
+    healthy = HEALTHY_FRICTION_NM * individual.friction
+    start, end = flight.friction_nm.get(surface, (healthy, healthy))
+    added, degradation = degrade(conditions, cyclogram.time_s, individual.torque_constant)
+    pressure = 0.5 * _AIR_DENSITY * cyclogram.airspeed**2 * individual.hinge
+    motion = simulate(
+        individual.parameters(flight.parameters),
+        cyclogram.commands[surface],
+        np.linspace(start, end, cyclogram.time_s.size) + added,
+        pressure * _HINGE_PER_DEFLECTION,
+        pressure * _HINGE_PER_INCIDENCE * cyclogram.incidence[surface],
+        degradation,
+    )
+    rng = np.random.default_rng([flight.seed, 2, index])
+    times = sample_times(rng, flight.duration_s, flight.rate_hz)
+    values = sense(motion, flight.parameters, times, rng, flight.noise)
+    rng = np.random.default_rng([flight.seed, 7, index])
+    esc = sense_esc(motion, flight.parameters, times, values, rng, flight.noise, flight.esc_side)
+    return ActuatorRecord(motion, times, values, esc, individual, conditions)

@@ -7,13 +7,18 @@ controller's and bias every average; real links jitter, and so does this one.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums_sim.ema import EmaParameters, Motion
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.motion import Motion
 
-__all__ = ["SensorNoise", "sample_times", "sense"]
+__all__ = ["ELECTRONICS_A", "EscSide", "SensorNoise", "sample_times", "sense", "sense_esc"]
+
+EscSide = Literal["motor", "bus"]
+ELECTRONICS_A = 0.05  # what the electronics of one actuator draw from the bus
 
 Array = NDArray[np.float64]
 
@@ -40,9 +45,10 @@ class SensorNoise:
 
 def sample_times(rng: np.random.Generator, duration_s: float, rate_hz: float) -> Array:
     """Return about ``duration_s * rate_hz`` times, increasing, jittered by up to ±20 % of a period."""
-    period = 1.0 / rate_hz
     count = int(duration_s * rate_hz)
-    times: Array = (np.arange(count) + 0.5 + rng.uniform(-0.2, 0.2, count)) * period
+    if not count:
+        return np.empty(0)
+    times: Array = (np.arange(count) + 0.5 + rng.uniform(-0.2, 0.2, count)) * (1.0 / rate_hz)
     return times
 
 
@@ -52,25 +58,50 @@ def sense(
     """Return V1…V12 at ``times``, shape (n, 12), in the paper's units and signs.
 
     Products and quotients (V6, V8, V9, V10, V12) are formed from the sensed values, as the
-    paper's are: V8 = k_t·V5, V10 = V7/N.
+    paper's are: V8 = k_t·V5 with the data sheet's k_t, V10 = V7/N with what the elastic gear adds.
+    V2 and V7 are the rotor's, V3 is the output shaft's sensor with its bias.
     """
 
-    def read(signal: Array, deviation: float) -> Array:
+    def read(signal: Array, deviation: float | None) -> Array:
         exact: Array = np.interp(times, motion.time_s, signal)
-        return exact + deviation * rng.standard_normal(times.size)
+        return exact if deviation is None else exact + deviation * rng.standard_normal(times.size)
 
     ratio = parameters.gear_ratio
     values = np.empty((times.size, 12))
     values[:, 0] = read(motion.command * _DEGREES, 0.0)
-    values[:, 1] = read(motion.angle * (_DEGREES * ratio), noise.rotor_angle_deg)
-    values[:, 2] = read(motion.angle * _DEGREES, noise.output_angle_deg)
+    values[:, 1] = read(motion.rotor_angle * (_DEGREES * ratio), noise.rotor_angle_deg)
+    values[:, 2] = read((motion.angle + motion.degradation.sensor_bias) * _DEGREES, noise.output_angle_deg)
     values[:, 3] = read(motion.voltage, noise.voltage_v)
     values[:, 4] = read(motion.current, noise.current_a)
     values[:, 5] = values[:, 3] * values[:, 4]
-    values[:, 6] = read(motion.speed * (_REV_MIN * ratio), noise.rotor_speed_rev_min)
+    values[:, 6] = read(motion.rotor_speed * (_REV_MIN * ratio), noise.rotor_speed_rev_min)
     values[:, 7] = values[:, 4] * (parameters.torque_per_ampere / ratio)
     values[:, 8] = values[:, 7] * values[:, 6] / _REV_MIN
-    values[:, 9] = values[:, 6] / ratio
+    values[:, 9] = values[:, 6] / ratio + read((motion.speed - motion.rotor_speed) * _REV_MIN, None)
     values[:, 10] = read(motion.load, noise.output_torque_nm)
     values[:, 11] = values[:, 10] * values[:, 9] / _REV_MIN
     return values
+
+
+def sense_esc(
+    motion: Motion,
+    parameters: EmaParameters,
+    times: Array,
+    values: Array,
+    rng: np.random.Generator,
+    noise: SensorNoise,
+    side: EscSide,
+) -> Array:
+    """Return voltage, V, current, A, and speed, rev/min, as the actuator's ESC reports them, shape (n, 3).
+
+    On the ``motor`` side they are V4, V5 and V7. On the ``bus`` side the voltage is the supply less
+    its sag, and the current what the motor's power takes from it, I = U_s·I_s/V_bus, and the
+    electronics' own; a braking motor feeds current back.
+    """
+    sensed = values[:, [3, 4, 6]].copy()
+    if side == "bus":
+        supply = parameters.supply_voltage - np.interp(times, motion.time_s, motion.degradation.sag)
+        power = np.interp(times, motion.time_s, motion.voltage * motion.current)
+        sensed[:, 0] = supply + noise.voltage_v * rng.standard_normal(times.size)
+        sensed[:, 1] = power / supply + ELECTRONICS_A + noise.current_a * rng.standard_normal(times.size)
+    return sensed

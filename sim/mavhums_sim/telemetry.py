@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import FlightRecord
-from mavhums_sim.sensors import sample_times
+from mavhums_sim.link import BOOT_US, EPOCH_US, Link, transmit
+from mavhums_sim.sensors import ELECTRONICS_A, sample_times
+from mavhums_sim.tiers import Stream, actuator_streams
 
 __all__ = ["EPOCH_US", "MESSAGES", "messages", "write_tlog"]
 
-EPOCH_US = 1_767_258_000_000_000  # 2026-01-01 09:00:00 UTC
-_BOOT_US = 30_000_000  # the vehicle has run for half a minute when the log starts
 _FUNCTIONS = {"aileron_left": 4, "aileron_right": 4, "elevator": 19, "rudder": 21}
-_PWM_TRIM, _PWM_PER_DEGREE = 1500.0, 500.0 / 60.0
 
 Array = NDArray[np.float64]
 Message = Any
@@ -43,14 +41,6 @@ MESSAGES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class _Stream:
-    """One message type: when it is sent and how its k-th message is built."""
-
-    times: Array
-    build: Callable[[int], Message]
-
-
 def messages(record: FlightRecord) -> Iterator[tuple[float, Message]]:
     """Yield (flight time in s, message) in the order in which the aircraft sends them."""
     streams = _streams(record)
@@ -61,35 +51,33 @@ def messages(record: FlightRecord) -> Iterator[tuple[float, Message]]:
         yield float(times[k]), streams[owner[k]].build(int(index[k]))
 
 
-def write_tlog(record: FlightRecord, path: Path) -> dict[str, int]:
+def write_tlog(record: FlightRecord, path: Path, link: Link | None = None) -> dict[str, int]:
     """Write the flight's ``.tlog`` atomically and return the number of messages by type.
+
+    Parameters
+    ----------
+    link
+        Between aircraft and log; loses and reorders nothing if omitted.
 
     Raises
     ------
     OSError
         If the file cannot be written; what was at ``path`` before is then still there.
     """
-    link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-    rng = np.random.default_rng([record.flight.seed, 3])
     counts: dict[str, int] = {}
-    received = 0
     partial = path.with_name(f".{path.name}.partial")
     try:
         with partial.open("wb") as file:
-            for time_s, message in messages(record):
-                latency_us = 2_000 + rng.exponential(1_000)
-                received = max(received, EPOCH_US + round(time_s * 1e6 + latency_us))
-                file.write(struct.pack(">Q", received) + message.pack(link))
-                link.seq = (link.seq + 1) % 256
-                name = message.get_type()
-                counts[name] = counts.get(name, 0) + 1
+            for frame in transmit(messages(record), link or Link(), record.flight.seed):
+                file.write(struct.pack(">Q", frame.received_us) + frame.data)
+                counts[frame.name] = counts.get(frame.name, 0) + 1
         os.replace(partial, path)  # noqa: PTH105 - atomic, and says so
     finally:
         partial.unlink(missing_ok=True)
     return counts
 
 
-def _streams(record: FlightRecord) -> list[_Stream]:
+def _streams(record: FlightRecord) -> list[Stream]:
     flight = record.flight
     rng = np.random.default_rng([flight.seed, 4])
 
@@ -99,22 +87,19 @@ def _streams(record: FlightRecord) -> list[_Stream]:
     announced = np.arange(0.0, flight.duration_s, 10.0, dtype=np.float64)
     parameters = _parameters()
     streams = [
-        _Stream(np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64), lambda _: _heartbeat()),
-        _Stream(announced, lambda _: mavlink.MAVLink_statustext_message(6, b"mavhums airframe=paper")),
-        _Stream(
+        Stream(np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64), lambda _: _heartbeat()),
+        Stream(announced, lambda _: mavlink.MAVLink_statustext_message(6, b"mavhums airframe=paper")),
+        Stream(
             0.2 + 0.005 * np.arange(len(parameters), dtype=np.float64),
             lambda k: mavlink.MAVLink_param_value_message(
                 parameters[k][0].encode(), parameters[k][1], 9, len(parameters), k
             ),
         ),
-        _aircraft_state(record, at(25.0)),
-        _air_data(record, at(10.0)),
-        _battery(record, at(2.0)),
-        _servo_outputs(record, at(50.0)),
-        _esc_telemetry(record, at(20.0)),
+        _aircraft_state(record, at(flight.rates.attitude)),
+        _air_data(record, at(flight.rates.air_data)),
+        _battery(record, at(flight.rates.battery)),
     ]
-    streams += [_instrumented(record, surface) for surface in SURFACES]
-    return streams
+    return streams + actuator_streams(record)
 
 
 def _heartbeat() -> Message:
@@ -138,14 +123,18 @@ def _parameters() -> list[tuple[str, float]]:
 
 
 def _boot_ms(time_s: float) -> int:
-    return (_BOOT_US + round(time_s * 1e6)) // 1000
+    return (BOOT_US + round(time_s * 1e6)) // 1000
 
 
-def _aircraft_state(record: FlightRecord, times: Array) -> _Stream:
+def _rate_of_change(signal: Array, times: Array) -> Array:
+    return np.gradient(signal, times) if times.size > 1 else np.zeros_like(times)
+
+
+def _aircraft_state(record: FlightRecord, times: Array) -> Stream:
     flown = record.cyclogram
     angles = [np.interp(times, flown.time_s, signal) for signal in (flown.roll, flown.pitch, flown.yaw)]
-    rates = [np.gradient(signal, times) for signal in angles]
-    return _Stream(
+    rates = [_rate_of_change(signal, times) for signal in angles]
+    return Stream(
         times,
         lambda k: mavlink.MAVLink_attitude_message(
             _boot_ms(times[k]), *(float(a[k]) for a in angles), *(float(r[k]) for r in rates)
@@ -153,13 +142,13 @@ def _aircraft_state(record: FlightRecord, times: Array) -> _Stream:
     )
 
 
-def _air_data(record: FlightRecord, times: Array) -> _Stream:
+def _air_data(record: FlightRecord, times: Array) -> Stream:
     flown = record.cyclogram
     airspeed = np.interp(times, flown.time_s, flown.airspeed)
     altitude = np.interp(times, flown.time_s, flown.altitude)
-    climb = np.gradient(altitude, times)
+    climb = _rate_of_change(altitude, times)
     heading = np.degrees(np.interp(times, flown.time_s, flown.yaw)) % 360
-    return _Stream(
+    return Stream(
         times,
         lambda k: mavlink.MAVLink_vfr_hud_message(
             float(airspeed[k]), float(airspeed[k]), int(heading[k]), 60, float(altitude[k]), float(climb[k])
@@ -167,64 +156,19 @@ def _air_data(record: FlightRecord, times: Array) -> _Stream:
     )
 
 
-def _battery(record: FlightRecord, times: Array) -> _Stream:
-    volts = record.flight.parameters.supply_voltage
+def _battery(record: FlightRecord, times: Array) -> Stream:
+    shared_sag = np.min([a.motion.degradation.sag for a in record.actuators.values()], axis=0)
+    sag = np.interp(times, record.cyclogram.time_s, shared_sag)
+    volts = record.flight.parameters.supply_voltage - sag
     watts = sum(
         np.interp(times, a.motion.time_s, a.motion.voltage * a.motion.current)
         for a in record.actuators.values()
     )
-    current = np.asarray(watts) / volts + 0.2
-    cells = [round(volts * 1000)] + [65535] * 9
-    return _Stream(
+    current = np.asarray(watts) / volts + ELECTRONICS_A * len(record.actuators)
+    millivolts = np.rint(volts * 1000).astype(int)
+    return Stream(
         times,
         lambda k: mavlink.MAVLink_battery_status_message(
-            0, 0, 1, 32767, cells, round(float(current[k]) * 100), -1, -1, 80
-        ),
-    )
-
-
-def _servo_outputs(record: FlightRecord, times: Array) -> _Stream:
-    pulses = np.stack(
-        [
-            np.interp(times, a.motion.time_s, np.degrees(a.motion.command)) * _PWM_PER_DEGREE + _PWM_TRIM
-            for a in record.actuators.values()
-        ],
-        axis=1,
-    )
-    return _Stream(
-        times,
-        lambda k: mavlink.MAVLink_servo_output_raw_message(
-            (_BOOT_US + round(times[k] * 1e6)) % 2**32, 0, *(round(float(p)) for p in pulses[k]), *[0] * 12
-        ),
-    )
-
-
-def _esc_telemetry(record: FlightRecord, times: Array) -> _Stream:
-    def read(column: int, scale: float) -> NDArray[np.int64]:
-        signals = [np.interp(times, a.time_s, np.abs(a.values[:, column])) for a in record.actuators.values()]
-        return np.clip(np.rint(np.stack(signals, axis=1) * scale), 0, 65535).astype(np.int64)
-
-    centivolts, centiamperes, speed = read(3, 100.0), read(4, 100.0), read(6, 1.0)
-    return _Stream(
-        times,
-        lambda k: mavlink.MAVLink_esc_telemetry_1_to_4_message(
-            [35] * 4,
-            centivolts[k].tolist(),
-            centiamperes[k].tolist(),
-            [0] * 4,
-            speed[k].tolist(),
-            [k % 65536] * 4,
-        ),
-    )
-
-
-def _instrumented(record: FlightRecord, surface: str) -> _Stream:
-    actuator = record.actuators[surface]
-    servo = SURFACES.index(surface) + 1
-    spare = [0.0] * 46
-    return _Stream(
-        actuator.time_s,
-        lambda k: mavlink.MAVLink_debug_float_array_message(
-            _BOOT_US + round(actuator.time_s[k] * 1e6), b"EMA", servo, actuator.values[k].tolist() + spare
+            0, 0, 1, 32767, [int(millivolts[k]), *[65535] * 9], round(float(current[k]) * 100), -1, -1, 80
         ),
     )

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from mavhums.actuator import Mapper, actuators, load_airframe
 from mavhums.actuator.airframe_name import announcements
 from mavhums.actuator.profile import ProfileError
-from mavhums.actuator.tiers import best_tier
+from mavhums.actuator.tiers import best_tier, tiers_by_content
 from mavhums.log import Decoder, Log, Table
 from mavhums.quantities import KEYS, column
 from tests.strategies import START_US
@@ -32,8 +32,10 @@ def decode(*messages: Any, system: int = 1) -> dict[str, Table]:
 
 
 def test_each_servo_is_its_actuators() -> None:
-    tables = decode(*(array_message(servo, [float(servo)] * 12) for servo in (3, 1, 3, 9)))
-    mapped = Mapper(load_airframe("paper")).feed(tables)
+    tables = decode(
+        *(array_message(s, [float(s)] * 12, time_us=k * 10_000) for k, s in enumerate((3, 1, 3, 9)))
+    )
+    mapped = Mapper(load_airframe("paper")).feed(tables, final=True)
     assert {part.actuator.name: part.values[:, 0].tolist() for part in mapped} == {
         "aileron_left": [1.0],
         "elevator": [3.0, 3.0],
@@ -45,10 +47,17 @@ def test_what_is_not_measured_is_nan_and_has_no_provenance() -> None:
     values = [float("nan")] * 12
     values[4] = 0.5
     values[6] = float("inf")
-    (mapped,) = mapper.feed(decode(array_message(3, values)))
-    assert np.isfinite(mapped.values[0]).tolist() == [k == 4 for k in range(12)]
-    assert mapper.provenance(1, mapped.actuator) == {"V5": "DEBUG_FLOAT_ARRAY[EMA,3].data[4]"}
+    (mapped,) = mapper.feed(decode(array_message(3, values)), final=True)
+    k_t = mapped.actuator.ema.torque_constant
+    assert mapped.values[0, [4, 7]] == pytest.approx([0.5, 0.5 * k_t])
+    assert np.isnan(mapped.values[0]).tolist() == [k not in (4, 7) for k in range(12)]
+    assert mapper.provenance(1, mapped.actuator) == {
+        "V5": "DEBUG_FLOAT_ARRAY[EMA,3].data[4]",
+        "V8": "derived: k_t·V5",
+    }
+    assert mapper.tier(1, mapped.actuator) == "instrumented"
     assert mapper.provenance(2, mapped.actuator) == {}
+    assert mapper.tier(2, mapped.actuator) is None
 
 
 def test_other_float_arrays_are_not_actuator_telemetry() -> None:
@@ -61,7 +70,7 @@ def test_a_vehicles_profile_serves_that_vehicle_from_its_announcement_on() -> No
     airframe = load_airframe("paper")
     tables = decode(*(array_message(3, [1.0] * 12, time_us=10_000 * k) for k in range(4)), system=7)
     assert Mapper(airframe, vehicle=1).feed(tables) == []
-    (mapped,) = Mapper(airframe, vehicle=7, from_frame=1).feed(tables)
+    (mapped,) = Mapper(airframe, vehicle=7, from_frame=1).feed(tables, final=True)
     assert mapped.vehicle == 7
     assert len(mapped.utc_us) == 3
     assert Mapper(airframe, vehicle=7).serves(7)
@@ -100,14 +109,26 @@ def test_a_log_that_names_no_profile_needs_one() -> None:
 
 
 def test_the_richest_tier_counts() -> None:
-    def tier(*messages: str, instrumented: bool = False) -> str | None:
-        best = best_tier(set(messages), instrumented=instrumented)
+    def tier(*messages: str, marked: tuple[str, ...] = ()) -> str | None:
+        best = best_tier(set(messages), marked)
         return best.name if best else None
 
     assert tier("SERVO_OUTPUT_RAW", "ESC_TELEMETRY_5_TO_8") == "esc-unsigned"
     assert tier("DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW") == "pwm"
-    assert tier("DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW", instrumented=True) == "instrumented"
+    assert tier("DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW", marked=("instrumented",)) == "instrumented"
+    assert tier("NAMED_VALUE_FLOAT", "SERVO_OUTPUT_RAW") == "pwm"
+    assert tier("NAMED_VALUE_FLOAT", marked=("named",)) == "named"
     assert tier("HEARTBEAT") is None
+
+
+def test_content_tells_the_tiers_that_names_do_not() -> None:
+    tables = decode(
+        array_message(3, [1.0] * 12),
+        v2.MAVLink_named_value_float_message(0, b"S1Pos", 1.0),
+    )
+    assert tiers_by_content(tables) == {(1, "instrumented")}
+    tables = decode(v2.MAVLink_named_value_float_message(0, b"S1V05", 1.0), system=4)
+    assert tiers_by_content(tables) == {(4, "named")}
 
 
 def test_columns_are_in_the_papers_order() -> None:

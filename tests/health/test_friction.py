@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator import load_airframe
 from mavhums.health.friction import Moments, estimate_friction, friction_moments
-from mavhums.health.motion import motion
+from mavhums.health.motion import Motion, motion
 from mavhums.health.slots import Slot
 from mavhums.quantities import column
 
@@ -77,6 +77,28 @@ def test_the_interval_covers_the_truth_as_often_as_it_says() -> None:
         assert estimate is not None
         inside += estimate.low <= 0.4 <= estimate.high
     assert 0.92 <= inside / 400 <= 0.98
+
+
+def test_the_interval_is_the_jackknifes() -> None:
+    """The same numbers by refitting with each second left out, on the samples themselves."""
+    slots = synthetic(0.4, noise=0.3, rate_hz=25.0)
+    seen = [part for part in (motion(ACTUATOR, slot) for slot in slots) if part is not None]
+
+    def fit(parts: list[Motion]) -> float:
+        rows = [(part, part.moving) for part in parts]
+        X = np.concatenate([np.c_[np.sign(p.speed), p.acceleration, np.ones(len(m))][m] for p, m in rows])
+        torque = [
+            p.values[:, column("V8")] * ACTUATOR.ema.gear_ratio - p.values[:, column("V11")] for p, _ in rows
+        ]
+        y = np.concatenate([t[m] for t, (_, m) in zip(torque, rows, strict=True)])
+        return float(np.linalg.lstsq(X, y)[0][0])
+
+    without = np.array([fit([*seen[:k], *seen[k + 1 :]]) for k in range(10)])
+    error = np.sqrt(9 / 10 * np.sum((without - without.mean()) ** 2))
+    estimate = estimate_friction([friction_moments(ACTUATOR, part) for part in seen], 0.0)
+    assert estimate is not None
+    assert estimate.estimate == pytest.approx(fit(seen))
+    assert estimate.high - estimate.estimate == pytest.approx(2.262157 * error)
 
 
 def test_the_torque_scale_widens_the_interval() -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import mavhums
@@ -23,8 +23,7 @@ def test_read_log_gives_tables_by_time_of_reception(growing_log: Path, growing_r
     assert np.allclose(elevator[[f"data[{k}]" for k in range(12)]], truth, rtol=1e-6, atol=1e-6)
     assert (elevator["name"] == "EMA").all()
     assert frame.index.is_monotonic_increasing
-    assert isinstance(frame.index, pd.DatetimeIndex)
-    assert str(frame.index.tz) == "UTC"
+    assert str(frame.index.dtype) == "datetime64[us, UTC]"
     assert log.vehicles == (1,)
     assert not log.losses.any
     assert log.span is not None
@@ -71,18 +70,37 @@ def test_what_is_no_log_is_named(
     assert remedy in caught.value.remedy
 
 
-def test_a_log_without_time_stamps_is_named(short_log: Path, tmp_path: Path) -> None:
-    data = short_log.read_bytes()
+def without_stamps(data: bytes) -> bytes:
     frames: list[bytes] = []
     position = 0
-    while position < len(data) and len(frames) < 50:
-        size = data[position + 9] + 12
+    while position < len(data):
+        size = data[position + 9] + (12 if data[position + 8] == 0xFD else 8)
         frames.append(data[position + 8 : position + 8 + size])
         position += 8 + size
+    return b"".join(frames)
+
+
+def test_a_log_without_time_stamps_is_read_on_the_senders_clock(short_log: Path, tmp_path: Path) -> None:
     raw = tmp_path / "flight.tlog.raw"
-    raw.write_bytes(b"".join(frames))
-    with pytest.raises(UnreadableLogError, match="without time stamps"):
-        read_log(raw)
+    raw.write_bytes(without_stamps(short_log.read_bytes()))
+    stamped, log = read_log(short_log), read_log(raw)
+    assert log.sender_clock
+    assert not stamped.sender_clock
+    assert not log.losses.any
+    assert log.counts == stamped.counts
+    for name, table in stamped.tables.items():
+        assert log.tables[name].fields.tobytes() == table.fields.tobytes()
+    attitude = log.tables["ATTITUDE"]
+    assert np.array_equal(attitude.time_us, attitude["time_boot_ms"].astype(np.int64) * 1000)
+    assert log.span is not None
+    assert log.span[1] == attitude.time_us.max()
+
+
+def test_the_standard_input_is_read(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with short_log.open("rb") as file, io.TextIOWrapper(file) as text:
+        monkeypatch.setattr("sys.stdin", text)
+        log = read_log("-")
+    assert log.counts == read_log(short_log).counts
 
 
 def test_missing_files_and_folders_are_named(tmp_path: Path) -> None:

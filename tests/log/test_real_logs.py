@@ -1,50 +1,134 @@
-"""The decoder on logs that others flew, against pymavlink."""
+"""The decoder on logs that others flew, against pymavlink, message by message and field by field."""
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega
 
 from mavhums.errors import UnreadableLogError
-from mavhums.log import read_log
+from mavhums.log import Table, read_log
+from mavhums.log.flags import ODD_TIME
 from tests.conftest import real_logs
 
 DAMAGED = ("Avalanche", "LucaGemma", "ardusub_log_tools", "mavrik-control")
+WITHOUT_STAMPS = ".tlog.raw"
 LOGS = [path for path in real_logs() if path.suffix == ".tlog"]
-OTHERS = [path for path in real_logs() if path.suffix != ".tlog"]
+OTHERS = [path for path in real_logs() if path.suffix in {".BIN", ".ulg"}]
+NOT_IN_PYMAVLINK = {
+    "CURRENT_EVENT_SEQUENCE",
+    "ESC_INFO",
+    "ESC_STATUS",
+    "EVENT",
+    "LINK_NODE_STATUS",
+    "TIME_ESTIMATE_TO_TARGET",
+}
 
 needs_logs = pytest.mark.skipif(not LOGS, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
 
 
-def by_pymavlink(path: Path) -> Counter[str]:
+def by_pymavlink(path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
+    """Return its messages by type; without MAVLINK20 a log that begins in MAVLink 1 loses newer ids."""
+    monkeypatch.setenv("MAVLINK20", "1")
     connection = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
-    counts: Counter[str] = Counter()
+    messages: defaultdict[str, list[Any]] = defaultdict(list)
     while (message := connection.recv_msg()) is not None:
-        counts[message.get_type()] += 1
+        messages[message.get_type()].append(message)
     connection.close()
-    return counts
+    messages.pop("BAD_DATA", None)
+    return messages
+
+
+def key(system: int, component: int, sequence: int, payload: bytes) -> tuple[int, int, int, bytes]:
+    return system, component, sequence, payload
+
+
+def assert_same_fields(table: Table, messages: list[Any]) -> None:
+    assert np.array_equal(table.system, [m.get_srcSystem() for m in messages])
+    assert np.array_equal(table.component, [m.get_srcComponent() for m in messages])
+    assert np.array_equal(table.sequence, [m.get_seq() for m in messages])
+    times = np.array([m._timestamp for m in messages])
+    sound = table.flags & ODD_TIME == 0
+    assert np.allclose(table.time_us[sound] / 1e6, times[sound], rtol=0, atol=1e-6)
+    for field in messages[0].fieldnames:
+        ours = table[field]
+        raw = f"_{field}_raw"
+        if hasattr(messages[0], raw):
+            assert ours.tolist() == [bytes(getattr(m, raw)).rstrip(b"\0") for m in messages], field
+        else:
+            theirs = np.array([getattr(m, field) for m in messages])
+            assert np.array_equal(ours, theirs.astype(ours.dtype), equal_nan=ours.dtype.kind == "f"), field
 
 
 @needs_logs
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.name)
-def test_counts_are_those_of_pymavlink_or_better(path: Path) -> None:
+def test_every_field_is_that_of_pymavlink(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = read_log(path)
-    ours: Counter[str] = Counter()
-    for (_, _, name), count in log.counts.items():
-        ours[name] += count
-    theirs = by_pymavlink(path)
-    known = {name: n for name, n in theirs.items() if not name.startswith(("UNKNOWN_", "BAD_DATA"))}
+    theirs = by_pymavlink(path, monkeypatch)
+    unknown = Counter({name: len(found) for name, found in theirs.items() if name.startswith("UNKNOWN_")})
     if path.name.startswith(DAMAGED):
-        assert log.losses.any
-        assert all(ours[name] >= n for name, n in known.items())
-    else:
-        assert not log.losses.any
-        assert dict(ours) == known
-        unknown = {int(name[8:]): n for name, n in theirs.items() if name.startswith("UNKNOWN_")}
-        assert log.unknown == unknown
+        return assert_nothing_that_pymavlink_found_is_missing(log.tables, theirs)
+    assert not log.losses.any
+    ours = set(log.tables) - NOT_IN_PYMAVLINK
+    assert ours == set(theirs) - set(unknown)
+    for name in ours:
+        assert len(log.tables[name]) == len(theirs[name])
+        assert_same_fields(log.tables[name], theirs[name])
+    newer = sum(len(log.tables[name]) for name in set(log.tables) & NOT_IN_PYMAVLINK)
+    assert sum(log.unknown.values()) + newer == sum(unknown.values())
+    return None
+
+
+def assert_nothing_that_pymavlink_found_is_missing(
+    tables: dict[str, Table], theirs: dict[str, list[Any]]
+) -> None:
+    """In order, message for message; its time stamps after damage are not to be trusted."""
+    for name, messages in theirs.items():
+        if name.startswith("UNKNOWN_"):
+            continue
+        table = tables[name]
+        size = table.fields.dtype.itemsize
+        ours = Counter(
+            map(
+                key,
+                table.system.tolist(),
+                table.component.tolist(),
+                table.sequence.tolist(),
+                (row.tobytes() for row in table.fields),
+            )
+        )
+        found = Counter(
+            key(m.get_srcSystem(), m.get_srcComponent(), m.get_seq(), payload_of(m).ljust(size, b"\0")[:size])
+            for m in messages
+        )
+        assert not found - ours, name
+
+
+def payload_of(message: Any) -> bytes:
+    buffer = bytes(message.get_msgbuf())
+    head = 10 if buffer[0] == 0xFD else 6
+    return buffer[head : head + buffer[1]]
+
+
+@needs_logs
+def test_a_log_without_time_stamps_holds_what_pymavlink_parses() -> None:
+    raw = next(path for path in real_logs() if path.name.endswith(WITHOUT_STAMPS))
+    parser = ardupilotmega.MAVLink(None)
+    parser.robust_parsing = True
+    theirs: defaultdict[str, list[Any]] = defaultdict(list)
+    for message in parser.parse_buffer(raw.read_bytes()):
+        theirs[message.get_type()].append(message)
+    theirs.pop("BAD_DATA")
+    log = read_log(raw)
+    assert log.sender_clock
+    assert_nothing_that_pymavlink_found_is_missing(log.tables, theirs)
+    boot_us = log.tables["ATTITUDE"]["time_boot_ms"].astype(np.int64) * 1000
+    assert np.all(np.abs(log.tables["ATTITUDE"].time_us - boot_us) <= 1_000_000)
 
 
 @needs_logs

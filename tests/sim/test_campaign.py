@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from mavhums_sim.campaign import CAMPAIGNS, PAPER_FRICTION_NM, paper_campaign, run_campaign, write_truth
+from mavhums_sim import Flight, FlightRecord
+from mavhums_sim.campaign import (
+    CAMPAIGNS,
+    PAPER_FRICTION_NM,
+    consume,
+    paper_campaign,
+    run_campaign,
+    write_truth,
+)
+from mavhums_sim.link import Link
+from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 
 def test_paper_campaign_holds_the_papers_conditions_and_one_that_grows() -> None:
@@ -37,3 +49,69 @@ def test_truth_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
         write_truth([{"not": object()}], path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def peak(name: str, record: FlightRecord) -> tuple[str, float]:
+    return name, float(np.abs(record.actuators["elevator"].values[:, 4]).max())
+
+
+def test_consumer_gets_every_flight_in_order_on_any_number_of_processes() -> None:
+    flights = [(str(seed), Flight(seed=seed, duration_s=1.0)) for seed in range(10)]
+    one = list(consume(flights, peak))
+    two = list(consume(iter(flights), peak, workers=2))
+    assert [name for name, _ in one] == [str(seed) for seed in range(10)]
+    assert one == two
+    assert all(result[0] == name for name, result in one)
+
+
+def test_campaign_on_two_processes_writes_the_same_logs(tmp_path: Path) -> None:
+    flights = list(paper_campaign(seed=1, duration_s=1.0))
+    run_campaign(flights, tmp_path / "one")
+    run_campaign(flights, tmp_path / "two", workers=2)
+    for path in sorted((tmp_path / "one").iterdir()):
+        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
+
+
+def test_interrupted_campaign_is_resumed(tmp_path: Path) -> None:
+    flights = list(paper_campaign(seed=1, duration_s=1.0))
+
+    def stop(done: int, total: int) -> None:
+        if done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(flights, tmp_path, stop)
+    assert not (tmp_path / "truth.json").exists()
+    with (tmp_path / "truth.jsonl").open("a") as journal:
+        journal.write('{"log": "cut')
+    times = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.tlog")}
+    assert len(times) == 4
+    seen: list[int] = []
+    truth = run_campaign(flights, tmp_path, lambda done, total: seen.append(done))
+    assert seen == [5, 6, 7, 8, 9]
+    assert all(path.stat().st_mtime_ns == time for path, time in times.items())
+    assert [f["log"] for f in json.loads(truth.read_text())["flights"]] == [f"{n}.tlog" for n, _ in flights]
+    assert not (tmp_path / "truth.jsonl").exists()
+
+
+def test_only_what_changed_is_flown_again(tmp_path: Path) -> None:
+    flights = list(paper_campaign(seed=1, duration_s=1.0))[:3]
+    run_campaign(flights, tmp_path)
+    changed = [*flights[:2], (flights[2][0], replace(flights[2][1], seed=77))]
+    seen: list[int] = []
+    run_campaign(changed, tmp_path, lambda done, total: seen.append(done))
+    assert seen == [3]
+    (tmp_path / "friction-0.225.tlog").unlink()
+    run_campaign(changed, tmp_path, lambda done, total: seen.append(done))
+    assert seen == [3, 3]
+    run_campaign(changed, tmp_path, lambda done, total: seen.append(done), link=Link(loss=0.1))
+    assert seen == [3, 3, 1, 2, 3]
+
+
+def test_replayed_flights_differ_by_their_commands(tmp_path: Path) -> None:
+    given = [CYCLOGRAMS["turns"](seed, 1.0) for seed in (0, 1)]
+    seen: list[int] = []
+    for cyclogram in given:
+        flights = [("turns", Flight(duration_s=1.0, cyclogram=cyclogram))]
+        run_campaign(flights, tmp_path, lambda done, total: seen.append(done))
+    assert seen == [1, 1]

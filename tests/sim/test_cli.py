@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from mavhums_sim.cli import main
+from mavhums_sim.validation import Check
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
@@ -59,8 +60,20 @@ def test_campaign_writes_its_folder(
         (["flight", "-o", "x.tlog", "--friction", "elevator"], "not SURFACE=N·m"),
         (["flight", "-o", "x.tlog", "--friction", "flap=0.3"], "no surface 'flap'"),
         (["flight", "-o", "x.tlog", "--duration", "0"], "--duration"),
-        (["campaign", "lunar", "-o", "x"], "NAME"),
+        (["campaign", "lunar", "-o", "x"], "no campaign 'lunar'; there is paper"),
         (["land"], "No such command"),
+        (["flight", "-o", "x.tlog", "--fault", "rudder=jam"], "not SURFACE=FAULT:SEVERITY"),
+        (["flight", "-o", "x.tlog", "--fault", "rudder=jam:much"], "could not convert"),
+        (["flight", "-o", "x.tlog", "--fault", "rudder=rust:1"], "no fault 'rust'"),
+        (["flight", "-o", "x.tlog", "--fault", "rudder=backlash:1"], "two-mass"),
+        (["flight", "-o", "x.tlog", "--cyclogram", "loop"], "no cyclogram 'loop'"),
+        (["flight", "-o", "x.tlog", "--channel", "rudder=17"], "output 1…16"),
+        (["flight", "-o", "x.tlog", "--key", "abc"], "hexadecimal"),
+        (["flight", "-o", "x.tlog", "--loss", "1"], "loss and late"),
+        (["stream", "14550", "--duration", "1"], "not udpout:HOST:PORT"),
+        (["stream", "udpout:127.0.0.1:14550", "--speed", "0"], "--speed"),
+        (["campaign", "moon.toml", "-o", "x", "--seed", "1"], "set in moon.toml"),
+        (["campaign", "moon.toml.txt", "-o", "x"], "or a FILE.toml"),
     ],
 )
 def test_wrong_usage_is_explained_and_exits_2(
@@ -86,10 +99,114 @@ def test_unwritable_file_is_one_line_and_exits_1(
     assert error.count("\n") == 1
 
 
+def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "flight.tlog"
+    faults = ["--fault", "rudder=jam:10@1", "--fault", "rudder=backlash:0..0.3", "--model", "two-mass"]
+    faults += ["--mavlink", "1"]
+    others = [
+        "--aircraft",
+        "3",
+        "--cyclogram",
+        "gusts",
+        "--esc-side",
+        "bus",
+        "--loss",
+        "0.2",
+        "--mavlink",
+        "1",
+    ]
+    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "2", *faults, *others) == 0
+    truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
+    rudder = truth["actuators"]["rudder"]
+    assert [(c["fault"], c["start"], c["end"], c["at_s"]) for c in rudder["conditions"]] == [
+        ("jam", 10.0, 10.0, 1.0),
+        ("backlash", 0.0, 0.3, 0.0),
+    ]
+    assert (truth["cyclogram"], truth["model"], truth["esc_side"]) == ("gusts", "two-mass", "bus")
+    assert rudder["individual"]["viscous"] > 0
+    assert "DEBUG_FLOAT_ARRAY" not in truth["messages"]
+    assert truth["messages"]["SERVO_OUTPUT_RAW"] < 95
+
+
+def test_flight_reports_in_the_tiers_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "flight.tlog"
+    tiers = ["--tier", "esc-signed", "--tier", "named", "--reboot", "0.5", "--clock-drift", "50"]
+    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "4", *tiers) == 0
+    truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
+    assert {"ESC_STATUS", "NAMED_VALUE_FLOAT"} <= set(truth["messages"])
+    assert not {"DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW"} & set(truth["messages"])
+    assert truth["tiers"] == ["esc-signed", "named"]
+
+
+def test_flight_replays_a_log_as_long_as_it_lasts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = tmp_path / "first.tlog", tmp_path / "second.tlog"
+    assert run(monkeypatch, "flight", "-o", str(first), "--duration", "4") == 0
+    assert run(monkeypatch, "flight", "-o", str(second), "--replay", str(first), "--hold") == 0
+    truth = json.loads((tmp_path / "second.truth.json").read_text())["flights"][0]
+    assert truth["cyclogram"] == "replay of first.tlog"
+    assert truth["duration_s"] == pytest.approx(4.0, abs=0.1)
+    assert "elevator from output 3" in capsys.readouterr().err
+    arguments = (
+        "flight",
+        "-o",
+        str(second),
+        "--replay",
+        str(first),
+        "--duration",
+        "2",
+        "--channel",
+        "rudder=4",
+    )
+    assert run(monkeypatch, *arguments, "--duration", "2") == 0
+    assert "replaying rudder from output 4" in capsys.readouterr().err
+    assert run(monkeypatch, "flight", "-o", str(second), "--replay", str(tmp_path / "none.tlog")) == 1
+
+
+def test_stream_sends_the_flight(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("stream", "udpout:127.0.0.1:9", "--duration", "1", "--speed", "100")
+    assert run(monkeypatch, *arguments) == 0
+    out = capsys.readouterr().out
+    assert "DEBUG_FLOAT_ARRAY 400" in out
+    assert "HEARTBEAT 1" in out
+
+
+def test_link_that_nobody_answers_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "stream", "tcp:127.0.0.1:9", "--duration", "1") == 1
+    assert "mavhums-sim: " in capsys.readouterr().err
+
+
+def test_campaign_from_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = tmp_path / "plan.toml"
+    plan.write_text("duration_s = 1\nconditions = [{fault = 'friction', severity = [0.1, 0.2]}]\n")
+    assert run(monkeypatch, "campaign", str(plan), "-o", str(tmp_path / "logs")) == 0
+    assert len(json.loads((tmp_path / "logs" / "truth.json").read_text())["flights"]) == 2
+    plan.write_text("conditions = 1")
+    assert run(monkeypatch, "campaign", str(plan), "-o", str(tmp_path / "logs")) == 2
+    assert run(monkeypatch, "campaign", str(tmp_path / "no.toml"), "-o", str(tmp_path / "logs")) == 1
+
+
+@pytest.mark.parametrize(("measured", "code", "says"), [(1.0, 0, "1 of 1"), (2.0, 1, "FAILED")])
+def test_validate_reports_and_exits(
+    measured: float,
+    code: int,
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    check = Check("speed", 1.0, measured, "rad/s", 0.1)
+    monkeypatch.setattr("mavhums_sim.validation.validate", lambda: iter([check]))
+    assert run(monkeypatch, "validate") == code
+    assert says in capsys.readouterr().out
+
+
 def test_interrupt_exits_130(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("mavhums_sim.campaign.run_campaign", interrupted)

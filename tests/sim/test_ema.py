@@ -8,8 +8,8 @@ from math import radians
 import numpy as np
 import pytest
 
-from mavhums_sim import _integrate
-from mavhums_sim.ema import DataSheet, EmaParameters, Motion, simulate
+from mavhums_sim.ema import DataSheet, EmaParameters
+from mavhums_sim.motion import Motion, simulate
 
 PAPER = EmaParameters.from_data_sheet()
 SHEET = DataSheet()
@@ -107,19 +107,3 @@ def test_integral_gain_removes_the_droop() -> None:
     servo = EmaParameters.from_data_sheet(integral_gain=400.0)
     motion = drive(servo, radians(60), 0.5, friction=0.5)
     assert np.degrees(motion.speed[400]) == pytest.approx(100.0, rel=2e-3)
-
-
-def test_compiled_kernel_does_what_its_python_does() -> None:
-    rng = np.random.default_rng(0)
-    n = 60
-    arrays = (
-        np.radians(20 * np.sin(np.arange(n) / 9)),
-        np.full(n, COULOMB),
-        rng.uniform(0, 2, n),
-        rng.uniform(-2, 2, n),
-    )
-    constants = (1e-4, 10, 4.38, 22.6, 2e-3, 0.0216, 27.0, 1.19, 1.77, 1.04, 20.0, 40.0, 400.0, 1.2)
-    compiled = _integrate.integrate(*constants, *arrays)
-    python = _integrate.integrate.py_func(*constants, *arrays)
-    for one, other in zip(compiled, python, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)

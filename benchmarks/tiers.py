@@ -1,0 +1,96 @@
+"""What each telemetry tier can tell: the paper's eight conditions at several rates.
+
+    python benchmarks/tiers.py
+
+For each tier and rate, flights of 100 s with the elevator at each of the paper's frictions; the other
+three surfaces are healthy. Counts verdicts that are right, wrong and undecided, and gives the mean
+error and the standard deviation of the friction estimate at the flight's end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from mavhums import analyse
+from mavhums.actuator import load_airframe
+from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.campaign import PAPER_FRICTION_NM
+from mavhums_sim.link import Link
+from mavhums_sim.rates import Rates
+
+TIERS = {
+    "instrumented": ("instrumented",),
+    "esc-signed": ("esc-signed", "pwm"),
+    "esc-signed, bus side": ("esc-signed", "pwm"),
+    "named, MAVLink 1": ("named",),
+    "esc-unsigned": ("esc-unsigned", "pwm"),
+    "pwm, MAVLink 1": ("pwm",),
+}
+RATES_HZ = (100.0, 50.0, 25.0, 10.0)
+SURFACES = ("aileron_left", "aileron_right", "elevator", "rudder")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seed", type=int, default=7000)
+    parser.add_argument("--all-surfaces", action="store_true", help="every surface at the flight's friction")
+    options = parser.parse_args()
+    console = Console(width=120)
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("tier", "rate, Hz", "right", "wrong", "undecided", "error, N·m", "sd, N·m", "within 95 %"):
+        table.add_column(title, justify="right" if table.columns else "left")
+    for name in TIERS:
+        for rate in RATES_HZ:
+            with console.status(f"{name} at {rate:g} Hz"):
+                table.add_row(name, f"{rate:g}", *measure(name, rate, options.seed, options.all_surfaces))
+    console.print(table)
+
+
+def measure(name: str, rate_hz: float, seed: int, all_surfaces: bool) -> list[str]:
+    airframe = load_airframe("paper")
+    if "bus" in name:
+        bus = [a.model_copy(update={"esc_side": "bus", "electronics_a": 0.05}) for a in airframe.actuators]
+        airframe = airframe.model_copy(update={"actuators": tuple(bus)})
+    right = wrong = undecided = inside = 0
+    errors = []
+    for k, friction in enumerate(PAPER_FRICTION_NM):
+        surfaces = SURFACES if all_surfaces else ("elevator",)
+        record = fly(
+            Flight(
+                seed=seed + k,
+                friction_nm=dict.fromkeys(surfaces, (friction, friction)),
+                rate_hz=rate_hz,
+                rates=Rates(servo_output=min(rate_hz, 50.0), esc=rate_hz),
+                tiers=TIERS[name],
+                esc_side="bus" if "bus" in name else "motor",
+            )
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "flight.tlog"
+            write_tlog(record, path, Link(mavlink=1) if "MAVLink 1" in name else None)
+            assessment = analyse(path, airframe=airframe)
+        for verdict in assessment.verdicts:
+            truth = friction if verdict.actuator in surfaces else 0.225
+            wanted = "normal" if truth < 0.6 else "emergency"
+            undecided += verdict.gravest == "undecided"
+            right += verdict.condition == verdict.worst == wanted
+            wrong += verdict.gravest != "undecided" and not verdict.condition == verdict.worst == wanted
+            if verdict.friction_nm:
+                errors.append(verdict.friction_nm.estimate - truth)
+                inside += verdict.friction_nm.low <= truth <= verdict.friction_nm.high
+    if not errors:
+        return [str(right), str(wrong), str(undecided), "—", "—", "—"]
+    share = f"{100 * inside / len(errors):.0f} %"
+    return [str(right), str(wrong), str(undecided), f"{np.mean(errors):+.4f}", f"{np.std(errors):.4f}", share]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,206 @@
+"""Bring an actuator's sources onto one sample clock.
+
+The clock is the times of the source that carries V5, else V7, else V3, else V1; the other
+quantities are interpolated to it. What a sample holds depends on the order of the log alone: a
+sample is settled by the first clock sample that lies ``SETTLE_S`` later, and only what came before
+that one counts, however the log was cut into blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.readings import Reading
+from mavhums.quantities import KEYS, column
+
+__all__ = ["SETTLE_S", "Aligned", "Aligner", "Series"]
+
+SETTLE_S = 0.25
+_MAX_SPAN_US = 2_000_000
+_KEEP_US = 3_000_000
+_SLOPE_US = 80_000
+_NEVER = 2**62
+_CLOCK_ORDER = tuple(column(key) for key in ("V5", "V7", "V3", "V1"))
+
+
+class Aligned(NamedTuple):
+    """Samples of one actuator on one clock.
+
+    Attributes
+    ----------
+    utc_us, values
+        Shapes (n,) and (n, 12); NaN where no source gives a quantity.
+    origin
+        Which source each value is from, as an index into ``Aligner.sources``; −1 where none.
+    command_rate
+        Rate of V1 as it was ``lag`` earlier, °/s, shape (n,); NaN where V1 is not known.
+    tier
+        Of the source whose times these are.
+    signed
+        Whether its values have their sign.
+    """
+
+    utc_us: NDArray[np.int64]
+    values: NDArray[np.float64]
+    origin: NDArray[np.int8]
+    command_rate: NDArray[np.float64]
+    tier: str
+    signed: bool
+
+
+class Series:
+    """One source's values, increasing in time; what comes out of order is left out and counted."""
+
+    def __init__(self, first: Reading) -> None:
+        self.source, self.tier, self.fields, self.signed = (
+            first.source,
+            first.tier,
+            first.fields,
+            first.signed,
+        )
+        self.time_us = np.empty(0, dtype=np.int64)
+        self.frame = np.empty(0, dtype=np.int64)
+        self.values = np.empty((0, len(KEYS)))
+        self.first_frame = int(first.frame[0])
+        given = np.isfinite(first.values[0])
+        self.clock_rank = next((k for k, c in enumerate(_CLOCK_ORDER) if given[c]), len(_CLOCK_ORDER))
+        self.late = 0
+        self._latest_us = -_NEVER
+
+    def add(self, reading: Reading) -> NDArray[np.bool_]:
+        """Append what is later than all before, and return which rows that were."""
+        before = np.maximum.accumulate(np.concatenate([[self._latest_us], reading.utc_us]))
+        later = reading.utc_us > before[:-1]
+        self._latest_us = int(before[-1])
+        self.late += int(np.count_nonzero(~later))
+        self.time_us = np.concatenate([self.time_us, reading.utc_us[later]])
+        self.frame = np.concatenate([self.frame, reading.frame[later]])
+        self.values = np.concatenate([self.values, reading.values[later]])
+        return later
+
+    def forget_before(self, time_us: int) -> None:
+        """Drop what is older than ``time_us``."""
+        start = int(np.searchsorted(self.time_us, time_us))
+        if start:
+            self.time_us, self.frame = self.time_us[start:], self.frame[start:]
+            self.values = self.values[start:]
+
+    def at(self, time_us: NDArray[np.int64], limit: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Interpolate to ``time_us`` (n,) from messages before frames ``limit`` (n,), shape (n, 12)."""
+        out = np.full((time_us.size, len(KEYS)), np.nan)
+        if self.time_us.size == 0:
+            return out
+        right = np.searchsorted(self.time_us, time_us)
+        there = right < np.searchsorted(self.frame, limit)
+        right = np.minimum(right, self.time_us.size - 1)
+        exact = there & (self.time_us[right] == time_us)
+        out[exact] = self.values[right[exact]]
+        left = right - 1
+        span = self.time_us[right] - self.time_us[np.maximum(left, 0)]
+        between = there & ~exact & (left >= 0) & (span <= _MAX_SPAN_US)
+        a, b = left[between], right[between]
+        part = ((time_us[between] - self.time_us[a]) / span[between])[:, None]
+        out[between] = self.values[a] * (1.0 - part) + self.values[b] * part
+        return out
+
+
+class Aligner:
+    """Aligns the sources of one actuator, block after block.
+
+    Parameters
+    ----------
+    trust
+        Names of the tiers, the best first: where several sources give a quantity, the best is taken.
+    lag_s
+        By how much the shaft follows the command.
+
+    Attributes
+    ----------
+    sources
+        Those seen so far, in the order of their appearance.
+    """
+
+    def __init__(self, trust: Sequence[str], lag_s: float) -> None:
+        self.sources: list[Series] = []
+        self._trust = {tier: rank for rank, tier in enumerate(trust)}
+        self._lag_us = round(lag_s * 1e6)
+        self._clock = -1
+        self._due = np.empty((3, 0), dtype=np.int64)  # time, frame, source
+
+    def feed(self, readings: Iterable[Reading], *, final: bool = False) -> list[Aligned]:
+        """Take new readings and return the samples that they settle; ``final`` settles what is left."""
+        self._enqueue(list(readings))
+        time_us, frame, clock = self._due
+        settler = np.searchsorted(time_us, time_us + round(SETTLE_S * 1e6))
+        settled = time_us.size if final else int(np.searchsorted(settler, time_us.size))
+        limit = np.append(frame, _NEVER)[settler[:settled]]
+        bounds = [0, *(np.flatnonzero(np.diff(clock[:settled])) + 1), settled]
+        aligned = [
+            self._align(time_us[a:b], limit[a:b], self.sources[clock[a]])
+            for a, b in pairwise(bounds)
+            if b > a
+        ]
+        self._due = self._due[:, settled:]
+        oldest = int(self._due[0, 0]) if self._due.size else int(time_us[-1]) if time_us.size else None
+        if oldest is not None:
+            for series in self.sources:
+                series.forget_before(oldest - _KEEP_US)
+        return aligned
+
+    def _enqueue(self, readings: list[Reading]) -> None:
+        """Add readings to their series, and the clock's to the samples that are due."""
+        known = {series.source: k for k, series in enumerate(self.sources)}
+        added: dict[int, NDArray[np.int64]] = {}
+        reigns = [(self._clock, -1)]
+        for reading in sorted(readings, key=lambda reading: int(reading.frame[0])):
+            k = known.get(reading.source)
+            if k is None:
+                k = known[reading.source] = len(self.sources)
+                self.sources.append(Series(reading))
+                if self._clock < 0 or self._rank(k) < self._rank(self._clock):
+                    self._clock = k
+                    reigns.append((k, int(reading.frame[0])))
+            later = self.sources[k].add(reading)
+            added[k] = np.stack([reading.utc_us[later], reading.frame[later], np.full(later.sum(), k)])
+        for (k, start), (_, end) in pairwise([*reigns, (-1, _NEVER)]):
+            if k in added:
+                rows = (added[k][1] >= start) & (added[k][1] < end)
+                rows &= added[k][0] > (self._due[0, -1] if self._due.size else -_NEVER)
+                self._due = np.concatenate([self._due, added[k][:, rows]], axis=1)
+
+    def _rank(self, source: int) -> tuple[int, int]:
+        series = self.sources[source]
+        return series.clock_rank, self._trust[series.tier]
+
+    def _align(self, time_us: NDArray[np.int64], limit: NDArray[np.int64], clock: Series) -> Aligned:
+        values, origin = self._combine(time_us, limit, signed=clock.signed)
+        rate = np.full(time_us.size, np.nan)
+        if not clock.signed:
+            middle = time_us - self._lag_us
+            after = self._combine(middle + _SLOPE_US // 2, limit, signed=True)[0][:, 0]
+            before = self._combine(middle - _SLOPE_US // 2, limit, signed=True)[0][:, 0]
+            rate = (after - before) / (_SLOPE_US * 1e-6)
+        return Aligned(time_us, values, origin, rate, clock.tier, clock.signed)
+
+    def _combine(
+        self, time_us: NDArray[np.int64], limit: NDArray[np.int64], *, signed: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+        """Return the best source's value of each quantity at each time, and which source that was.
+
+        Magnitudes are not mixed among signed values.
+        """
+        values = np.full((time_us.size, len(KEYS)), np.nan)
+        origin = np.full(values.shape, -1, dtype=np.int8)
+        for k in sorted(range(len(self.sources)), key=lambda k: self._trust[self.sources[k].tier]):
+            if signed and not self.sources[k].signed:
+                continue
+            found = self.sources[k].at(time_us, limit)
+            better = np.isnan(values) & np.isfinite(found)
+            values[better] = found[better]
+            origin[better] = k
+        return values, origin

@@ -1,0 +1,141 @@
+"""Quantities that follow from others through the actuator's constants (paper, section 4).
+
+A magnitude gets its sign first: of the speed from the command, of the current from the voltage
+equation |U| = |R·I + k_t·ω|, which tells a current that drives the motion from one that opposes it.
+An ESC at the supply bus tells the motor's power: R·I² + k_t·ω·I = P.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.align import Aligned
+from mavhums.actuator.profile import Actuator, Ema
+from mavhums.quantities import KEYS, column
+
+__all__ = ["Deriver"]
+
+_V1, _V2, _V3, _V4, _V5, _V6, _V7, _V8, _V9, _V10, _V11, _V12 = (column(f"V{k}") for k in range(1, 13))
+_RAD_S = 2 * np.pi / 60
+_DEGREES_S = 6.0
+_AGREEMENT_DEG_S = 5.0
+_MAX_STEP_US = 500_000
+_MISFIT_V = 0.5  # sampling and quantisation: 10 mA in the winding is a quarter of a volt
+_MISFIT_SHARE = 0.3  # a winding or a magnet that has aged
+
+Array = NDArray[np.float64]
+
+_RULES: tuple[tuple[int, str, Callable[[Array, Ema], Array]], ...] = (
+    (_V8, "k_t·V5", lambda v, ema: ema.torque_constant * v[:, _V5]),
+    (_V6, "V4·V5", lambda v, _: v[:, _V4] * v[:, _V5]),
+    (_V10, "V7/N", lambda v, ema: v[:, _V7] / ema.gear_ratio),
+    (_V9, "V8·ω", lambda v, _: v[:, _V8] * v[:, _V7] * _RAD_S),
+    (_V12, "V11·ω/N", lambda v, _: v[:, _V11] * v[:, _V10] * _RAD_S),
+)
+
+
+class Deriver:
+    """Completes the samples of one actuator, block after block.
+
+    Attributes
+    ----------
+    derived
+        How each quantity that was derived came about, by key.
+    """
+
+    def __init__(self, actuator: Actuator) -> None:
+        self.derived: dict[str, str] = {}
+        self._actuator = actuator
+        self._rotor_deg = 0.0
+        self._last: tuple[int, float] | None = None
+
+    def complete(self, aligned: Aligned) -> Array:
+        """Return V1…V12 of shape (n, 12), what can be derived filled in."""
+        values = aligned.values.copy()
+        if aligned.tier.startswith("esc"):
+            if not aligned.signed:
+                self._sign_speed(values, aligned.command_rate)
+            if self._actuator.esc_side == "bus":
+                self._from_bus(values, signed=aligned.signed)
+            elif not aligned.signed:
+                self._sign_current(values)
+        self._fill(values)
+        self._integrate(aligned.utc_us, values)
+        return values
+
+    def _sign_speed(self, values: Array, command_rate: Array) -> None:
+        """Give V7 the sign of the command's rate, NaN where the two do not fit together."""
+        speed_deg_s = values[:, _V7] * _DEGREES_S / self._actuator.ema.gear_ratio
+        apart = np.abs(speed_deg_s - np.abs(command_rate))
+        fits = apart <= 0.5 * speed_deg_s + _AGREEMENT_DEG_S
+        signed = np.where(fits & (command_rate != 0), np.sign(command_rate) * values[:, _V7], np.nan)
+        values[:, _V7] = np.where(values[:, _V7] == 0, 0.0, signed)
+        self.derived["V7"] = "magnitude from {V7}, sign of the command's rate"
+
+    def _sign_current(self, values: Array) -> None:
+        """Give V5 and V4 the signs with which the voltage equation holds best, NaN where none does."""
+        ema = self._actuator.ema
+        drop = ema.resistance * values[:, _V5]
+        back_emf = ema.torque_constant * np.abs(values[:, _V7]) * _RAD_S
+        driving = np.abs(values[:, _V4] - (back_emf + drop))
+        opposing = np.abs(values[:, _V4] - np.abs(back_emf - drop))
+        misfit = np.minimum(driving, opposing)
+        allowed = _MISFIT_V + _MISFIT_SHARE * np.maximum(back_emf, drop)
+        along = np.where(driving <= opposing, 1.0, -1.0) * np.sign(values[:, _V7])
+        values[:, _V5] *= np.where(misfit <= allowed, along, np.nan)
+        volts = ema.resistance * values[:, _V5] + ema.torque_constant * values[:, _V7] * _RAD_S
+        values[:, _V4] *= np.sign(volts)
+        self.derived["V5"] = "magnitude from {V5}, sign from the voltage equation"
+        self.derived["V4"] = "magnitude from {V4}, sign from the voltage equation"
+
+    def _from_bus(self, values: Array, *, signed: bool) -> None:
+        """Replace the bus's voltage and current by the motor's, through the power balance."""
+        ema = self._actuator.ema
+        power = values[:, _V4] * (values[:, _V5] - self._actuator.electronics_a)
+        if not signed:
+            power = np.full(len(values), np.nan)
+        speed = values[:, _V7] * _RAD_S
+        emf = ema.torque_constant * speed
+        root = emf**2 + 4.0 * ema.resistance * power
+        with np.errstate(invalid="ignore"):
+            current = (-emf + np.sign(emf) * np.sqrt(root)) / (2.0 * ema.resistance)
+        values[:, _V5] = current
+        values[:, _V4] = ema.resistance * current + emf
+        self.derived["V5"] = "power balance of {V4} and {V5} at the bus"
+        self.derived["V4"] = "voltage equation"
+
+    def _fill(self, values: Array) -> None:
+        for target, how, rule in _RULES:
+            result = rule(values, self._actuator.ema)
+            empty = np.isnan(values[:, target]) & np.isfinite(result)
+            if empty.any():
+                values[empty, target] = result[empty]
+                self.derived[KEYS[target]] = how
+
+    def _integrate(self, utc_us: NDArray[np.int64], values: Array) -> None:
+        """Fill V2 and V3 with the integral of V7, which drifts; the command, if known, is its start."""
+        if utc_us.size == 0 or np.isnan(values[:, _V7]).all():
+            return
+        ratio = self._actuator.ema.gear_ratio
+        if np.isnan(values[:, _V2]).any():
+            speed = np.nan_to_num(values[:, _V7])
+            if self._last is None:
+                start = values[0, _V1]
+                self._rotor_deg = 0.0 if np.isnan(start) else float(start) * ratio
+                self._last = int(utc_us[0]), float(speed[0])
+            times = np.concatenate([[self._last[0]], utc_us])
+            speeds = np.concatenate([[self._last[1]], speed])
+            step_s = np.minimum(np.diff(times), _MAX_STEP_US) * 1e-6
+            steps = step_s * (speeds[1:] + speeds[:-1]) / 2 * _DEGREES_S
+            turned = np.cumsum(np.concatenate([[self._rotor_deg], steps]))[1:]
+            self._rotor_deg = float(turned[-1])
+            self._last = int(utc_us[-1]), float(speed[-1])
+            known = np.isfinite(values[:, _V2])
+            values[:, _V2] = np.where(known, values[:, _V2], turned)
+            self.derived["V2"] = "integral of V7, drifts"
+        if np.isnan(values[:, _V3]).any():
+            values[:, _V3] = np.where(np.isfinite(values[:, _V3]), values[:, _V3], values[:, _V2] / ratio)
+            self.derived["V3"] = "V2/N"

@@ -1,0 +1,96 @@
+"""What one source tells of one actuator, before sources are brought together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.clock import SenderClock
+from mavhums.actuator.profile import Actuator
+from mavhums.log import Table
+from mavhums.quantities import KEYS
+
+__all__ = ["Clocks", "Reading", "blank"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """New values from one source: a message, and which of its instances.
+
+    Attributes
+    ----------
+    source
+        As verdicts quote it, for example ``DEBUG_FLOAT_ARRAY[EMA,3]``.
+    tier
+        Name of the telemetry tier.
+    fields
+        Message field behind each quantity that the source can give, by key.
+    frame
+        Positions of the messages in the log, shape (n,), increasing.
+    utc_us
+        Times, microseconds of UTC, shape (n,).
+    values
+        V1…V12, shape (n, 12), NaN where not given.
+    signed
+        Whether the values have their sign; if not, they are magnitudes.
+    """
+
+    vehicle: int
+    actuator: Actuator
+    source: str
+    tier: str
+    fields: dict[str, str]
+    frame: NDArray[np.int64]
+    utc_us: NDArray[np.int64]
+    values: NDArray[np.float64]
+    signed: bool = True
+
+
+class Clocks:
+    """The clocks of every sender and message; how many segments a vehicle's have had."""
+
+    def __init__(self) -> None:
+        self._clocks: dict[tuple[int, int, str], SenderClock] = {}
+
+    def utc_us(
+        self, table: Table, scale: int, field: str, *, wrap_us: int | None = None
+    ) -> NDArray[np.int64]:
+        """Return the times of a table's messages, microseconds of UTC, shape (n,).
+
+        Parameters
+        ----------
+        table
+            Of one message type, any senders.
+        scale
+            Microseconds per unit of ``field``.
+        field
+            With the sender's time.
+        wrap_us
+            After which the sender's time starts anew.
+        """
+        utc_us = np.empty(len(table), dtype=np.int64)
+        sent_us = table[field].astype(np.int64) * scale
+        senders = table.system.astype(np.int64) * 256 + table.component
+        for sender in np.unique(senders):
+            rows = senders == sender
+            key = (int(sender) // 256, int(sender) % 256, table.name)
+            clock = self._clocks.setdefault(key, SenderClock(wrap_us))
+            utc_us[rows] = clock.to_utc_us(sent_us[rows], table.time_us[rows])
+        return utc_us
+
+    def segments(self, vehicle: int) -> int:
+        """Return how many segments a vehicle's clock has had; more than one is a reboot or a jump."""
+        return max((clock.segments for key, clock in self._clocks.items() if key[0] == vehicle), default=0)
+
+
+def blank(
+    count: int, columns: Sequence[int] = (), values: Sequence[NDArray[np.float64]] = ()
+) -> NDArray[np.float64]:
+    """Return V1…V12 of shape (count, 12), NaN but for the given columns."""
+    out = np.full((count, len(KEYS)), np.nan)
+    for column, part in zip(columns, values, strict=True):
+        out[:, column] = part
+    return out

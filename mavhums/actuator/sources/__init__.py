@@ -1,0 +1,33 @@
+"""Where quantities come from: one telemetry tier a file, each found by itself.
+
+A source is a module with ``MESSAGES``, the message types that it reads, and
+``read(tables, actuators, clocks)``, which yields a :class:`~mavhums.actuator.readings.Reading` for
+each vehicle and actuator. Their order is that of their trust, the best first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Protocol
+
+from mavhums.actuator.profile import Actuator
+from mavhums.actuator.readings import Clocks, Reading
+from mavhums.actuator.sources import configured, esc_signed, esc_unsigned, instrumented, named, pwm
+from mavhums.log import Table
+
+__all__ = ["SOURCES", "Source"]
+
+
+class Source(Protocol):
+    """What a module of this package offers."""
+
+    MESSAGES: frozenset[str]
+
+    def read(
+        self, tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks
+    ) -> Iterator[Reading]:
+        """Yield what these messages tell of the actuators."""
+        ...
+
+
+SOURCES: tuple[Source, ...] = (configured, instrumented, esc_signed, named, esc_unsigned, pwm)

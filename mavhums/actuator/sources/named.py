@@ -1,0 +1,49 @@
+"""The named tier: NAMED_VALUE_FLOAT (251) ``S<servo>V01`` … ``S<servo>V12``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.profile import Actuator
+from mavhums.actuator.readings import Clocks, Reading, blank
+from mavhums.log import Table
+from mavhums.quantities import KEYS
+
+__all__ = ["MESSAGES", "is_named", "read"]
+
+MESSAGES = frozenset({"NAMED_VALUE_FLOAT"})
+_NAME = re.compile(rb"S\d{1,2}V(0[1-9]|1[0-2])")
+
+
+def is_named(table: Table) -> NDArray[np.bool_]:
+    """Return which rows of a NAMED_VALUE_FLOAT table are actuator telemetry, shape (n,)."""
+    names, row = np.unique(table["name"], return_inverse=True)
+    return np.array([_NAME.fullmatch(bytes(name)) is not None for name in names], dtype=bool)[row]
+
+
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
+    """Yield a reading for each vehicle, servo and quantity."""
+    table = tables.get("NAMED_VALUE_FLOAT")
+    if table is None:
+        return
+    utc_us = clocks.utc_us(table, 1000, "time_boot_ms")
+    for actuator in actuators:
+        for k, key in enumerate(KEYS):
+            name = f"S{actuator.servo}V{k + 1:02d}"
+            named = table["name"] == name.encode()
+            for vehicle in np.unique(table.system[named]):
+                rows = named & (table.system == vehicle)
+                yield Reading(
+                    int(vehicle),
+                    actuator,
+                    f"NAMED_VALUE_FLOAT[{name}]",
+                    "named",
+                    {key: "value"},
+                    table.frame[rows],
+                    utc_us[rows],
+                    blank(int(rows.sum()), [k], [table["value"][rows].astype(np.float64)]),
+                )

@@ -1,0 +1,26 @@
+"""How this room compiles its kernels.
+
+What is kept on disk is renewed when the kernel's own module changes, not when one does that it
+inlines: after editing such a module remove ``mavhums/log/__pycache__``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+import numba
+
+__all__ = ["inlined", "kernel"]
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+def kernel(function: Function) -> Function:
+    """Compile at the first call, keep the result on disk, and release the GIL while it runs."""
+    return cast(Function, numba.njit(cache=True, nogil=True)(function))
+
+
+def inlined(function: Function) -> Function:
+    """Compile into every caller: for what runs once a frame, where a call would cost as much."""
+    return cast(Function, numba.njit(cache=True, nogil=True, inline="always")(function))

@@ -1,0 +1,37 @@
+"""ESC_STATUS (291) of MAVLink's common set, which pymavlink's dialects leave out."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+__all__ = ["EscStatus"]
+
+
+class EscStatus(mavlink.MAVLink_message):  # type: ignore[misc, unused-ignore]
+    """Speed in rev/min, voltage in V and current in A of ESCs ``index`` … ``index + 3``, signed."""
+
+    id = 291
+    msgname = "ESC_STATUS"
+    fieldnames = ("index", "time_usec", "rpm", "voltage", "current")
+    crc_extra = 10
+    wire = struct.Struct("<Q4i4f4fB")
+
+    def __init__(
+        self, index: int, time_usec: int, rpm: list[int], voltage: list[float], current: list[float]
+    ) -> None:
+        super().__init__(self.id, self.msgname)
+        self._fieldnames = list(self.fieldnames)
+        self.index = index
+        self.time_usec = time_usec
+        self.rpm = rpm
+        self.voltage = voltage
+        self.current = current
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        """Return the frame as the link sends it."""
+        payload = self.wire.pack(self.time_usec, *self.rpm, *self.voltage, *self.current, self.index)
+        frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return frame

@@ -1,0 +1,56 @@
+"""Individuals: no two actuators of one type are alike, nor are two surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from mavhums_sim.ema import EmaParameters
+
+__all__ = ["Individual"]
+
+_WITHIN = 2.5  # standard deviations: what quality control lets through
+
+
+@dataclass(frozen=True, slots=True)
+class Individual:
+    """How one actuator and its surface differ from the data sheet; the default does not.
+
+    The controller, and V8 = k_t·V5, keep to the data sheet: nobody on board knows better.
+
+    Attributes
+    ----------
+    torque_constant, friction, inertia, hinge
+        Factors on k_t, healthy T_c, J and both hinge-moment coefficients.
+    viscous
+        Viscous drag, N·m·s/rad.
+    """
+
+    torque_constant: float = 1.0
+    friction: float = 1.0
+    viscous: float = 0.0
+    hinge: float = 1.0
+    inertia: float = 1.0
+
+    @classmethod
+    def draw(cls, seed: int, index: int) -> Individual:
+        """Draw actuator ``index`` of aircraft ``seed``.
+
+        Normal factors with standard deviations 3 % (torque constant) and 10 % (friction, hinge
+        moment, inertia), cut at 2.5; viscous drag uniform from 0 to 0.05 N·m·s/rad.
+        """
+        rng = np.random.default_rng([seed, 6, index])
+        spread = np.clip(rng.standard_normal(4), -_WITHIN, _WITHIN) * (0.03, 0.10, 0.10, 0.10)
+        torque_constant, friction, hinge, inertia = (1.0 + spread).tolist()
+        return cls(torque_constant, friction, rng.uniform(0.0, 0.05), hinge, inertia)
+
+    def parameters(self, nominal: EmaParameters) -> EmaParameters:
+        """Return the constants of this individual; its torque constant enters as a degradation."""
+        return replace(
+            nominal, inertia=nominal.inertia * self.inertia, viscous=nominal.viscous + self.viscous
+        )
+
+    def truth(self) -> dict[str, float]:
+        """Return the individual as plain data."""
+        return asdict(self)

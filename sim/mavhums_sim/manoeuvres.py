@@ -1,0 +1,152 @@
+"""Further cyclograms: pre-flight check, cruise, turns, landing, gusts.
+
+Like the take-off they depend on their seed alone. What an autopilot with a dead band commands stands
+still between corrections, so the moving fraction differs widely from one to the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums_sim._signals import gusts, held, ramp
+from mavhums_sim.cyclogram import SURFACES, Cyclogram, takeoff
+from mavhums_sim.motion import CONTROL_PERIOD_S
+
+__all__ = ["CYCLOGRAMS", "cruise", "gusty", "landing", "preflight", "turns"]
+
+Array = NDArray[np.float64]
+
+_DEAD_BAND_DEG = 0.4
+
+
+def preflight(seed: int, duration_s: float = 100.0) -> Cyclogram:
+    """Return the check before flight: the aircraft stands, each surface in turn goes full and free.
+
+    Twice to either side at 10…15 °/s, with rests between; while one moves the others stand.
+    """
+    rng, time = _begin(seed, duration_s)
+    zero = np.zeros_like(time)
+    degrees = dict.fromkeys(SURFACES, zero)
+    share = duration_s / len(SURFACES)
+    for turn, index in enumerate(rng.permutation(len(SURFACES))):
+        travel = rng.uniform(20.0, 25.0)
+        quarter = min(travel / rng.uniform(10.0, 15.0), 0.1 * share)
+        rest = (0.9 * share - 8.0 * quarter) / 4.0
+        lasting = quarter * np.array([1, 0, 2, 0, 2, 0, 2, 0, 1]) + rest * np.array(
+            [0, 1, 0, 1, 0, 1, 0, 1, 0]
+        )
+        corners = (turn + 0.05) * share + np.concatenate([[0.0], np.cumsum(lasting)])
+        levels = travel * np.array([0, 1, 1, -1, -1, 1, 1, -1, -1, 0])
+        degrees[SURFACES[index]] = np.interp(time, corners, levels)
+    still = dict.fromkeys(SURFACES, zero)
+    return _flown("preflight", time, degrees, zero, still, zero, zero, zero + np.pi / 2)
+
+
+def cruise(seed: int, duration_s: float = 100.0) -> Cyclogram:
+    """Return level flight at 28 m/s in light air: small corrections, long rests."""
+    rng, time = _begin(seed, duration_s)
+    airspeed = 28.0 + 0.5 * gusts(rng, time, 0.05, 0.5)
+    roll, pitch = (
+        np.radians(1.5) * gusts(rng, time, 0.02, 0.2),
+        np.radians(2.0 + 0.5 * gusts(rng, time, 0.02, 0.2)),
+    )
+    yaw = np.radians(90.0 + 3.0 * gusts(rng, time, 0.01, 0.05))
+    degrees = {s: 1.2 * gusts(rng, time, 0.05, 0.4) for s in SURFACES}
+    degrees["elevator"] = degrees["elevator"] - 3.0
+    incidence = _incidence(rng, time, 3.0 + 0.0 * time, 1.0)
+    return _flown("cruise", time, degrees, airspeed, incidence, roll, pitch, yaw)
+
+
+def turns(seed: int, duration_s: float = 100.0) -> Cyclogram:
+    """Return steep turns to alternate sides at 30 m/s: bank of 40…50°, pulled and coordinated."""
+    rng, time = _begin(seed, duration_s)
+    starts = np.arange(0.05, 0.9, 0.15) + rng.uniform(-0.01, 0.01, 6)
+    sides = rng.choice([-1.0, 1.0]) * np.resize([1.0, -1.0], starts.size)
+    enter = 2.5 / duration_s
+    bank = np.zeros_like(time)
+    for start, side in zip(starts, sides, strict=True):
+        inside = ramp(time / duration_s, start, start + enter)
+        outside = ramp(time / duration_s, start + 0.11, start + 0.11 + enter)
+        bank += side * rng.uniform(40.0, 50.0) * (inside - outside)
+    load_factor = 1.0 / np.cos(np.radians(bank))
+    roll_rate = np.gradient(bank, time)
+    airspeed = 30.0 - 2.0 * (load_factor - 1.0) + 0.5 * gusts(rng, time, 0.05, 0.5)
+    degrees = {s: 2.0 * gusts(rng, time, 0.1, 0.8) for s in SURFACES}
+    degrees["aileron_left"] = degrees["aileron_left"] + 0.4 * roll_rate
+    degrees["elevator"] = degrees["elevator"] - 3.0 - 18.0 * (load_factor - 1.0)
+    degrees["rudder"] = degrees["rudder"] + 0.15 * roll_rate + 0.08 * bank
+    incidence = _incidence(rng, time, 4.0 * load_factor, 1.5)
+    yaw = np.pi / 2 + np.cumsum(9.81 / airspeed * np.tan(np.radians(bank))) * CONTROL_PERIOD_S
+    return _flown("turns", time, degrees, airspeed, incidence, np.radians(bank), 0.0 * bank + 0.05, yaw)
+
+
+def gusty(seed: int, duration_s: float = 100.0) -> Cyclogram:
+    """Return flight at 26 m/s through heavy gusts: large, quick, incessant corrections."""
+    rng, time = _begin(seed, duration_s)
+    airspeed = 26.0 + 2.5 * gusts(rng, time, 0.1, 1.5)
+    roll, pitch = (np.radians(10.0) * gusts(rng, time, 0.05, 0.5) for _ in range(2))
+    yaw = np.radians(90.0 + 8.0 * gusts(rng, time, 0.02, 0.1))
+    degrees = {s: 7.0 * gusts(rng, time, 0.15, 1.5) for s in SURFACES}
+    incidence = _incidence(rng, time, 4.0 + 0.0 * time, 5.0)
+    return _flown("gusts", time, degrees, airspeed, incidence, roll, 0.3 * pitch, yaw)
+
+
+def landing(seed: int, duration_s: float = 100.0) -> Cyclogram:
+    """Return an approach at 20 m/s, flare, touch-down and roll-out to rest, where all stands still."""
+    rng, time = _begin(seed, duration_s)
+    phase = time / duration_s
+    flare, braked, stopped = ramp(phase, 0.60, 0.66), ramp(phase, 0.68, 0.85), ramp(phase, 0.86, 0.88)
+    airspeed = np.maximum((20.0 + 0.8 * gusts(rng, time, 0.05, 0.8)) * (1.0 - braked), 0.0)
+    active = (1.0 - 0.6 * braked) * (1.0 - stopped)
+    roll = np.radians(4.0 * gusts(rng, time, 0.03, 0.3) * (1.0 - flare))
+    pitch = np.radians((-3.0 + 8.0 * flare) * (1.0 - braked))
+    yaw = np.radians(90.0 + 3.0 * gusts(rng, time, 0.02, 0.1) * (1.0 - stopped))
+    degrees = {s: 5.0 * gusts(rng, time, 0.1, 0.8) * active for s in SURFACES}
+    degrees["elevator"] = degrees["elevator"] - (6.0 + 10.0 * flare) * (1.0 - stopped)
+    incidence = _incidence(rng, time, 6.0 + 4.0 * flare, 2.0)
+    return _flown("landing", time, degrees, airspeed, incidence, roll, pitch, yaw)
+
+
+CYCLOGRAMS: dict[str, Callable[[int, float], Cyclogram]] = {
+    "preflight": preflight,
+    "takeoff": takeoff,
+    "cruise": cruise,
+    "turns": turns,
+    "gusts": gusty,
+    "landing": landing,
+}
+
+
+def _begin(seed: int, duration_s: float) -> tuple[np.random.Generator, Array]:
+    time = (np.arange(round(duration_s / CONTROL_PERIOD_S), dtype=np.float64) + 1.0) * CONTROL_PERIOD_S
+    return np.random.default_rng([seed, 1]), time
+
+
+def _incidence(rng: np.random.Generator, time: Array, mean: Array, gust_deg: float) -> dict[str, Array]:
+    """Angle of attack at wing and tail, sideslip at the fin, rad."""
+    return {
+        s: np.radians((0.0 if s == "rudder" else 1.0) * mean + gust_deg * gusts(rng, time, 0.1, 2.0))
+        for s in SURFACES
+    }
+
+
+def _flown(
+    name: str,
+    time: Array,
+    degrees: dict[str, Array],
+    airspeed: Array,
+    incidence: dict[str, Array],
+    roll: Array,
+    pitch: Array,
+    yaw: Array,
+) -> Cyclogram:
+    """Close a cyclogram: dead band, travel, opposed ailerons, and the altitude that the pitch gives."""
+    commands = {s: np.radians(np.clip(held(degrees[s], _DEAD_BAND_DEG), -25.0, 25.0)) for s in SURFACES}
+    if name != "preflight":
+        commands["aileron_right"] = -commands["aileron_left"]
+    climbed = np.cumsum(airspeed * np.sin(pitch)) * CONTROL_PERIOD_S
+    altitude = climbed - min(float(climbed.min()), 0.0)
+    return Cyclogram(name, time, commands, airspeed, incidence, roll, pitch, yaw, altitude)

@@ -1,0 +1,35 @@
+"""How often the aircraft sends what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Rates"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Messages per second of each stream, jittered by up to ±20 % of a period; 0 is never.
+
+    Attributes
+    ----------
+    attitude, air_data, battery, servo_output, esc
+        ATTITUDE, VFR_HUD, BATTERY_STATUS, SERVO_OUTPUT_RAW and the ESC messages. The actuator's own
+        telemetry has its rate in ``Flight.rate_hz``.
+
+    Raises
+    ------
+    ValueError
+        If a rate is negative or above 500 Hz.
+    """
+
+    attitude: float = 25.0
+    air_data: float = 10.0
+    battery: float = 2.0
+    servo_output: float = 50.0
+    esc: float = 20.0
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            if not 0.0 <= getattr(self, name) <= 500.0:
+                raise ValueError(f"rate of {name} must be 0…500 Hz")

@@ -1,0 +1,163 @@
+"""How an aircraft reports its actuators: the telemetry tiers, alone or together.
+
+instrumented
+    DEBUG_FLOAT_ARRAY named EMA with V1…V12 (one message per servo).
+esc-signed
+    ESC_STATUS with speed, voltage and current of four ESCs, signed.
+esc-unsigned
+    ESC_TELEMETRY_1_TO_4: magnitudes in 10 mV, 10 mA and 1 rev/min, no time stamp.
+named
+    NAMED_VALUE_FLOAT ``S<servo>V01`` … ``S<servo>V12``, times in milliseconds.
+pwm
+    SERVO_OUTPUT_RAW: the commanded pulses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from mavhums_sim.cyclogram import SURFACES
+from mavhums_sim.esc_status import EscStatus
+from mavhums_sim.flight import ActuatorRecord, FlightRecord
+from mavhums_sim.link import BOOT_US
+from mavhums_sim.sensors import sample_times
+
+__all__ = ["TIERS", "Stream", "actuator_streams"]
+
+_PWM_TRIM, _PWM_PER_DEGREE = 1500.0, 500.0 / 60.0
+
+Array = NDArray[np.float64]
+Message = Any
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """One message type: when it is sent, s, and how its k-th message is built."""
+
+    times: Array
+    build: Callable[[int], Message]
+
+
+def actuator_streams(record: FlightRecord) -> list[Stream]:
+    """Return the streams of every tier that the flight carries.
+
+    Raises
+    ------
+    ValueError
+        If there is no such tier.
+    """
+    unknown = set(record.flight.tiers) - set(TIERS)
+    if unknown:
+        raise ValueError(f"no telemetry tier {sorted(unknown)[0]!r}; there are {', '.join(TIERS)}")
+    return [stream for tier in TIERS if tier in record.flight.tiers for stream in TIERS[tier](record)]
+
+
+def _instrumented(record: FlightRecord) -> list[Stream]:
+    return [_float_array(actuator, k) for k, actuator in enumerate(record.actuators.values(), start=1)]
+
+
+def _float_array(actuator: ActuatorRecord, servo: int) -> Stream:
+    spare = [0.0] * 46
+    return Stream(
+        actuator.time_s,
+        lambda k: mavlink.MAVLink_debug_float_array_message(
+            BOOT_US + round(actuator.time_s[k] * 1e6), b"EMA", servo, actuator.values[k].tolist() + spare
+        ),
+    )
+
+
+def _esc_signed(record: FlightRecord) -> list[Stream]:
+    times = _times(record, 8, record.flight.rate_hz)
+    rpm, volts, amperes = (_esc(record, times, column, np.asarray) for column in (2, 0, 1))
+    speed = np.rint(rpm).astype(int)
+
+    def build(k: int) -> Message:
+        time_us = BOOT_US + round(float(times[k]) * 1e6)
+        return EscStatus(0, time_us, speed[k].tolist(), volts[k].tolist(), amperes[k].tolist())
+
+    return [Stream(times, build)]
+
+
+def _esc_unsigned(record: FlightRecord) -> list[Stream]:
+    times = _times(record, 9, record.flight.rates.esc)
+    centivolts, centiamperes, speed = (
+        np.clip(np.rint(_esc(record, times, column, np.abs) * scale), 0, 65535).astype(int)
+        for column, scale in ((0, 100.0), (1, 100.0), (2, 1.0))
+    )
+
+    def build(k: int) -> Message:
+        return mavlink.MAVLink_esc_telemetry_1_to_4_message(
+            [35] * 4,
+            centivolts[k].tolist(),
+            centiamperes[k].tolist(),
+            [0] * 4,
+            speed[k].tolist(),
+            [k % 65536] * 4,
+        )
+
+    return [Stream(times, build)]
+
+
+def _named(record: FlightRecord) -> list[Stream]:
+    streams = []
+    for servo, actuator in enumerate(record.actuators.values(), start=1):
+        names = [f"S{servo}V{quantity:02d}".encode() for quantity in range(1, 13)]
+        streams.append(_named_values(actuator, names))
+    return streams
+
+
+def _named_values(actuator: ActuatorRecord, names: list[bytes]) -> Stream:
+    count = len(names)
+
+    def build(k: int) -> Message:
+        sample, quantity = divmod(k, count)
+        time_ms = (BOOT_US + round(float(actuator.time_s[sample]) * 1e6)) // 1000
+        value = float(actuator.values[sample, quantity])
+        return mavlink.MAVLink_named_value_float_message(time_ms, names[quantity], value)
+
+    return Stream(np.repeat(actuator.time_s, count), build)
+
+
+def _pwm(record: FlightRecord) -> list[Stream]:
+    times = _times(record, 10, record.flight.rates.servo_output)
+    pulses = np.stack(
+        [
+            np.interp(times, a.motion.time_s, np.degrees(a.motion.command)) * _PWM_PER_DEGREE + _PWM_TRIM
+            for a in record.actuators.values()
+        ],
+        axis=1,
+    )
+
+    def build(k: int) -> Message:
+        time_us = (BOOT_US + round(float(times[k]) * 1e6)) % 2**32
+        return mavlink.MAVLink_servo_output_raw_message(
+            time_us, 0, *(round(float(pulse)) for pulse in pulses[k]), *[0] * (16 - len(SURFACES))
+        )
+
+    return [Stream(times, build)]
+
+
+def _times(record: FlightRecord, stream: int, rate_hz: float) -> Array:
+    rng = np.random.default_rng([record.flight.seed, stream])
+    return sample_times(rng, record.flight.duration_s, rate_hz)
+
+
+def _esc(record: FlightRecord, times: Array, column: int, shape: Callable[[Array], Array]) -> Array:
+    """Return one of the ESC's readings at other times, shape (n, 4)."""
+    signals = [np.interp(times, a.time_s, shape(a.esc[:, column])) for a in record.actuators.values()]
+    return np.stack(signals, axis=1)
+
+
+TIERS: dict[str, Callable[[FlightRecord], list[Stream]]] = {
+    "instrumented": _instrumented,
+    "esc-signed": _esc_signed,
+    "esc-unsigned": _esc_unsigned,
+    "named": _named,
+    "pwm": _pwm,
+}

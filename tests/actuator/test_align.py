@@ -1,0 +1,130 @@
+"""One clock for several sources, whatever the blocks."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.actuator import load_airframe
+from mavhums.actuator.align import Aligned, Aligner
+from mavhums.actuator.readings import Reading, blank
+
+ACTUATOR = load_airframe("paper").actuators[2]
+TRUST = ("instrumented", "esc-signed", "named", "esc-unsigned", "pwm")
+TIERS = {4: "esc-signed", 0: "pwm", 2: "named"}
+Array = NDArray[np.float64]
+
+
+def reading(
+    column: int, frames: list[int], times_ms: list[int], values: list[float], tier: str = ""
+) -> Reading:
+    key = f"V{column + 1}"
+    return Reading(
+        1,
+        ACTUATOR,
+        f"{tier or TIERS[column]}-{key}",
+        tier or TIERS[column],
+        {key: "x"},
+        np.array(frames, dtype=np.int64),
+        np.array(times_ms, dtype=np.int64) * 1000,
+        blank(len(frames), [column], [np.array(values)]),
+    )
+
+
+def align(batches: list[list[Reading]]) -> tuple[Array, Array]:
+    aligner = Aligner(TRUST, 0.05)
+    out: list[Aligned] = []
+    for batch in batches:
+        out += aligner.feed(batch)
+    out += aligner.feed([], final=True)
+    times = np.concatenate([part.utc_us for part in out]) if out else np.empty(0)
+    values = np.concatenate([part.values for part in out]) if out else np.empty((0, 12))
+    return times / 1000, values
+
+
+def test_the_current_gives_the_clock_and_others_are_interpolated() -> None:
+    current = reading(4, [0, 4, 7], [10, 110, 210], [1.0, 2.0, 3.0])
+    command = reading(0, [1, 3, 6, 9], [0, 100, 200, 300], [0.0, 10.0, 20.0, 30.0])
+    times, values = align([[command, current]])
+    assert times.tolist() == [10, 110, 210]
+    assert values[:, 4].tolist() == [1.0, 2.0, 3.0]
+    assert values[:, 0] == pytest.approx([1.0, 11.0, 21.0])
+
+
+def test_equal_times_need_no_interpolation() -> None:
+    current = reading(4, [0, 2], [10, 20], [1.0, 2.0])
+    angle = reading(2, [1, 3], [10, 20], [5.0, 7.0])
+    assert align([[current, angle]])[1][:, [2, 4]].tolist() == [[5.0, 1.0], [7.0, 2.0]]
+
+
+def test_the_more_trusted_source_wins_where_it_speaks() -> None:
+    current = reading(4, [0, 3, 6], [10, 20, 30], [1.0, 2.0, 3.0])
+    poor = reading(0, [1, 4, 7], [10, 20, 30], [5.0, 5.0, 5.0])
+    better = reading(0, [2, 5], [10, 20], [6.0, float("nan")], tier="named")
+    assert align([[current, poor, better]])[1][:, 0].tolist() == [6.0, 5.0, 5.0]
+
+
+def test_a_better_clock_takes_over_where_it_first_speaks() -> None:
+    command = reading(0, [0, 1, 3, 5], [0, 100, 200, 300], [0.0, 1.0, 2.0, 3.0])
+    current = reading(4, [2, 4, 6], [150, 250, 350], [1.0, 1.0, 1.0])
+    times, _ = align([[command, current]])
+    assert times.tolist() == [0, 100, 150, 250, 350]
+
+
+def test_what_comes_too_late_to_settle_a_sample_does_not_count() -> None:
+    current = reading(4, [0, 1, 2], [0, 100, 400], [1.0, 1.0, 1.0])
+    command = reading(0, [3, 4], [0, 500], [0.0, 50.0])
+    values = align([[current], [command]])[1]
+    assert np.isnan(values[:2, 0]).all()
+    assert values[2, 0] == pytest.approx(40.0)
+
+
+def test_a_gap_is_not_bridged() -> None:
+    current = reading(4, [0, 1, 3], [0, 1500, 3000], [1.0, 1.0, 1.0])
+    command = reading(0, [2, 4], [0, 3100], [0.0, 31.0])
+    assert np.isnan(align([[current, command]])[1][1:, 0]).all()
+
+
+@given(st.data())
+@settings(max_examples=150, deadline=None)
+def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:
+    """Messages of three sources in any order, late and reordered, cut anywhere."""
+    count = data.draw(st.integers(1, 40))
+    rows = [
+        (
+            data.draw(st.sampled_from([0, 2, 4])),
+            20 * k + data.draw(st.sampled_from([0, 0, 0, -300, 300])),
+            float(k),
+        )
+        for k in range(count)
+    ]
+
+    def batch(start: int, end: int) -> list[Reading]:
+        out = []
+        for column in (0, 2, 4):
+            mine = [(k, *rows[k][1:]) for k in range(start, end) if rows[k][0] == column]
+            if mine:
+                frames, times, values = map(list, zip(*mine, strict=True))
+                out.append(reading(column, frames, times, values))
+        return out
+
+    cuts = sorted(data.draw(st.lists(st.integers(0, count), max_size=10)))
+    bounds = [0, *cuts, count]
+    whole = align([batch(0, count)])
+    parts = align([batch(a, b) for a, b in itertools.pairwise(bounds)])
+    assert np.array_equal(whole[0], parts[0])
+    assert np.array_equal(whole[1], parts[1], equal_nan=True)
+
+
+def test_memory_does_not_grow() -> None:
+    aligner = Aligner(TRUST, 0.05)
+    for k in range(200):
+        frames = list(range(100 * k, 100 * k + 100))
+        times = [10 * frame for frame in frames]
+        aligner.feed([reading(4, frames, times, [1.0] * 100), reading(0, frames, times, [1.0] * 100)])
+    assert all(series.time_us.size < 500 for series in aligner.sources)

@@ -1,0 +1,139 @@
+"""Quantities that follow from others, against motions that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mavhums.actuator import Actuator, load_airframe
+from mavhums.actuator.align import Aligned
+from mavhums.actuator.derive import Deriver
+from mavhums.quantities import column
+
+ACTUATOR = load_airframe("paper").actuators[2]
+EMA = ACTUATOR.ema
+V = {f"V{k}": column(f"V{k}") for k in range(1, 13)}
+Array = NDArray[np.float64]
+
+
+def motor(current: Array, rotor_rad_s: Array) -> Array:
+    """Terminal voltage of the motor."""
+    return EMA.resistance * current + EMA.torque_constant * rotor_rad_s
+
+
+def aligned(
+    values: dict[str, Array], tier: str, *, signed: bool = True, rate: Array | None = None
+) -> Aligned:
+    count = len(next(iter(values.values())))
+    table = np.full((count, 12), np.nan)
+    for key, part in values.items():
+        table[:, V[key]] = part
+    command_rate = np.full(count, np.nan) if rate is None else rate
+    times = np.arange(count, dtype=np.int64) * 10_000
+    return Aligned(times, table, np.zeros((count, 12), dtype=np.int8), command_rate, tier, signed)
+
+
+@pytest.fixture
+def flown() -> tuple[Array, Array]:
+    """Currents that drive and that oppose, at speeds both ways."""
+    time = np.linspace(0, 2, 200)
+    return 0.5 * np.sin(9 * time), 150.0 * np.cos(7 * time)
+
+
+def test_magnitudes_find_their_signs(flown: tuple[Array, Array]) -> None:
+    current, speed = flown
+    voltage = motor(current, speed)
+    rpm = speed * 30 / np.pi
+    rate = np.degrees(speed / EMA.gear_ratio) * 1.1
+    given: dict[str, Array] = {
+        "V4": np.abs(voltage).round(2),
+        "V5": np.abs(current).round(2),
+        "V7": np.abs(rpm).round(0),
+    }
+    deriver = Deriver(ACTUATOR)
+    values = deriver.complete(aligned(given, "esc-unsigned", signed=False, rate=rate))
+    clear = (np.abs(current) > 0.02) & (np.abs(rpm) > 60)
+    assert np.array_equal(np.sign(values[clear, V["V5"]]), np.sign(current[clear]))
+    assert np.array_equal(np.sign(values[clear, V["V7"]]), np.sign(speed[clear]))
+    strong = clear & (np.abs(voltage) > 0.3)
+    assert np.array_equal(np.sign(values[strong, V["V4"]]), np.sign(voltage[strong]))
+    assert "voltage equation" in deriver.derived["V5"]
+
+
+def test_a_speed_that_the_command_does_not_explain_has_no_sign() -> None:
+    given = {"V4": np.full(3, 5.0), "V5": np.full(3, 0.1), "V7": np.array([600.0, 600.0, 0.0])}
+    rate = np.array([12.0, -60.0, np.nan])
+    values = Deriver(ACTUATOR).complete(aligned(given, "esc-unsigned", signed=False, rate=rate))
+    assert values[0, V["V7"]] == 600.0
+    assert np.isnan(values[1, V["V7"]])
+    assert values[2, V["V7"]] == 0.0
+
+
+def test_a_voltage_that_no_sign_explains_is_not_this_actuators() -> None:
+    """The ESC of a propulsion motor must not pass for a servo's."""
+    given = {"V4": np.full(2, 11.1), "V5": np.full(2, 0.8), "V7": np.full(2, 60.0)}
+    values = Deriver(ACTUATOR).complete(
+        aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 60 * 6 / 300))
+    )
+    assert np.isnan(values[:, V["V5"]]).all()
+
+
+def bus(actuator: Actuator) -> Actuator:
+    return actuator.model_copy(update={"esc_side": "bus", "electronics_a": 0.05})
+
+
+def test_a_bus_side_esc_goes_through_the_power_balance() -> None:
+    speed = np.array([100.0, -100.0, 80.0, -80.0])
+    current = np.array([0.4, -0.4, 0.1, -0.1])
+    power = motor(current, speed) * current
+    given = {"V4": np.full(4, 27.0), "V5": power / 27.0 + 0.05, "V7": speed * 30 / np.pi}
+    deriver = Deriver(bus(ACTUATOR))
+    values = deriver.complete(aligned(given, "esc-signed"))
+    assert values[:, V["V5"]] == pytest.approx(current)
+    assert values[:, V["V4"]] == pytest.approx(motor(current, speed))
+    assert "bus" in deriver.derived["V5"]
+
+
+def test_a_bus_side_esc_without_signs_tells_no_current() -> None:
+    given = {"V4": np.full(2, 27.0), "V5": np.full(2, 0.1), "V7": np.full(2, 600.0)}
+    values = Deriver(bus(ACTUATOR)).complete(
+        aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 12.0))
+    )
+    assert np.isnan(values[:, V["V5"]]).all()
+
+
+def test_products_follow_and_measured_ones_stay() -> None:
+    given = {"V5": np.array([0.5]), "V7": np.array([600.0]), "V8": np.array([0.02]), "V11": np.array([1.0])}
+    deriver = Deriver(ACTUATOR)
+    values = deriver.complete(aligned(given, "instrumented"))[0]
+    rotor_rad_s = 600 * 2 * np.pi / 60
+    assert values[V["V8"]] == 0.02
+    assert values[V["V9"]] == pytest.approx(0.02 * rotor_rad_s)
+    assert values[V["V10"]] == 2.0
+    assert values[V["V12"]] == pytest.approx(rotor_rad_s / 300)
+    assert np.isnan(values[V["V6"]])
+    assert set(deriver.derived) == {"V9", "V10", "V12", "V2", "V3"}
+
+
+def test_the_integral_starts_at_the_command_and_does_not_depend_on_blocks() -> None:
+    time = np.arange(300) / 100
+    speed = 500.0 * np.cos(3 * time)
+    whole = aligned({"V7": speed, "V1": np.full(300, 5.0), "V5": np.zeros(300)}, "esc-signed")
+    expected = Deriver(ACTUATOR).complete(whole)
+    assert expected[0, V["V2"]] == 5.0 * 300
+    exact = 5.0 + 500.0 * 6 / 300 * np.sin(3 * time) / 3
+    assert expected[:, V["V3"]] == pytest.approx(exact, abs=0.02)
+    deriver = Deriver(ACTUATOR)
+    parts = []
+    for rows in (slice(0, 1), slice(1, 120), slice(120, 300)):
+        part = Aligned(
+            whole.utc_us[rows],
+            whole.values[rows],
+            whole.origin[rows],
+            whole.command_rate[rows],
+            whole.tier,
+            whole.signed,
+        )
+        parts.append(deriver.complete(part))
+    assert np.array_equal(np.concatenate(parts), expected, equal_nan=True)

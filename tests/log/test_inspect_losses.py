@@ -1,0 +1,100 @@
+"""What ``mavhums inspect`` says of a damaged log, in words, in JSON and by its exit code."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+from mavhums.cli import cli
+from mavhums.errors import ExitCode
+from mavhums.inspection import inspect_log
+from mavhums.show.inspection import render_inspection
+from tests.log.test_frames import heartbeats, trimmed_after_crc
+from tests.strategies import START_US
+
+
+def said(path: Path) -> str:
+    console = Console(width=400, record=True, quiet=True)
+    with console.capture() as captured:
+        console.quiet = False
+        render_inspection(inspect_log(path), console)
+    return captured.get()
+
+
+@pytest.fixture
+def damaged(tmp_path: Path) -> Path:
+    times = [START_US + 1000 * k for k in range(60)]
+    beats = [bytearray(heartbeats([time])) for time in times]
+    beats[10][20] ^= 1
+    beats[20][1] ^= 0x80
+    path = tmp_path / "damaged.tlog"
+    path.write_bytes(
+        b"".join([*beats[:30], trimmed_after_crc(6), b"noise", *beats[30:], beats[0][:9], bytes(40)])
+    )
+    return path
+
+
+def test_every_loss_is_said_in_words(damaged: Path) -> None:
+    text = said(damaged)
+    assert "34 bytes skipped in 2 places" in text
+    assert "1 frames with a bad CRC (HEARTBEAT 1)" in text
+    assert "1 implausible time stamps" in text
+    assert "skipped at byte (offset+size): 290+29, 896+5" in text
+    assert "9 bytes of an unfinished record at the end" in text
+    assert "40 zero bytes follow the last frame" in text
+    assert "Sequence numbers of 1/1" in text
+
+
+def test_every_loss_is_in_the_json_and_in_the_exit_code(damaged: Path) -> None:
+    result = CliRunner().invoke(cli, ["inspect", str(damaged), "--json"])
+    assert result.exit_code == ExitCode.READ_WITH_LOSSES
+    losses = json.loads(result.output)["losses"]
+    assert losses["regions"] == [{"offset": 290, "size": 29}, {"offset": 896, "size": 5}]
+    assert losses["bad_crc_by_message"] == {"HEARTBEAT": 1}
+    assert losses["trailing_zeros"] == 40
+
+
+def test_frames_in_doubt_are_said_to_be(tmp_path: Path) -> None:
+    beat = heartbeats([START_US])
+    path = tmp_path / "padded.tlog"
+    path.write_bytes(beat + trimmed_after_crc(6) + beat)
+    assert "In doubt: 1 frames" in said(path)
+    assert CliRunner().invoke(cli, ["inspect", str(path)]).exit_code == ExitCode.READ_WITH_LOSSES
+
+
+def test_a_log_without_stamps_and_a_converted_one_are_named(tmp_path: Path) -> None:
+    times = [START_US + 1000 * k for k in range(400)]
+    data = heartbeats(times)
+    text, raw = tmp_path / "text.tlog", tmp_path / "flight.tlog.raw"
+    text.write_bytes(data.replace(b"\n", b"\r\n"))
+    raw.write_bytes(b"".join(data[k + 8 : k + 29] for k in range(0, len(data), 29)))
+    assert "converted to text (LF to CRLF)" in said(text)
+    assert "Nothing was lost" in said(text)
+    assert "no time stamps (.tlog.raw)" in said(raw)
+    assert inspect_log(raw).start_utc is None
+
+
+def test_a_jump_of_the_clock_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "jump.tlog"
+    path.write_bytes(heartbeats([START_US, START_US + 1, START_US + 10**9, START_US + 10**9 + 1]))
+    assert "jumps ahead 1 times" in said(path)
+
+
+def test_the_standard_input_is_inspected() -> None:
+    data = heartbeats([START_US, START_US + 1])
+    command = [sys.executable, "-m", "mavhums", "inspect", "-", "--json"]
+    done = subprocess.run(command, input=data, capture_output=True, check=True)
+    assert json.loads(done.stdout)["messages"][0]["count"] == 2
+
+
+def test_help_does_not_wait_for_the_compiler() -> None:
+    code = "import sys; from mavhums.cli import cli; cli(['inspect', '--help'], standalone_mode=False)"
+    code += "; print('loaded', {'numba', 'numpy', 'pandas'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "loaded set()" in done.stdout

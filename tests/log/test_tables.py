@@ -1,0 +1,58 @@
+"""Tables as pandas, Arrow, Parquet and CSV."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from mavhums.errors import MissingExtraError
+from mavhums.log import Table, read_log
+
+
+@pytest.fixture(scope="module")
+def table(short_log: Path) -> Table:
+    return read_log(short_log, messages=["DEBUG_FLOAT_ARRAY"]).tables["DEBUG_FLOAT_ARRAY"]
+
+
+def test_to_frame_has_every_field_as_contiguous_columns(table: Table) -> None:
+    frame = table.to_frame()
+    assert len(frame) == len(table)
+    assert set(frame["name"]) == {"EMA"}
+    for k in (0, 11, 57):
+        assert np.array_equal(frame[f"data[{k}]"], table["data"][:, k], equal_nan=True)
+    assert frame.dtypes["array_id"] == np.uint16
+    assert np.array_equal(frame.index.to_numpy().astype(np.int64), table.time_us)
+
+
+def test_arrow_and_parquet_hold_what_the_table_holds(table: Table, tmp_path: Path) -> None:
+    pq = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "table.parquet"
+    table.to_parquet(path)
+    read = pq.read_table(path)
+    assert read.schema.names[:4] == ["time", "system", "component", "sequence"]
+    assert str(read.schema.field("time").type) == "timestamp[us, tz=UTC]"
+    assert np.array_equal(np.array(read["data"].to_pylist()), table["data"], equal_nan=True)
+    assert read["name"].to_pylist() == table.texts("name")
+    assert read["time_usec"].to_pylist() == table["time_usec"].tolist()
+    assert read.equals(table.to_arrow())
+
+
+def test_csv_holds_what_the_frame_holds(table: Table, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    table.to_csv(path)
+    read = pd.read_csv(path, index_col="time", parse_dates=True)
+    assert list(read.columns) == list(table.to_frame().columns)
+    assert np.allclose(read["data[4]"], table["data"][:, 4], equal_nan=True)
+
+
+def test_without_pyarrow_the_extra_is_named(
+    table: Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[arrow\]'"):
+        table.to_parquet(tmp_path / "table.parquet")
+    assert len(table.to_frame()) == len(table)

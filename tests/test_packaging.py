@@ -1,0 +1,102 @@
+"""The package as installed, not as it lies in the tree; and the base install without the extras."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+EXTRAS = ("torch", "sklearn", "rerun", "pyarrow", "matplotlib")
+
+
+def python(*arguments: str, cwd: Path, path: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(path)}
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the wheel and the source distribution."""
+    folder = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "hatchling", "build", "-d", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def site(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder into which the wheel is installed."""
+    folder = tmp_path_factory.mktemp("site")
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def test_the_wheel_holds_both_packages_and_their_data(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    for name in (
+        "mavhums/py.typed",
+        "mavhums/schema/assessment-1.json",
+        "mavhums/actuator/airframes/paper.toml",
+        "mavhums/learn/models/paper-instrumented.safetensors",
+        "mavhums_sim/py.typed",
+        "mavhums_sim/cli.py",
+    ):
+        assert name in names
+    assert not [name for name in names if name.startswith(("tests/", "sim/", "benchmarks/"))]
+    assert wheel.stat().st_size < 1_000_000
+
+
+def test_the_source_distribution_holds_what_building_and_testing_need(built: Path) -> None:
+    (source,) = built.glob("*.tar.gz")
+    with tarfile.open(source) as archive:
+        names = {name.split("/", 1)[1] for name in archive.getnames() if "/" in name}
+    for name in ("pyproject.toml", "README.md", "LICENSE", "tests/conftest.py", "sim/mavhums_sim/ema.py"):
+        assert name in names
+
+
+def test_what_is_installed_judges_a_log(site: Path, growing_log: Path, tmp_path: Path) -> None:
+    script = "import mavhums; print(mavhums.__file__); import mavhums.cli; mavhums.cli.main()"
+    outcome = python("-c", script, "analyse", str(growing_log), cwd=tmp_path, path=site)
+    assert outcome.returncode == 11, outcome.stderr
+    assert outcome.stdout.splitlines()[0] == str(site / "mavhums" / "__init__.py")
+    assert "elevator: EMERGENCY" in outcome.stdout
+
+
+def without_extras(*arguments: str) -> list[str]:
+    """Run the command line in a Python that cannot import what the extras bring."""
+    blocked = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))"
+    return ["-c", f"{blocked}; from mavhums.cli import main; main()", *arguments]
+
+
+def test_the_base_install_judges_a_log(site: Path, growing_log: Path, tmp_path: Path) -> None:
+    outcome = python(*without_extras("analyse", str(growing_log), "--json"), cwd=tmp_path, path=site)
+    assert outcome.returncode == 11, outcome.stderr
+    assert '"condition": "emergency"' in outcome.stdout
+    assert '"p_emergency": 1.0' in outcome.stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "extra"),
+    [(("analyse", "LOG", "--rrd", "out.rrd"), "viewer"), (("train", "-o", "m"), "train")],
+)
+def test_a_missing_extra_is_one_line_that_names_the_command(
+    site: Path, growing_log: Path, tmp_path: Path, command: tuple[str, ...], extra: str
+) -> None:
+    arguments = (str(growing_log) if argument == "LOG" else argument for argument in command)
+    outcome = python(*without_extras(*arguments), cwd=tmp_path, path=site)
+    assert outcome.returncode == 1
+    assert f"pip install 'mavhums[{extra}]'" in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 2
+    assert list(tmp_path.iterdir()) == []
