@@ -118,7 +118,7 @@ def _flown(cyclogram: str, friction_nm: float) -> Flown:
     times = sample_times(random, _DURATION_S, _RATE_HZ)
     values = sense(motion, parameters, times, random, SensorNoise.none())
     moving = np.abs(values[:, 9]) * 6 >= _MOVING_DEG_S
-    return Flown(friction_nm, times, values, moving, motion.moving_fraction)
+    return Flown(friction_nm, times, values, moving, float(np.mean(motion.speed != 0)))
 
 
 def fly_condition(cyclogram: str, frictions_nm: Sequence[float]) -> list[Flown]:
