@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import Tier
 from mavhums.assessment import ALL, Condition, Coverage, Evidence, Interval, Since, Suspect, Verdict
 from mavhums.health.monitor import WINDOW_S, Findings
@@ -64,9 +64,13 @@ def judged(
 def unjudged_actuator(
     vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
 ) -> Verdict:
-    """Return the verdict on an actuator of which the log carries too little."""
+    """Return the verdict on an actuator of which the log carries, or its profile says, too little."""
+    remedy = _INSTRUMENT
     if tier is None:
         reason = f"the log carries no telemetry of servo {actuator.servo}"
+    elif tier.judged and provenance and actuator.blanks:
+        reason = f"the profile has no {' and no '.join(actuator.blanks)}"
+        remedy = FILL_IN
     elif tier.judged:
         reason = f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
     else:
@@ -79,7 +83,7 @@ def unjudged_actuator(
         tier=tier.name if tier else None,
         provenance=provenance,
         reason=reason,
-        remedy=_INSTRUMENT,
+        remedy=remedy,
     )
 
 
