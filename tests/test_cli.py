@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jsonschema
 import pytest
 
-from mavhums import cli
+from mavhums import cli, cli_progress
 from mavhums.assessment import json_schema
 from mavhums.errors import ExitCode
 from mavhums_sim import Flight, fly, write_tlog
@@ -233,10 +233,10 @@ def test_progress_is_shown_on_a_terminal_only(
     big.write_bytes(growing_log.read_bytes() * 4)
     assert run("inspect", big).err == ""
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    with cli._progress(big) as progress:
+    with cli_progress.reading(big) as progress:
         assert progress is not None
         progress(10)
-    with cli._steps("training") as steps:
+    with cli_progress.steps("training") as steps:
         assert steps is not None
         steps(1, 2)
 

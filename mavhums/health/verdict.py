@@ -65,16 +65,14 @@ def unjudged_actuator(
     vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
 ) -> Verdict:
     """Return the verdict on an actuator of which the log carries, or its profile says, too little."""
-    remedy = _INSTRUMENT
-    if tier is None:
-        reason = f"the log carries no telemetry of servo {actuator.servo}"
-    elif tier.judged and provenance and actuator.blanks:
-        reason = f"the profile has no {' and no '.join(actuator.blanks)}"
-        remedy = FILL_IN
-    elif tier.judged:
-        reason = f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
-    else:
-        reason = f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
+    reasons, remedies = [], []
+    if actuator.blanks:
+        travel = ("travel_deg",) if actuator.travel_deg is None else ()
+        reasons.append(f"the profile has no {', no '.join((*actuator.blanks, *travel))}")
+        remedies.append(FILL_IN)
+    if not (actuator.blanks and tier and tier.judged and provenance):
+        reasons.append(_telemetry_gap(actuator, tier))
+        remedies.append(_INSTRUMENT)
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
@@ -82,9 +80,17 @@ def unjudged_actuator(
         worst="undecided",
         tier=tier.name if tier else None,
         provenance=provenance,
-        reason=reason,
-        remedy=remedy,
+        reason="; ".join(reasons),
+        remedy="; ".join(remedies),
     )
+
+
+def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
+    if tier is None:
+        return f"the log carries no telemetry of servo {actuator.servo}"
+    if tier.judged:
+        return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
+    return f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
 
 
 def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str]) -> Verdict:
