@@ -67,7 +67,8 @@ def unjudged_actuator(
     """Return the verdict on an actuator of which the log carries, or its profile says, too little."""
     reasons, remedies = [], []
     if actuator.blanks:
-        travel = ("travel_deg",) if actuator.travel_deg is None else ()
+        no_command = actuator.travel_deg is None and "V1" not in actuator.fields
+        travel = ("travel_deg",) if no_command else ()
         reasons.append(f"the profile has no {', no '.join((*actuator.blanks, *travel))}")
         remedies.append(FILL_IN)
     if not (actuator.blanks and tier and tier.judged and provenance):
