@@ -129,6 +129,8 @@ def export_messages(
     output = Path(output)
     writer = writer_for(output)
     names = list(dict.fromkeys(name.upper() for name in names))
+    if not names:
+        raise MavhumsError("no message is named", f"see what the log holds: mavhums inspect {path}")
     files = {name: output if len(names) == 1 else _beside(output, name) for name in names}
     decoder = Decoder(names)
     with ExitStack() as stack:
