@@ -283,3 +283,31 @@ def test_the_draft_of_a_real_log_can_be_used_at_once(run: Run, log: Path, tmp_pa
 def test_an_output_that_the_autopilot_does_not_assign_is_no_surface() -> None:
     assert control_surfaces(Parameters(1, False, {})) == []
     assert control_surfaces(Parameters(1, True, {"PWM_MAIN_FUNC1": 0.0, "PWM_MAIN_FUNC2": 300.0})) == []
+
+
+def test_any_quantity_is_mapped_from_any_field_element_and_unit(tmp_path: Path) -> None:
+    sent = [
+        v2.MAVLink_actuator_output_status_message(1_000_000 + 10_000 * k, 4, [0.1 * k, 0.2 * k] + [0.0] * 30)
+        for k in range(20)
+    ]
+    log = write_log(tmp_path / "status.tlog", sent)
+    profile = tmp_path / "mine.toml"
+    profile.write_text(
+        """
+        name = "mine"
+        [[actuators]]
+        name = "tab"
+        servo = 5
+        pwm_us = [1000, 1500, 2000]
+        fields.V3 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[1]", scale = 10.0, offset = -1.0 }
+        fields.V1 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[0]", where = { active = 4 } }
+        fields.V4 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[0]", where = { active = 5 } }
+        """
+    )
+    history = mavhums.actuators(mavhums.read_log(log), str(profile))["tab"]
+    assert history.provenance == {
+        "V1": "ACTUATOR_OUTPUT_STATUS[4].actuator[0]",
+        "V3": "ACTUATOR_OUTPUT_STATUS.actuator[1]",
+    }
+    assert history.frame["V3"].to_numpy() == pytest.approx(np.arange(20) * 2.0 - 1.0, abs=1e-5)
+    assert history.frame["V1"].to_numpy() == pytest.approx(np.arange(20) * 0.1, abs=1e-6)

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
+from mavhums.actuator.field_check import field_mistake
 from mavhums.actuator.profile_errors import explain_syntax, explain_values
 from mavhums.actuator.toml_lines import Place
 from mavhums.errors import MavhumsError
@@ -87,6 +88,13 @@ class FieldMapping(_Section):
     where: dict[str, str | int] = {}
     scale: Annotated[float, Field(allow_inf_nan=False)] = 1.0
     offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+
+    @model_validator(mode="after")
+    def _exists(self) -> FieldMapping:
+        mistake = field_mistake(self.message, self.field, self.where)
+        if mistake is not None:
+            raise PydanticCustomError("mapping", "{problem}", mistake._asdict())
+        return self
 
 
 class Actuator(_Section):

@@ -73,10 +73,11 @@ def _follows(mistake: ErrorDetails, first: ErrorDetails) -> bool:
 
 def _place(mistake: ErrorDetails) -> Place:
     """Return the place in the TOML text that a mistake is about."""
-    told: Any = mistake.get("ctx", {}).get("place")
-    if told is not None:
-        return tuple(told)
-    return tuple(part for part in mistake["loc"] if part != "[key]")
+    told: dict[str, Any] = mistake.get("ctx", {})
+    if "place" in told:
+        return tuple(told["place"])
+    place = tuple(part for part in mistake["loc"] if part != "[key]")
+    return (*place, told["key"]) if "key" in told else place
 
 
 def _in_words(place: Place) -> str:
@@ -107,6 +108,8 @@ def _remedy(mistake: ErrorDetails, place: Place, sections: Mapping[Place, tuple[
             known = sections.get(outer, ())
             close = get_close_matches(key, known, n=1)
             return f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
+        case "mapping":
+            return str(mistake["ctx"]["remedy"])
         case "shared":
             return f"give each actuator a {key} of its own"
         case "missing" if isinstance(place[-1], int):

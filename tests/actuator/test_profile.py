@@ -112,7 +112,7 @@ def test_packaged_profiles_are_listed() -> None:
         ('esc_side = "motor"', 'esc_side = "moter"', 16, "mend the value 'moter'"),
         (
             "[actuators.limits]",
-            "[actuators.fields.V3]\nmessage = 'M'\nfeld = 'f'\n[actuators.limits]",
+            "[actuators.fields.V3]\nmessage = 'HEARTBEAT'\nfeld = 'f'\n[actuators.limits]",
             28,
             "did you mean field?",
         ),
@@ -160,3 +160,32 @@ def test_constants_and_limits_may_be_left_open() -> None:
         draft.known_ema()
     with pytest.raises(ProfileError, match=r"no \[actuators.limits\]: fill in"):
         whole.model_copy(update={"limits": None}).known_limits()
+
+
+@pytest.mark.parametrize(
+    ("message", "field", "where", "line", "problem", "remedy"),
+    [
+        ("NAMED_VALUE_FLAOT", "value", "name = 'x'", 27, "no message", "did you mean NAMED_VALUE_FLOAT"),
+        ("NAMED_VALUE_FLOAT", "vaule", "name = 'x'", 28, "has no field vaule", "did you mean value?"),
+        ("NAMED_VALUE_FLOAT", "value", "nmae = 'x'", 29, "has no field nmae", "did you mean name?"),
+        ("NAMED_VALUE_FLOAT", "value", "name = 1", 29, "name of NAMED_VALUE_FLOAT is text", "with text"),
+        ("NAMED_VALUE_FLOAT", "value[1]", "name = 'x'", 28, "is no array", "write value"),
+        ("NAMED_VALUE_FLOAT", "name", "name = 'x'", 28, "is text", "map a number"),
+        ("ACTUATOR_OUTPUT_STATUS", "actuator", "active = 1", 28, "is an array", "actuator[0]"),
+        ("ACTUATOR_OUTPUT_STATUS", "actuator[32]", "active = 1", 28, "has 32 elements", "actuator[31]"),
+        ("ACTUATOR_OUTPUT_STATUS", "actuator[0]", "active = 'x'", 29, "is a number", "with a number"),
+        ("ACTUATOR_OUTPUT_STATUS", "actuator[0]", "actuator = 1", 29, "is an array", "single value"),
+        ("HEARTBEAT", "zzz", "type = 1", 28, "has no field zzz", "there are: autopilot, base_mode"),
+    ],
+)
+def test_a_mapping_of_what_does_not_exist_is_refused(
+    tmp_path: Path, message: str, field: str, where: str, line: int, problem: str, remedy: str
+) -> None:
+    mapping = f"[actuators.fields.V3]\nmessage = '{message}'\nfield = '{field}'\nwhere.{where}\n"
+    path = tmp_path / "mine.toml"
+    path.write_text(packaged_text().replace("[actuators.limits]", f"{mapping}[actuators.limits]", 1))
+    with pytest.raises(ProfileError) as caught:
+        load_airframe(path)
+    assert caught.value.problem.startswith(f"{path}:{line}: actuators[1].fields.V3.")
+    assert problem in caught.value.problem
+    assert remedy in caught.value.remedy
