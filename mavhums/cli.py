@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from mavhums import __version__
+from mavhums.cli_progress import reading, steps
+from mavhums.cli_tools import export, model, profile
 from mavhums.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def cli() -> None:
       mavhums analyse flight.tlog                  the verdict per actuator
       mavhums analyse flight.tlog --rrd flight.rrd the same, and a Rerun recording
       mavhums inspect flight.tlog                  what the log holds, and what is missing
+      mavhums profile new flight.tlog -o mine.toml a profile of your aircraft, to be filled in
     """
 
 
@@ -91,7 +92,7 @@ def analyse(
     failed = False
     for log in logs:
         try:
-            with _progress(log) as progress:
+            with reading(log) as progress:
                 assessment = judge(
                     log,
                     airframe=profile,
@@ -126,7 +127,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     """
     from mavhums.inspection import inspect_log
 
-    with _progress(log) as progress:
+    with reading(log) as progress:
         inspection = inspect_log(log, airframe=airframe, dialect=dialect, progress=progress)
     if as_json:
         click.echo(inspection.to_json())
@@ -175,7 +176,7 @@ def train(
 
     profile = load_airframe(airframe)
     base = PrecedentBase(precedents) if precedents else None
-    with _steps("training") as progress:
+    with steps("training") as progress:
         network, card = train_model(
             profile,
             flights=flights,
@@ -211,7 +212,7 @@ def add_precedent(
     from mavhums.learn import PrecedentBase
     from mavhums.precedents import add_log
 
-    with _progress(log) as progress:
+    with reading(log) as progress:
         added = add_log(
             PrecedentBase(folder),
             log,
@@ -250,10 +251,14 @@ def study_paper(output: Path, quick: bool, seed: int) -> None:
     """Set the tables and figures of the paper beside ours: report, CSV tables and a Rerun recording."""
     from mavhums.study import write_study
 
-    with _steps("study") as progress:
+    with steps("study") as progress:
         files = write_study(output, quick=quick, seed=seed, progress=progress)
     for file in files:
         click.echo(str(file))
+
+
+for _command in (export, model, profile):
+    cli.add_command(_command)
 
 
 def main() -> None:
@@ -328,32 +333,3 @@ def _open(recordings: list[Path]) -> None:
         subprocess.Popen(["rerun", *map(str, recordings)])
     except OSError as error:
         raise MavhumsError("the Rerun viewer cannot be started", "pip install 'mavhums[viewer]'") from error
-
-
-@contextmanager
-def _progress(log: Path) -> Iterator[Callable[[int], None] | None]:
-    """Show how much of a log is read, on a terminal and for logs that take a while."""
-    if not sys.stderr.isatty() or not log.is_file() or log.stat().st_size < 4 << 20:
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(log.name, total=log.stat().st_size)
-        yield lambda done: bar.update(task, completed=done)
-
-
-@contextmanager
-def _steps(title: str) -> Iterator[Callable[[int, int], None] | None]:
-    """Show how many steps of many are done, on a terminal."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

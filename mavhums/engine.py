@@ -127,13 +127,15 @@ class Engine:
 
     def _judge(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
         actuator = mapped.actuator
+        time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
+        yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
+        if actuator.blanks:
+            return
         key = (mapped.vehicle, actuator.name)
         if key not in self._monitors:
             serves = self._model is not None and self._model.card.airframe == mapper.airframe.name
             network = self._model.network if self._model and serves else None
             self._monitors[key] = Monitor(mapped.vehicle, actuator, network)
-        time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
-        yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
         yield from self._monitors[key].feed(time_s, mapped.values)
 
     def _verdicts(self, vehicle: int | None) -> Iterator[Verdict]:

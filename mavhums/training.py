@@ -62,7 +62,8 @@ def train_model(
     Raises
     ------
     MavhumsError
-        If the actuators differ, or the precedents hold none of the airframe.
+        If the actuators differ, the profile leaves their constants or limits open, or the precedents
+        hold none of the airframe.
     MissingExtraError
         If torch is not installed.
     """
@@ -71,8 +72,9 @@ def train_model(
         raise MavhumsError(
             f"the actuators of {airframe.name} differ", "train one model for each, with profiles of one kind"
         )
-    healthy = _HEALTHY_PER_LIMIT * actuator.limits.normal
-    emergency = _EMERGENCY_PER_LIMIT * actuator.limits.emergency
+    limits = actuator.known_limits()
+    healthy = _HEALTHY_PER_LIMIT * limits.normal
+    emergency = _EMERGENCY_PER_LIMIT * limits.emergency
     supplement = None if precedents is None else flown_samples(precedents, airframe, every=_EVERY)
     values, labels, numbers = [], [], []
     for number in range(2 * flights):
@@ -145,7 +147,7 @@ def fly_class(actuator: Actuator, friction_nm: float, *, seed: int) -> Array:
 def parameters_of(actuator: Actuator) -> EmaParameters:
     """Return the simulator's parameters for a profile's EMA; what the profile lacks is as in Table 1."""
     table_1 = EmaParameters.from_data_sheet()
-    ema = actuator.ema
+    ema = actuator.known_ema()
     return replace(
         table_1,
         gear_ratio=ema.gear_ratio,

@@ -1,12 +1,16 @@
-"""Fixtures that several rooms share: simulated flights, and the real logs where they are at hand."""
+"""Fixtures that several rooms share: the command line, simulated flights, and the real logs if at hand."""
 
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from mavhums import cli
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 
 REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS", Path(__file__).parents[2] / "shared" / "logs"))
@@ -15,6 +19,31 @@ REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS", Path(__file__).parents[2] /
 def real_logs() -> list[Path]:
     """Every file of the folder of real logs; empty where it is absent."""
     return sorted(path for path in REAL_LOGS.rglob("*") if path.is_file() and path.suffix != ".md")
+
+
+class Outcome(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    def call(*arguments: str | Path) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["mavhums", *map(str, arguments)])
+        capfd.readouterr()
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        out, err = capfd.readouterr()
+        return Outcome(code, out, err)
+
+    return call
 
 
 @pytest.fixture(scope="session")

@@ -5,43 +5,16 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import jsonschema
 import pytest
 
-from mavhums import cli
+from mavhums import cli_progress
 from mavhums.assessment import json_schema
 from mavhums.errors import ExitCode
 from mavhums_sim import Flight, fly, write_tlog
-from tests.conftest import real_logs
-
-
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Outcome]
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
-    def call(*arguments: str | Path) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["mavhums", *map(str, arguments)])
-        capfd.readouterr()
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as stop:
-            code = int(stop.code or 0)
-        out, err = capfd.readouterr()
-        return Outcome(code, out, err)
-
-    return call
+from tests.conftest import Run, real_logs
 
 
 @pytest.fixture(scope="module")
@@ -234,10 +207,10 @@ def test_progress_is_shown_on_a_terminal_only(
     big.write_bytes(growing_log.read_bytes() * 4)
     assert run("inspect", big).err == ""
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    with cli._progress(big) as progress:
+    with cli_progress.reading(big) as progress:
         assert progress is not None
         progress(10)
-    with cli._steps("training") as steps:
+    with cli_progress.steps("training") as steps:
         assert steps is not None
         steps(1, 2)
 

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import json
+import socket
+import sys
+import threading
 from pathlib import Path
 
 import pytest
 
-from examples import demo, selectors_in_a_pipeline
+from examples import (
+    analyse_a_log,
+    demo,
+    follow_udp,
+    own_recording,
+    quantities_to_pandas,
+    selectors_in_a_pipeline,
+)
 from mavhums_sim.campaign import PAPER_FRICTION_NM
 
 
@@ -43,3 +53,92 @@ def test_selectors_compose_with_the_models_of_scikit_learn() -> None:
     assert len(results) == 6
     assert results["Algorithm 1 → tanh networks"] > 0.9
     assert results["Algorithm 1 → tanh networks"] > results["chi-square, best 6 → tanh networks"]
+
+
+def test_analyse_a_log_counts_what_needs_work(growing_log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert analyse_a_log.main(str(growing_log)) == 1
+    printed = capsys.readouterr().out
+    assert printed.startswith("elevator: emergency")
+    assert "friction 1." in printed
+
+
+def test_analyse_a_log_says_why_it_cannot_tell(growing_log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    profile = Path(__file__).parents[1] / "examples" / "profiles" / "csrv.toml"
+    assert analyse_a_log.main(str(growing_log), str(profile)) == 0
+    assert "because the profile has no [actuators.ema]" in capsys.readouterr().out
+
+
+def _datagrams(log: Path, frames_each: int) -> list[tuple[int, bytes]]:
+    """The log's frames, several to a datagram, and the time of each datagram in microseconds."""
+    data, records, position = log.read_bytes(), [], 0
+    while position < len(data):
+        stamp = int.from_bytes(data[position : position + 8], "big")
+        frame = next(follow_udp.frames(data[position + 8 :]))
+        records.append((stamp, frame))
+        position += 8 + len(frame)
+    return [
+        (records[k][0], b"".join(frame for _, frame in records[k : k + frames_each]))
+        for k in range(0, len(records), frames_each)
+    ]
+
+
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="datagrams without loss are POSIX")
+def test_follow_udp_prints_changes_as_they_come(
+    growing_log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    datagrams = _datagrams(growing_log, 3)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    ours.settimeout(1.0)
+    stamps = iter([stamp * 1000 for stamp, _ in datagrams])
+    with ours, theirs:
+        sender = threading.Thread(target=lambda: [theirs.send(datagram) for _, datagram in datagrams])
+        sender.start()
+        live = follow_udp.follow(ours, clock_ns=lambda: next(stamps))
+        sender.join()
+    assert "elevator: degraded → emergency" in capsys.readouterr().out
+    conditions = {verdict.actuator: verdict.condition for verdict in live.verdicts}
+    assert conditions == {
+        "aileron_left": "normal",
+        "aileron_right": "normal",
+        "elevator": "emergency",
+        "rudder": "normal",
+    }
+    assert not live.log.losses.any
+
+
+def test_follow_udp_binds_a_port(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(follow_udp, "IDLE_S", 0.05)
+    follow_udp.main(0, "paper")
+    assert "no vehicle speaks" in capsys.readouterr().out
+
+
+def test_a_datagram_is_cut_into_its_frames() -> None:
+    plain = b"\xfd\x01\x00" + bytes(10)
+    signed = b"\xfd\x01\x01" + bytes(23)
+    old = b"\xfe\x02" + bytes(8)
+    assert list(follow_udp.frames(plain + old + signed)) == [plain, old, signed]
+    assert list(follow_udp.frames(b"noise")) == [b"noise"]
+
+
+def test_quantities_go_into_pandas_and_a_plot(
+    short_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture = tmp_path / "quantities.png"
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    table = quantities_to_pandas.main(str(short_log), str(picture))
+    assert list(table.index.unique("actuator")) == ["aileron_left", "aileron_right", "elevator", "rudder"]
+    assert list(table.columns) == [f"V{k}" for k in range(1, 13)]
+    printed = capsys.readouterr().out
+    assert "V3 from DEBUG_FLOAT_ARRAY[EMA,3].data[2]" in printed
+    assert "pip install matplotlib" in printed
+    monkeypatch.undo()
+    pytest.importorskip("matplotlib")
+    quantities_to_pandas.plot(table, picture)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_recording_of_ones_own(short_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recording = tmp_path / "lag.rrd"
+    own_recording.main(str(short_log), str(recording))
+    assert recording.read_bytes().startswith(b"RRF")
+    assert "elevator: up to" in capsys.readouterr().out

@@ -28,6 +28,8 @@ _MISFIT_SHARE = 0.3  # a winding or a magnet that has aged
 
 Array = NDArray[np.float64]
 
+_OPEN = Ema.model_construct(gear_ratio=np.nan, torque_constant=np.nan, resistance=np.nan, inertia=np.nan)
+
 _RULES: tuple[tuple[int, str, Callable[[Array, Ema], Array]], ...] = (
     (_V8, "k_t·V5", lambda v, ema: ema.torque_constant * v[:, _V5]),
     (_V6, "V4·V5", lambda v, _: v[:, _V4] * v[:, _V5]),
@@ -58,6 +60,10 @@ class Deriver:
     def complete(self, aligned: Aligned) -> Array:
         """Return V1…V12 of shape (n, 12), what can be derived filled in."""
         values = aligned.values.copy()
+        if self._actuator.ema is None:
+            self._leave_open(aligned)
+            self._fill(values)
+            return values
         if aligned.tier.startswith("esc"):
             if not aligned.signed:
                 self._sign_speed(values, aligned.command_rate)
@@ -69,9 +75,18 @@ class Deriver:
         self._integrate(aligned.utc_us, values)
         return values
 
+    def _leave_open(self, aligned: Aligned) -> None:
+        """Say what of an ESC's readings only the EMA's constants would turn into the motor's."""
+        if not aligned.tier.startswith("esc"):
+            return
+        if self._actuator.esc_side == "bus":
+            self.derived |= {key: f"{{{key}}} at the bus" for key in ("V4", "V5")}
+        if not aligned.signed:
+            self.derived |= {key: f"magnitude from {{{key}}}, without its sign" for key in ("V4", "V5", "V7")}
+
     def _sign_speed(self, values: Array, command_rate: Array) -> None:
         """Give V7 the sign of the command's rate, NaN where the two do not fit together."""
-        speed_deg_s = values[:, _V7] * _DEGREES_S / self._actuator.ema.gear_ratio
+        speed_deg_s = values[:, _V7] * _DEGREES_S / self._actuator.known_ema().gear_ratio
         apart = np.abs(speed_deg_s - np.abs(command_rate))
         fits = apart <= 0.5 * speed_deg_s + _AGREEMENT_DEG_S
         signed = np.where(fits & (command_rate != 0), np.sign(command_rate) * values[:, _V7], np.nan)
@@ -80,7 +95,7 @@ class Deriver:
 
     def _sign_current(self, values: Array) -> None:
         """Give V5 and V4 the signs with which the voltage equation holds best, NaN where none does."""
-        ema = self._actuator.ema
+        ema = self._actuator.known_ema()
         drop = ema.resistance * values[:, _V5]
         back_emf = ema.torque_constant * np.abs(values[:, _V7]) * _RAD_S
         driving = np.abs(values[:, _V4] - (back_emf + drop))
@@ -109,7 +124,7 @@ class Deriver:
 
     def _fill(self, values: Array) -> None:
         for target, how, rule in _RULES:
-            result = rule(values, self._actuator.ema)
+            result = rule(values, self._actuator.ema or _OPEN)
             empty = np.isnan(values[:, target]) & np.isfinite(result)
             if empty.any():
                 values[empty, target] = result[empty]
@@ -119,7 +134,7 @@ class Deriver:
         """Fill V2 and V3 with the integral of V7, which drifts; the command, if known, is its start."""
         if utc_us.size == 0 or np.isnan(values[:, _V7]).all():
             return
-        ratio = self._actuator.ema.gear_ratio
+        ratio = self._actuator.known_ema().gear_ratio
         if np.isnan(values[:, _V2]).any():
             speed = np.nan_to_num(values[:, _V7])
             if self._last is None:

@@ -9,13 +9,20 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
+from mavhums.actuator.field_check import field_mistake
+from mavhums.actuator.profile_errors import explain_syntax, explain_values
+from mavhums.actuator.toml_lines import Place
 from mavhums.errors import MavhumsError
 from mavhums.quantities import KEYS
 
 __all__ = ["Actuator", "Airframe", "Ema", "Limits", "ProfileError", "load_airframe", "packaged_airframes"]
 
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+FILL_IN = "fill in the constants from the EMA's data sheet and the friction limits from its maker"
 
 
 class ProfileError(MavhumsError):
@@ -82,6 +89,13 @@ class FieldMapping(_Section):
     scale: Annotated[float, Field(allow_inf_nan=False)] = 1.0
     offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
 
+    @model_validator(mode="after")
+    def _exists(self) -> FieldMapping:
+        mistake = field_mistake(self.message, self.field, self.where)
+        if mistake is not None:
+            raise PydanticCustomError("mapping", "{problem}", mistake._asdict())
+        return self
+
 
 class Actuator(_Section):
     """One servo actuator and the control surface it moves.
@@ -99,12 +113,15 @@ class Actuator(_Section):
     travel_deg, pwm_us
         Deflection at the smallest and the largest pulse; the pulses at the least, the zero and the
         largest deflection.
+        Neither can be told from a log; without ``travel_deg`` a pulse is no angle.
     moving_speed_deg_s
         Output speed above which the actuator counts as moving.
     response_lag_s
         By how much the shaft follows the command.
     min_rate_hz
         A quantity that comes less often is shown but is no evidence.
+    ema, limits
+        None in a draft: the actuator's quantities are shown, but it is not judged.
     fields
         Quantities that the log carries under names of its own.
     """
@@ -115,28 +132,67 @@ class Actuator(_Section):
     esc: Annotated[int, Field(ge=0, le=31)] | None = None
     esc_side: Literal["motor", "bus"] = "motor"
     electronics_a: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
-    travel_deg: tuple[float, float]
+    travel_deg: tuple[_Finite, _Finite] | None = None
     pwm_us: tuple[int, int, int]
     moving_speed_deg_s: _Positive = 1.0
     response_lag_s: Annotated[float, Field(ge=0.04, le=1.0)] = 0.05
     min_rate_hz: _Positive = 5.0
-    ema: Ema
-    limits: Limits
+    ema: Ema | None = None
+    limits: Limits | None = None
     fields: dict[Literal[*KEYS], FieldMapping] = {}  # type: ignore[valid-type]
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Actuator:
+        if not self.pwm_us[0] < self.pwm_us[1] < self.pwm_us[2]:
+            raise ValueError("the pulses in pwm_us must increase; a reversal belongs into travel_deg")
+        return self
+
+    @property
+    def blanks(self) -> tuple[str, ...]:
+        """What the profile leaves open and a verdict needs, as it is written in the file."""
+        sections = (("[actuators.ema]", self.ema), ("[actuators.limits]", self.limits))
+        return tuple(name for name, section in sections if section is None)
+
+    def known_ema(self) -> Ema:
+        """Return the EMA's constants.
+
+        Raises
+        ------
+        ProfileError
+            If the profile leaves them open.
+        """
+        if self.ema is None:
+            raise self._blank()
+        return self.ema
+
+    def known_limits(self) -> Limits:
+        """Return the friction limits.
+
+        Raises
+        ------
+        ProfileError
+            If the profile leaves them open.
+        """
+        if self.limits is None:
+            raise self._blank()
+        return self.limits
+
+    def _blank(self) -> ProfileError:
+        return ProfileError(f"{self.name}: the profile has no {' and no '.join(self.blanks)}", FILL_IN)
 
     @property
     def moving_speed_rev_min(self) -> float:
         """Rotor speed above which the actuator counts as moving."""
-        return self.moving_speed_deg_s * self.ema.gear_ratio / 6.0
+        return self.moving_speed_deg_s * self.known_ema().gear_ratio / 6.0
 
     @property
     def inertia_output(self) -> float:
         """Rotating inertia referred to the output shaft, kg·m²."""
-        return self.ema.inertia * self.ema.gear_ratio**2
+        return self.known_ema().inertia * self.known_ema().gear_ratio ** 2
 
     def rad_s(self, rotor_rev_min: float) -> float:
         """Convert a rotor speed in rev/min to the output shaft's speed in rad/s."""
-        return rotor_rev_min * 2 * pi / 60 / self.ema.gear_ratio
+        return rotor_rev_min * 2 * pi / 60 / self.known_ema().gear_ratio
 
 
 class Airframe(_Section):
@@ -150,10 +206,23 @@ class Airframe(_Section):
     def _distinct(self) -> Airframe:
         for field in ("name", "servo"):
             seen = [getattr(actuator, field) for actuator in self.actuators]
-            twice = {value for value in seen if seen.count(value) > 1}
-            if twice:
-                raise ValueError(f"two actuators share {field} = {sorted(twice)[0]!r}")
+            for k, value in enumerate(seen):
+                if value in seen[:k]:
+                    raise PydanticCustomError(
+                        "shared",
+                        "two actuators share {field} = {value}",
+                        {"field": field, "value": repr(value), "place": ("actuators", k, field)},
+                    )
         return self
+
+
+_SECTIONS: dict[Place, tuple[str, ...]] = {
+    (): tuple(Airframe.model_fields),
+    ("actuators",): tuple(Actuator.model_fields),
+    ("actuators", "ema"): tuple(Ema.model_fields),
+    ("actuators", "limits"): tuple(Limits.model_fields),
+    ("actuators", "fields"): tuple(FieldMapping.model_fields),
+}
 
 
 def packaged_airframes() -> list[str]:
@@ -176,7 +245,7 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
     Raises
     ------
     ProfileError
-        If there is no such profile, or it is not valid; the message names the field.
+        If there is no such profile, or it is not valid; the message names the line.
 
     Examples
     --------
@@ -197,8 +266,6 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
     try:
         return Airframe.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise ProfileError(f"{name_or_path}: not valid TOML: {error}") from error
+        raise ProfileError(*explain_syntax(str(name_or_path), text, str(error))) from error
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "profile"
-        raise ProfileError(f"{name_or_path}: {place}: {first['msg']}") from error
+        raise ProfileError(*explain_values(str(name_or_path), text, error, _SECTIONS)) from error

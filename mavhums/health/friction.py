@@ -58,9 +58,10 @@ class Moments:
 def friction_moments(actuator: Actuator, motion: Motion) -> Moments:
     """Return the torque balance's moments over the moving samples of a slot."""
     values = motion.values
+    ema = actuator.known_ema()
     rotor_torque = values[:, column("V8")]
-    from_current = values[:, column("V5")] * actuator.ema.torque_constant
-    torque = np.where(np.isfinite(rotor_torque), rotor_torque, from_current) * actuator.ema.gear_ratio
+    from_current = values[:, column("V5")] * ema.torque_constant
+    torque = np.where(np.isfinite(rotor_torque), rotor_torque, from_current) * ema.gear_ratio
     load = values[:, column("V11")]
     load_measured = bool(np.isfinite(load).all())
     if load_measured:

@@ -70,6 +70,11 @@ class Monitor:
         From the airframe profile.
     network
         Whose votes are shown beside the friction; None for no votes.
+
+    Raises
+    ------
+    ProfileError
+        If the profile leaves the actuator's constants or limits open.
     """
 
     def __init__(self, vehicle: int, actuator: Actuator, network: Classifier | None = None) -> None:
@@ -79,7 +84,9 @@ class Monitor:
         self._cutter = SlotCutter()
         self._seconds: deque[_Second] = deque(maxlen=WINDOW_S)
         self._first: int | None = None
-        self._decision = Decision(actuator.limits)
+        self._limits = actuator.known_limits()
+        self._torque_uncertainty = actuator.known_ema().torque_uncertainty
+        self._decision = Decision(self._limits)
         self._episodes: list[_Episode] = []
         self._windows = self._decidable = self._samples = self._moving = 0
         self._last: Window | None = None
@@ -137,9 +144,9 @@ class Monitor:
     def _window(self, last_index: int) -> Iterator[Window | ConditionChanged]:
         start_s, end_s = float(last_index + 1 - WINDOW_S), float(last_index + 1)
         seconds = [second for second in self._seconds if second.index >= start_s]
-        friction = estimate_friction([s.friction for s in seconds], self.actuator.ema.torque_uncertainty)
+        friction = estimate_friction([s.friction for s in seconds], self._torque_uncertainty)
         share = vote_share([s.votes for s in seconds if s.votes is not None])
-        limits = self.actuator.limits
+        limits = self._limits
         if friction is not None and friction.high - friction.low > limits.emergency - limits.normal:
             friction = None
         change = self._decision.feed(friction, start_s, end_s)
@@ -181,7 +188,7 @@ class Monitor:
             episode.end_s, episode.peak = end_s, max(episode.peak, estimate)
 
     def _evidence(self) -> Iterator[Evidence]:
-        limits = self.actuator.limits
+        limits = self._limits
         for episode in self._episodes:
             yield Evidence(
                 kind="friction",
@@ -214,5 +221,5 @@ class Monitor:
         if friction is None:
             return ()
         error = (friction.high - friction.estimate) / _T_95
-        probability = float(stdtr(WINDOW_S - 1, (friction.estimate - self.actuator.limits.normal) / error))
+        probability = float(stdtr(WINDOW_S - 1, (friction.estimate - self._limits.normal) / error))
         return (Suspect(fault="friction", confidence=probability),)

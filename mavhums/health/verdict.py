@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.assessment import ALL, Condition, Coverage, Evidence, Interval, Since, Suspect, Verdict
 from mavhums.health.monitor import WINDOW_S, Findings
@@ -63,13 +63,16 @@ def judged(
 def unjudged_actuator(
     vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
 ) -> Verdict:
-    """Return the verdict on an actuator of which the log carries too little."""
-    if tier is None:
-        reason = f"the log carries no telemetry of servo {actuator.servo}"
-    elif tier.judged:
-        reason = f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
-    else:
-        reason = f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
+    """Return the verdict on an actuator of which the log carries, or its profile says, too little."""
+    reasons, remedies = [], []
+    if actuator.blanks:
+        no_command = actuator.travel_deg is None and "V1" not in actuator.fields
+        travel = ("travel_deg",) if no_command else ()
+        reasons.append(f"the profile has no {', no '.join((*actuator.blanks, *travel))}")
+        remedies.append(FILL_IN)
+    if not (actuator.blanks and tier and tier.judged and provenance):
+        reasons.append(_telemetry_gap(actuator, tier))
+        remedies.append(TO_BE_JUDGED)
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
@@ -77,9 +80,17 @@ def unjudged_actuator(
         worst="undecided",
         tier=tier.name if tier else None,
         provenance=provenance,
-        reason=reason,
-        remedy=TO_BE_JUDGED,
+        reason="; ".join(reasons),
+        remedy="; ".join(remedies),
     )
+
+
+def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
+    if tier is None:
+        return f"the log carries no telemetry of servo {actuator.servo}"
+    if tier.judged:
+        return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
+    return f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
 
 
 def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str]) -> Verdict:

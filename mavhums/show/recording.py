@@ -166,7 +166,8 @@ class Recorder:
     def _name_airframe(self, event: AirframeNamed) -> None:
         self._texts.add(event.time_s, "INFO", f"judged by the airframe profile {event.airframe.name}")
         for part in event.airframe.actuators:
-            self._limits[event.vehicle, part.name] = part.limits, event.time_s
+            if part.limits is not None:
+                self._limits[event.vehicle, part.name] = part.limits, event.time_s
 
     def _track(self, vehicle: int | None, actuator: str) -> Track:
         key = (vehicle, actuator)

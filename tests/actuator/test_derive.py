@@ -12,7 +12,7 @@ from mavhums.actuator.derive import Deriver
 from mavhums.quantities import column
 
 ACTUATOR = load_airframe("paper").actuators[2]
-EMA = ACTUATOR.ema
+EMA = ACTUATOR.known_ema()
 V = {f"V{k}": column(f"V{k}") for k in range(1, 13)}
 Array = NDArray[np.float64]
 

@@ -48,7 +48,7 @@ def test_what_is_not_measured_is_nan_and_has_no_provenance() -> None:
     values[4] = 0.5
     values[6] = float("inf")
     (mapped,) = mapper.feed(decode(array_message(3, values)), final=True)
-    k_t = mapped.actuator.ema.torque_constant
+    k_t = mapped.actuator.known_ema().torque_constant
     assert mapped.values[0, [4, 7]] == pytest.approx([0.5, 0.5 * k_t])
     assert np.isnan(mapped.values[0]).tolist() == [k not in (4, 7) for k in range(12)]
     assert mapper.provenance(1, mapped.actuator) == {

@@ -27,10 +27,10 @@ def test_the_paper_profile_is_the_papers_actuator() -> None:
         ("rudder", 4, 3),
     ]
     for actuator in airframe.actuators:
-        assert (actuator.limits.normal, actuator.limits.emergency) == (0.375, 0.875)
+        assert (actuator.known_limits().normal, actuator.known_limits().emergency) == (0.375, 0.875)
         assert actuator.travel_deg == (-60.0, 60.0)
         assert actuator.pwm_us == (1000, 1500, 2000)
-        ema = actuator.ema
+        ema = actuator.known_ema()
         assert ema.gear_ratio * ema.torque_constant == pytest.approx((3.5 + 0.225) / 0.85, rel=1e-4)
         assert 27 / ema.resistance * ema.gear_ratio * ema.torque_constant == pytest.approx(5.225, rel=1e-4)
 
@@ -38,11 +38,11 @@ def test_the_paper_profile_is_the_papers_actuator() -> None:
 def test_profile_and_simulator_mean_the_same_actuator() -> None:
     actuator = load_airframe("paper").actuators[0]
     simulated = EmaParameters.from_data_sheet()
-    assert actuator.ema.gear_ratio * actuator.ema.torque_constant == pytest.approx(
+    assert actuator.known_ema().gear_ratio * actuator.known_ema().torque_constant == pytest.approx(
         simulated.torque_per_ampere, rel=1e-4
     )
     assert actuator.inertia_output == pytest.approx(simulated.inertia)
-    assert actuator.ema.resistance == pytest.approx(simulated.resistance, rel=1e-4)
+    assert actuator.known_ema().resistance == pytest.approx(simulated.resistance, rel=1e-4)
 
 
 def test_speeds_are_converted_by_the_gear() -> None:
@@ -94,3 +94,98 @@ def test_a_binary_profile_is_refused(tmp_path: Path) -> None:
 
 def test_packaged_profiles_are_listed() -> None:
     assert packaged_airframes() == ["paper"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "remedy"),
+    [
+        ("normal = 0.375", "normal = 0.9", 26, "paper.toml"),
+        ("servo = 2", "servo = 1", 33, "give each actuator a servo of its own"),
+        ("gear_ratio = 300.0", "gear_ratio = -1", 21, "mend the value -1"),
+        ("resistance = 22.6457", "resistnce = 22.6457", 23, "did you mean resistance?"),
+        ("torque_constant = 0", "colour = 0", 22, "known here: gear_ratio, torque_constant"),
+        ("servo = 3", "servo =", 52, "paper.toml"),
+        ("[actuators.limits]", "[actuators.limit]", 26, "did you mean limits?"),
+        ("servo = 4\n", "", 68, "add servo to actuators[4]"),
+        ("[1000, 1500, 2000]", "[1000,\n 1500]", 18, "paper.toml"),
+        ("[1000, 1500, 2000]", "[1000, 1500, 1200]", 11, "paper.toml"),
+        ('esc_side = "motor"', 'esc_side = "moter"', 16, "mend the value 'moter'"),
+        (
+            "[actuators.limits]",
+            "[actuators.fields.V3]\nmessage = 'HEARTBEAT'\nfeld = 'f'\n[actuators.limits]",
+            28,
+            "did you mean field?",
+        ),
+        ("[actuators.limits]", "[actuators.fields.V13]\n[actuators.limits]", 26, "V13"),
+        ('description = "Fixed', 'description = """Fixed', 85, "paper.toml"),
+    ],
+)
+def test_the_line_and_the_remedy_are_named(
+    tmp_path: Path, old: str, new: str, line: int, remedy: str
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(packaged_text().replace(old, new, 1))
+    with pytest.raises(ProfileError) as caught:
+        load_airframe(path)
+    assert caught.value.problem.startswith(f"{path}:{line}: ")
+    assert remedy in caught.value.remedy
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_that_is_missing_has_no_line(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(packaged_text().replace('name = "paper"', 'colour = "red"', 1))
+    with pytest.raises(ProfileError, match="no such key"):
+        load_airframe(path)
+    path.write_text(packaged_text().replace('name = "paper"', "", 1))
+    with pytest.raises(ProfileError) as caught:
+        load_airframe(path)
+    assert caught.value.problem == f"{path}: name: missing"
+    assert caught.value.remedy == "add name"
+
+
+def test_several_mistakes_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(packaged_text().replace("gear_ratio = 300.0", "gear_ratio = -1"))
+    with pytest.raises(ProfileError, match="then look at 3 more"):
+        load_airframe(path)
+
+
+def test_constants_and_limits_may_be_left_open() -> None:
+    whole = load_airframe("paper").actuators[0]
+    assert whole.blanks == ()
+    draft = whole.model_copy(update={"ema": None, "limits": None})
+    assert draft.blanks == ("[actuators.ema]", "[actuators.limits]")
+    with pytest.raises(ProfileError, match=r"aileron_left: the profile has no \[actuators.ema\] and no"):
+        draft.known_ema()
+    with pytest.raises(ProfileError, match=r"no \[actuators.limits\]: fill in"):
+        whole.model_copy(update={"limits": None}).known_limits()
+
+
+@pytest.mark.parametrize(
+    ("message", "field", "where", "line", "problem", "remedy"),
+    [
+        ("NAMED_VALUE_FLAOT", "value", "name = 'x'", 27, "no message", "did you mean NAMED_VALUE_FLOAT"),
+        ("NAMED_VALUE_FLOAT", "vaule", "name = 'x'", 28, "has no field vaule", "did you mean value?"),
+        ("NAMED_VALUE_FLOAT", "value", "nmae = 'x'", 29, "has no field nmae", "did you mean name?"),
+        ("NAMED_VALUE_FLOAT", "value", "name = 1", 29, "name of NAMED_VALUE_FLOAT is text", "with text"),
+        ("NAMED_VALUE_FLOAT", "value[1]", "name = 'x'", 28, "is no array", "write value"),
+        ("NAMED_VALUE_FLOAT", "name", "name = 'x'", 28, "is text", "map a number"),
+        ("ACTUATOR_OUTPUT_STATUS", "actuator", "active = 1", 28, "is an array", "actuator[0]"),
+        ("ACTUATOR_OUTPUT_STATUS", "actuator[32]", "active = 1", 28, "has 32 elements", "actuator[31]"),
+        ("ACTUATOR_OUTPUT_STATUS", "actuator[0]", "active = 'x'", 29, "is a number", "with a number"),
+        ("ACTUATOR_OUTPUT_STATUS", "actuator[0]", "actuator = 1", 29, "is an array", "single value"),
+        ("HEARTBEAT", "zzz", "type = 1", 28, "has no field zzz", "there are: autopilot, base_mode"),
+    ],
+)
+def test_a_mapping_of_what_does_not_exist_is_refused(
+    tmp_path: Path, message: str, field: str, where: str, line: int, problem: str, remedy: str
+) -> None:
+    mapping = f"[actuators.fields.V3]\nmessage = '{message}'\nfield = '{field}'\nwhere.{where}\n"
+    path = tmp_path / "mine.toml"
+    path.write_text(packaged_text().replace("[actuators.limits]", f"{mapping}[actuators.limits]", 1))
+    with pytest.raises(ProfileError) as caught:
+        load_airframe(path)
+    assert caught.value.problem.startswith(f"{path}:{line}: actuators[1].fields.V3.")
+    assert problem in caught.value.problem
+    assert remedy in caught.value.remedy

@@ -84,7 +84,7 @@ def status(time_us: int, current: float, *, index: int = 0, rpm: int = 600) -> E
 
 def test_esc_status_is_signed_and_completed() -> None:
     values, provenance = elevator(decode(*(status(20_000 * k, -0.25) for k in range(20))))
-    ema = ELEVATOR.ema
+    ema = ELEVATOR.known_ema()
     assert values[:, 4].tolist() == pytest.approx([-0.25] * 20)
     assert values[0, 6] == 600
     assert values[0, 7] == pytest.approx(-0.25 * ema.torque_constant)

@@ -15,6 +15,7 @@ from mavhums.health.slots import Slot
 from mavhums.quantities import column
 
 ACTUATOR = load_airframe("paper").actuators[0]
+EMA = ACTUATOR.known_ema()
 Array = NDArray[np.float64]
 
 
@@ -40,7 +41,7 @@ def synthetic(
         values = np.full((t.size, 12), np.nan)
         values[:, column("V3")] = np.degrees(angle)
         values[:, column("V7")] = speed / ACTUATOR.rad_s(1.0)
-        values[:, column("V8")] = (torque + noise * rng.standard_normal(t.size)) / ACTUATOR.ema.gear_ratio
+        values[:, column("V8")] = (torque + noise * rng.standard_normal(t.size)) / EMA.gear_ratio
         if v11:
             values[:, column("V11")] = load
         slots.append(Slot(index, t, values))
@@ -63,7 +64,7 @@ def test_exact_data_give_the_exact_friction(friction: float, v11: bool) -> None:
 def test_the_current_serves_where_the_rotor_torque_is_not_measured() -> None:
     slots = synthetic(0.4)
     for slot in slots:
-        slot.values[:, column("V5")] = slot.values[:, column("V8")] / ACTUATOR.ema.torque_constant
+        slot.values[:, column("V5")] = slot.values[:, column("V8")] / EMA.torque_constant
         slot.values[:, column("V8")] = np.nan
     estimate = estimate_friction(moments(slots), 0.0)
     assert estimate is not None
@@ -87,9 +88,7 @@ def test_the_interval_is_the_jackknifes() -> None:
     def fit(parts: list[Motion]) -> float:
         rows = [(part, part.moving) for part in parts]
         X = np.concatenate([np.c_[np.sign(p.speed), p.acceleration, np.ones(len(m))][m] for p, m in rows])
-        torque = [
-            p.values[:, column("V8")] * ACTUATOR.ema.gear_ratio - p.values[:, column("V11")] for p, _ in rows
-        ]
+        torque = [p.values[:, column("V8")] * EMA.gear_ratio - p.values[:, column("V11")] for p, _ in rows]
         y = np.concatenate([t[m] for t, (_, m) in zip(torque, rows, strict=True)])
         return float(np.linalg.lstsq(X, y)[0][0])
 

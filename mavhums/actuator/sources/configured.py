@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.profile import Actuator, FieldMapping, ProfileError
+from mavhums.actuator.profile import Actuator, FieldMapping
 from mavhums.actuator.readings import Clocks, Reading, blank
 from mavhums.log import Table
 from mavhums.quantities import column
@@ -21,13 +21,7 @@ _TIMES = (("time_usec", 1), ("time_boot_ms", 1000))
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
-    """Yield a reading for each vehicle, actuator and mapped quantity.
-
-    Raises
-    ------
-    ProfileError
-        If a message has not the field that the profile names.
-    """
+    """Yield a reading for each vehicle, actuator and mapped quantity."""
     utc_us: dict[str, NDArray[np.int64]] = {}
     for actuator in actuators:
         for key, mapping in actuator.fields.items():
@@ -42,15 +36,8 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
 def _column(table: Table, field: str) -> NDArray[Any]:
     """Return a field, or one element of an array field: ``rpm[2]``."""
     name, _, element = field.partition("[")
-    if name not in (table.fields.dtype.names or ()):
-        raise ProfileError(f"{table.name} has no field {name!r}", "mend the field in the airframe profile")
     values: NDArray[Any] = table[name]
-    if not element:
-        return values
-    k = int(element.rstrip("]"))
-    if values.ndim != 2 or k >= values.shape[1]:
-        raise ProfileError(f"{table.name} has no {field}", "mend the field in the airframe profile")
-    return np.asarray(values[:, k])
+    return values[:, int(element.rstrip("]"))] if element else values
 
 
 def _times(table: Table, clocks: Clocks) -> NDArray[np.int64]:

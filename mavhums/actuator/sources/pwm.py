@@ -24,7 +24,7 @@ _PULSES_US = (500.0, 2500.0)
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
-    """Yield a reading for each vehicle and servo with a pulse."""
+    """Yield a reading for each vehicle and servo with a pulse, if the profile tells its travel."""
     raw = tables.get("SERVO_OUTPUT_RAW")
     if raw is not None:
         utc_us = clocks.utc_us(raw, 1, "time_usec", wrap_us=2**32)
@@ -52,6 +52,8 @@ def _commands(
     actuator: Actuator,
     utc_us: NDArray[np.int64],
 ) -> Iterator[Reading]:
+    if actuator.travel_deg is None:
+        return
     rows = rows & (pulse_us >= _PULSES_US[0]) & (pulse_us <= _PULSES_US[1])
     for vehicle in np.unique(table.system[rows]):
         mine = rows & (table.system == vehicle)

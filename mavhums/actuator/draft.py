@@ -1,0 +1,119 @@
+"""Draft an airframe profile from a log's parameters; what no log can tell is left to be filled in."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from mavhums.actuator.outputs import Output, control_surfaces
+from mavhums.actuator.parameters import Parameters, read_parameters
+from mavhums.errors import MavhumsError
+
+__all__ = ["draft_profile"]
+
+_HEAD = """\
+# DRAFT of an airframe profile, from the parameters of vehicle {vehicle} in {log}.
+#
+# A log cannot tell what an actuator is made of. Until you fill in what is marked FILL IN, its
+# quantities are shown and its verdict is "undecided". Remove the # of a line that you fill in.
+name = {name}
+"""
+_ACTUATOR = """
+[[actuators]]
+name = {name}
+surface = {surface}
+servo = {servo}  # {because}
+pwm_us = {pwm_us}  # {calibrated_by}{reversal}
+# travel_deg =    # FILL IN: [deflection at the smallest pulse, at the largest], degrees
+# esc =           # the ESC (from 0) that drives this actuator's motor, not the propeller's, if any
+# esc_side =      # "motor" or "bus": where that ESC measures
+
+# [actuators.ema]     # FILL IN, from the data sheet
+# gear_ratio =        # rotor turns per output shaft turn
+# torque_constant =   # N·m/A
+# resistance =        # of the winding, ohm
+# inertia =           # of rotor and gear, referred to the rotor, kg·m²
+
+# [actuators.limits]  # FILL IN, from the actuator's maker: Coulomb friction at the output shaft, N·m
+# normal =            # normal up to this
+# emergency =         # an emergency from this
+"""
+
+
+def draft_profile(
+    path: str | os.PathLike[str],
+    *,
+    vehicle: int | None = None,
+    name: str | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> str:
+    """Return the text of a profile (TOML) for the control surfaces that a log's parameters name.
+
+    Parameters
+    ----------
+    path
+        A ``.tlog`` file in which the parameters were downloaded.
+    vehicle
+        System id; may be None where only one vehicle's parameters are in the log.
+    name
+        Of the airframe; if None, that of the log's file.
+    progress
+        Called with the number of bytes read after each block.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the file is missing or not a telemetry log.
+    MavhumsError
+        If the log holds no parameters, or these name no control surface.
+    """
+    path = Path(path)
+    parameters = read_parameters(path, vehicle=vehicle, progress=progress)
+    outputs = control_surfaces(parameters)
+    if not outputs:
+        raise MavhumsError(f"{path}: {_no_surface(parameters)}", "write a profile by hand, after paper.toml")
+    head = _HEAD.format(vehicle=parameters.vehicle, log=_plain(path.name), name=_text(name or path.stem))
+    sections = zip(_names(outputs), outputs, strict=True)
+    return head + "".join(_section(own, output) for own, output in sections)
+
+
+def _section(name: str, output: Output) -> str:
+    return _ACTUATOR.format(
+        name=_text(name),
+        surface=_text(output.surface),
+        servo=output.servo,
+        because=output.because,
+        pwm_us=list(output.pwm_us),
+        calibrated_by=output.calibrated_by,
+        reversal="; reversed, as the logged pulses are" if output.is_reversed else "",
+    )
+
+
+def _names(outputs: Sequence[Output]) -> list[str]:
+    """Name each actuator by its surface; where several do the same, by its channel as well."""
+    plain = [re.sub(r"\W+", "_", output.surface) for output in outputs]
+    return [
+        f"{name}_{output.servo}" if plain.count(name) > 1 else name
+        for name, output in zip(plain, outputs, strict=True)
+    ]
+
+
+def _no_surface(parameters: Parameters) -> str:
+    assigning = "PWM_MAIN_FUNCn" if parameters.is_px4 else "SERVOn_FUNCTION"
+    pattern = assigning.replace("n", r"\d+")
+    outputs = sum(1 for name in parameters.values if re.fullmatch(pattern, name))
+    if not outputs:
+        return f"none of its {len(parameters.values)} parameters assigns an output ({assigning})"
+    return f"none of the {outputs} outputs that its parameters assign moves a control surface"
+
+
+def _plain(text: str) -> str:
+    return "".join(character if character.isprintable() else "?" for character in text)
+
+
+def _text(text: str) -> str:
+    """Write a TOML string."""
+    return json.dumps(_plain(text), ensure_ascii=False)
