@@ -9,6 +9,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from fastcrc import crc16
 
 from mavhums import cli_progress
 from mavhums.assessment import json_schema
@@ -183,11 +184,13 @@ def test_inspect_names_the_remedy_where_health_cannot_be_judged(run: Run, tmp_pa
 
 def test_unknown_messages_are_named(run: Run, growing_log: Path, tmp_path: Path) -> None:
     content = growing_log.read_bytes()
-    unknown = content[:8] + bytes([0xFD, 1, 0, 0, 7, 1, 1, 1, 2, 200, 5, 0x12, 0x34])
-    path = tmp_path / "unknown.tlog"
     first = 20 + content[9]
+    head = bytes([1, 0, 0, content[12] + 1, 1, 1, 1, 2, 200, 5])
+    crc = crc16.mcrf4xx(head + bytes([77]))
+    path = tmp_path / "unknown.tlog"
+    unknown = content[:8] + b"\xfd" + head + crc.to_bytes(2, "little")
     path.write_bytes(content[:first] + unknown + content[first:])
-    assert "frames of messages that the dialect does not define" in run("inspect", path).out
+    assert "1 frames of messages that the dialect does not define" in run("inspect", path).out
 
 
 def test_train_writes_a_model_that_analyse_uses(run: Run, growing_log: Path, tmp_path: Path) -> None:

@@ -60,7 +60,8 @@ def _judge_first_time(
 ) -> tuple[int, int]:
     """Return whether the first frame's time is sound, and the time to take.
 
-    Where it is a day off the second record's, which begins at ``end``, the third one's decides.
+    Where it is a day off the second record's, which begins at ``end``, the third one's decides; if
+    no record begins there, what looked like its time is none.
     """
     sound = plausible(time_us)
     if following < 0:
@@ -70,17 +71,18 @@ def _judge_first_time(
     if abs(following - time_us) <= DAY_US:
         return YES, time_us
     second_end = frame_end(data, end + STAMP)
-    if second_end < 0:
+    if second_end == NO:
+        return YES, time_us
+    if second_end == WAIT:
         return (YES if final else WAIT), time_us
-    if second_end > 0:
-        follow = follows(data, second_end, STAMP, final)
-        if follow == WAIT:
-            return WAIT, time_us
-        if follow == NO or second_end == data.size:
-            return YES, time_us
-        third = stamp_at(data, second_end)
-        if abs(third - time_us) <= abs(third - following):
-            return YES, time_us
+    follow = follows(data, second_end, STAMP, final)
+    if follow == WAIT:
+        return WAIT, time_us
+    if follow == NO or second_end == data.size:
+        return YES, time_us
+    third = stamp_at(data, second_end)
+    if abs(third - time_us) <= abs(third - following):
+        return YES, time_us
     return NO, following
 
 

@@ -231,8 +231,9 @@ def _time(data: bytes, position: int, end: int, last_us: int | None) -> tuple[in
             return time_us, False
         if following is None:
             return YEAR_2000_US, True
-        if plausible and (second := _parts(data, end + 8)) is not None:
-            if second.end == len(data) or not _follows(data, second.end, 8):
+        if plausible:
+            second = _parts(data, end + 8)
+            if second is None or second.end == len(data) or not _follows(data, second.end, 8):
                 return time_us, False
             third = _stamp(data, second.end)
             if abs(third - time_us) <= abs(third - following):
