@@ -1,10 +1,10 @@
 """Health and usage monitoring of UAV servo actuators from MAVLink telemetry logs.
 
 >>> import mavhums
->>> log = mavhums.read_log("flight.tlog")  # doctest: +SKIP
->>> assessment = mavhums.analyse("flight.tlog")  # doctest: +SKIP
->>> print(assessment.summary())  # doctest: +SKIP
->>> mavhums.record(assessment, "flight.rrd")  # doctest: +SKIP
+>>> assessment = mavhums.analyse("flight.tlog")
+>>> assessment.ranked()[0].actuator, assessment.ranked()[0].condition
+('elevator', 'emergency')
+>>> mavhums.record(assessment, "flight.rrd")
 """
 
 from __future__ import annotations

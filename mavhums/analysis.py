@@ -55,6 +55,12 @@ def analyse(
         If the profile, the model or the XML cannot be used.
     MissingExtraError
         If a recording is wanted and rerun is not installed.
+
+    Examples
+    --------
+    >>> assessment = analyse("flight.tlog")
+    >>> {verdict.actuator: verdict.condition for verdict in assessment.verdicts}["rudder"]
+    'normal'
     """
     profile = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     if not isinstance(model, Model):
@@ -108,6 +114,10 @@ def record(
     ------
     MavhumsError
         If the log is no longer the one that was judged.
+
+    Examples
+    --------
+    >>> record(analyse("flight.tlog"), "flight.rrd")
     """
     log = assessment.log
     if log.path is None or _sha256(log.path) != log.sha256:

@@ -104,6 +104,11 @@ class Verdict(_Contract):
 
     ``condition`` is the last decidable state, ``worst`` the worst one reached.
     ``undecided`` always carries ``reason`` and ``remedy``.
+
+    Examples
+    --------
+    >>> Verdict(vehicle=1, actuator="elevator", condition="normal", worst="degraded").gravest
+    'degraded'
     """
 
     vehicle: int | None
@@ -208,7 +213,17 @@ class ModelSummary(_Contract):
 
 
 class Assessment(_Contract):
-    """Every verdict that a log supports."""
+    """Every verdict that a log supports.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> assessment = mavhums.analyse("flight.tlog")
+    >>> print(assessment.summary().splitlines()[0][:19])
+    elevator: emergency
+    >>> assessment.exit_code.name
+    'EMERGENCY'
+    """
 
     schema_: Literal["mavhums.assessment/1"] = Field(default="mavhums.assessment/1", alias="schema")
     notice: str = NOTICE
@@ -280,6 +295,9 @@ def json_schema() -> dict[str, Any]:
 
 def _generate_schema() -> dict[str, Any]:
     schema = Assessment.model_json_schema(by_alias=True, mode="serialization")
+    for part in (schema, *schema["$defs"].values()):
+        if "description" in part:
+            part["description"] = part["description"].split("\n\nExamples")[0]
     provenance = schema["$defs"]["Verdict"]["properties"]["provenance"]
     provenance["propertyNames"] = {"enum": list(KEYS)}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}

@@ -31,6 +31,15 @@ class MavhumsError(Exception):
         What is wrong, naming the file and the place.
     remedy
         What the user can do about it.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> try:
+    ...     mavhums.analyse("missing.tlog")
+    ... except MavhumsError as error:
+    ...     print(f"{error.problem} ({error.remedy})")
+    missing.tlog: no such file (check the path)
     """
 
     def __init__(self, problem: str, remedy: str = "") -> None:

@@ -55,6 +55,15 @@ def actuators(
     ------
     ProfileError
         If no profile is given and the log names none.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> elevator = mavhums.actuators(mavhums.read_log("flight.tlog"))["elevator"]
+    >>> elevator.frame.shape
+    (1000, 12)
+    >>> elevator.provenance["V5"]
+    'DEBUG_FLOAT_ARRAY[EMA,3].data[4]'
     """
     if not isinstance(airframe, Airframe):
         named = (said.name for said in announcements(log.tables) if said.known)

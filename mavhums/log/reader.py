@@ -132,6 +132,14 @@ def read_log(
         If the file is missing, unreadable or not a telemetry log.
     DialectError
         If the XML cannot be used.
+
+    Examples
+    --------
+    >>> log = read_log("flight.tlog")
+    >>> float(log.messages["BATTERY_STATUS"]["voltages[0]"].median())
+    27000.0
+    >>> log.losses.any
+    False
     """
     decoder = Decoder(messages, dialect=dialect)
     batches: dict[str, list[Table]] = {}

@@ -1,0 +1,25 @@
+"""Examples in docstrings run in a folder with a ``flight.tlog``, as a reader would run them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from _pytest.doctest import DoctestItem
+
+from mavhums_sim import Flight, fly, write_tlog
+
+
+@pytest.fixture(scope="session")
+def example_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twenty seconds in which the elevator is an emergency, as ``flight.tlog``."""
+    folder = tmp_path_factory.mktemp("examples")
+    flight = Flight(seed=5, duration_s=20.0, rate_hz=50.0, friction_nm={"elevator": (1.0, 1.0)})
+    write_tlog(fly(flight), folder / "flight.tlog")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _in_example_folder(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if isinstance(request.node, DoctestItem):
+        monkeypatch.chdir(request.getfixturevalue("example_folder"))
