@@ -167,7 +167,10 @@ def _vehicle(vehicle: int, tier: Tier | None, mapper: Mapper | None) -> VehicleT
     if not judged:
         remedy = TO_BE_JUDGED
     elif airframe is None:
-        remedy = f"name an airframe profile with --airframe, for example: {', '.join(packaged_airframes())}"
+        known = ", ".join(packaged_airframes())
+        remedy = (
+            f"name an airframe profile with --airframe (`mavhums profile new LOG` drafts one, or: {known})"
+        )
     else:
         remedy = None
     return VehicleTelemetry(

@@ -100,7 +100,8 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
     else:
         known = ", ".join(airframes)
         reason = "no airframe profile: one actuator's limits say nothing about another's"
-        remedy = f"name one with --airframe (a TOML file, or one of: {known})"
+        drafted = "which `mavhums profile new LOG` drafts"
+        remedy = f"name one with --airframe (a TOML file, {drafted}, or one of: {known})"
     return Verdict(
         vehicle=vehicle,
         actuator=ALL,
