@@ -6,31 +6,29 @@ from pathlib import Path
 
 import click
 
+from mavhums.cli_options import AIRFRAME, LOG, PATH
 from mavhums.cli_progress import reading
 from mavhums.errors import MavhumsError
 
 __all__ = ["export", "model", "profile"]
 
-_LOG = click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
 
 
 @click.command()
-@_LOG
+@LOG
 @click.option(
     "-o",
     "--output",
     required=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="OUT",
     help="Ends in .parquet or .csv. Several messages: a file each, OUT-NAME.",
 )
 @click.option(
     "--messages", metavar="NAME,...", help="Write these messages instead of V1–V12, for example ATTITUDE."
 )
-@click.option(
-    "--airframe", metavar="NAME|FILE", help="Airframe profile. Default: the one that the log names."
-)
+@AIRFRAME
 def export(log: Path, output: Path, messages: str | None, airframe: str | None) -> None:
     """Write V1–V12 of every actuator of LOG, or its messages, as a table.
 
@@ -57,7 +55,7 @@ def model() -> None:
 
 
 @model.command("show")
-@click.argument("file", required=False, metavar="[FILE]", type=click.Path(path_type=Path))
+@click.argument("file", required=False, metavar="[FILE]", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def show_model(file: Path | None, as_json: bool) -> None:
     """Print the card of the model in FILE, or of the packaged one.
@@ -87,8 +85,8 @@ def profile() -> None:
 
 
 @profile.command("new")
-@_LOG
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Default: print it.")
+@LOG
+@click.option("-o", "--output", type=PATH, metavar="FILE", help="Default: print it.")
 @click.option("--vehicle", type=click.IntRange(1, 255), metavar="N", help="System id, if there are several.")
 @click.option("--name", help="Of the airframe. Default: that of the log's file.")
 def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str | None) -> None:
