@@ -41,9 +41,19 @@ TO_BE_JUDGED = (
 
 TIERS = (
     Tier("instrumented", frozenset(), "V1–V12", True),
-    Tier("esc-signed", esc_signed.MESSAGES, "V4, V5 and V7 with their signs", True),
+    Tier(
+        "esc-signed",
+        esc_signed.MESSAGES,
+        "V4, V5 and V7 with their signs, where an ESC drives a servo and no propeller",
+        True,
+    ),
     Tier("named", frozenset(), "the quantities that are named", True),
-    Tier("esc-unsigned", esc_unsigned.MESSAGES, "magnitudes of V4, V5 and V7", True),
+    Tier(
+        "esc-unsigned",
+        esc_unsigned.MESSAGES,
+        "magnitudes of V4, V5 and V7, where an ESC drives a servo and no propeller",
+        True,
+    ),
     Tier("pwm", pwm.MESSAGES, "V1, the command, alone", False),
 )
 
