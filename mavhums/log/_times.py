@@ -61,7 +61,7 @@ def _judge_first_time(
     """Return whether the first frame's time is sound, and the time to take.
 
     Where it is a day off the second record's, which begins at ``end``, the third one's decides; if
-    no record begins there, what looked like its time is none.
+    no record begins there, or the third one's is none, the first is believed.
     """
     sound = plausible(time_us)
     if following < 0:
@@ -81,7 +81,7 @@ def _judge_first_time(
     if follow == NO or second_end == data.size:
         return YES, time_us
     third = stamp_at(data, second_end)
-    if abs(third - time_us) <= abs(third - following):
+    if not plausible(third) or abs(third - time_us) <= abs(third - following):
         return YES, time_us
     return NO, following
 

@@ -236,7 +236,7 @@ def _time(data: bytes, position: int, end: int, last_us: int | None) -> tuple[in
             if second is None or second.end == len(data) or not _follows(data, second.end, 8):
                 return time_us, False
             third = _stamp(data, second.end)
-            if abs(third - time_us) <= abs(third - following):
+            if third >= YEAR_2100_US or abs(third - time_us) <= abs(third - following):
                 return time_us, False
         return following, True
     step = abs(time_us - last_us)

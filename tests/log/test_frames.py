@@ -200,6 +200,13 @@ def test_a_clock_that_was_set_is_followed(step_us: int) -> None:
     assert (found.jumps, found.rewinds) == ((1, 0) if step_us > 0 else (0, 1))
 
 
+@pytest.mark.parametrize("third_us", [2**63 + 5, 2**64 - 1])
+def test_a_time_that_cannot_be_does_not_judge_the_first(third_us: int) -> None:
+    found = agree(heartbeats([START_US, START_US + 4 * DAY_US, third_us]))
+    assert found.frames[0].time_us == START_US
+    assert not found.frames[0].odd_time
+
+
 def test_silence_is_no_damage() -> None:
     times = [START_US + 10_000_000 * k**3 for k in range(40)]
     found = agree(heartbeats(times))
