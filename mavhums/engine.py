@@ -16,6 +16,7 @@ from mavhums.actuator.profile import Airframe, packaged_airframes
 from mavhums.actuator.tiers import tier_named
 from mavhums.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.events import AirframeNamed, Event, Notice, Samples
+from mavhums.health.baseline import Baseline, Baselines
 from mavhums.health.monitor import Monitor
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
@@ -36,6 +37,8 @@ class Engine:
         Whose network's votes are shown beside the friction, where its card names the airframe.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
+    baselines
+        What the actuators' flights before say of them.
 
     Examples
     --------
@@ -51,7 +54,9 @@ class Engine:
         *,
         model: Model | None = None,
         dialect: str | os.PathLike[str] | None = None,
+        baselines: Baselines | None = None,
     ) -> None:
+        self._baselines = baselines or {}
         wanted = messages_for(airframe.actuators if airframe else ())
         self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect)
         self._fleet = Fleet(airframe)
@@ -129,14 +134,17 @@ class Engine:
         actuator = mapped.actuator
         time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
-        if actuator.blanks:
-            return
         key = (mapped.vehicle, actuator.name)
         if key not in self._monitors:
             serves = self._model is not None and self._model.card.airframe == mapper.airframe.name
             network = self._model.network if self._model and serves else None
-            self._monitors[key] = Monitor(mapped.vehicle, actuator, network)
-        yield from self._monitors[key].feed(time_s, mapped.values)
+            self._monitors[key] = Monitor(
+                mapped.vehicle, actuator, network, baselines=self._baselines_of(mapped.vehicle, actuator.name)
+            )
+        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
+
+    def _baselines_of(self, vehicle: int, name: str) -> dict[str, Baseline]:
+        return {key[2]: baseline for key, baseline in self._baselines.items() if key[:2] == (vehicle, name)}
 
     def _verdicts(self, vehicle: int | None) -> Iterator[Verdict]:
         tier = self._fleet.tier(vehicle, self._decoder.counts)
@@ -150,6 +158,8 @@ class Engine:
             provenance = mapper.provenance(vehicle, actuator)
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
+            elif actuator.blanks and monitor.findings().worst == "undecided":
+                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance)
             else:
                 yield judged(
                     vehicle,

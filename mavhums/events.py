@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Airframe
 from mavhums.assessment import Condition, Interval
 
-__all__ = ["AirframeNamed", "ConditionChanged", "Event", "Notice", "Samples", "Window"]
+__all__ = ["AirframeNamed", "ConditionChanged", "Event", "Indication", "Notice", "Samples", "Window"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +49,10 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class ConditionChanged:
-    """An actuator's condition changed; ``since_s`` is where it did, ``time_s`` when it was certain."""
+    """An actuator's condition changed; ``since_s`` is where it did, ``time_s`` when it was certain.
+
+    ``fault`` is what changed it.
+    """
 
     vehicle: int
     actuator: str
@@ -58,6 +61,23 @@ class ConditionChanged:
     before: Condition
     after: Condition
     rule: str
+    fault: str = "friction"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Indication:
+    """The quantity that shows a fault, in the windows that end at ``end_s``; arrays of shape (n,).
+
+    ``low`` and ``high`` bound the 95 % interval. Windows that cannot show it are left out.
+    """
+
+    vehicle: int
+    actuator: str
+    fault: str
+    end_s: NDArray[np.float64]
+    value: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,4 +98,4 @@ class Notice:
     text: str
 
 
-Event = Samples | Window | ConditionChanged | AirframeNamed | Notice
+Event = Samples | Window | ConditionChanged | Indication | AirframeNamed | Notice

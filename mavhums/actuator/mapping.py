@@ -20,7 +20,7 @@ from mavhums.actuator.readings import Clocks, Reading
 from mavhums.actuator.sources import SOURCES
 from mavhums.actuator.tiers import TIERS
 from mavhums.log import Table
-from mavhums.quantities import KEYS
+from mavhums.quantities import KEYS, column
 
 __all__ = ["Mapped", "Mapper", "messages_for"]
 
@@ -29,12 +29,24 @@ _TRUST = tuple(tier.name for tier in TIERS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mapped:
-    """New samples of one actuator: ``utc_us`` of shape (n,), ``values`` V1…V12 of shape (n, 12)."""
+    """New samples of one actuator.
+
+    Attributes
+    ----------
+    utc_us, values
+        Shape (n,), and V1…V12 of shape (n, 12).
+    measured
+        Which of the values the log carries and which were derived, shape (n, 12).
+    bus_v
+        Voltage of the supply bus, V, shape (n,); None unless an ESC measures there.
+    """
 
     vehicle: int
     actuator: Actuator
     utc_us: NDArray[np.int64]
     values: NDArray[np.float64]
+    measured: NDArray[np.bool_]
+    bus_v: NDArray[np.float64] | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -97,7 +109,17 @@ class Mapper:
             for aligned in track.aligner.feed(readings, final=final):
                 track.note(aligned)
                 values = track.deriver.complete(aligned)
-                out.append(Mapped(track.vehicle, track.actuator, aligned.utc_us, values))
+                at_bus = track.actuator.esc_side == "bus" and aligned.tier.startswith("esc")
+                out.append(
+                    Mapped(
+                        track.vehicle,
+                        track.actuator,
+                        aligned.utc_us,
+                        values,
+                        aligned.origin >= 0,
+                        aligned.values[:, column("V4")] if at_bus else None,
+                    )
+                )
         return out
 
     def serves(self, vehicle: int | None) -> bool:

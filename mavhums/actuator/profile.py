@@ -48,6 +48,12 @@ class Ema(_Section):
         Of rotor and gear, referred to the rotor, kg·m².
     torque_uncertainty
         Relative 95 % uncertainty of the torque scale; it widens every friction interval.
+    inertia_uncertainty
+        Relative 95 % uncertainty of the inertia; the surface's belongs to it.
+    viscous, viscous_uncertainty
+        Viscous drag at the output shaft and its 95 % uncertainty, N·m·s/rad.
+    supply_voltage
+        Of the healthy supply, V; None if its sag need not be told.
     """
 
     gear_ratio: _Positive
@@ -55,13 +61,34 @@ class Ema(_Section):
     resistance: _Positive
     inertia: _Positive
     torque_uncertainty: Annotated[float, Field(ge=0, lt=1)] = 0.02
+    inertia_uncertainty: Annotated[float, Field(gt=0, le=10)] = 0.5
+    viscous: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    viscous_uncertainty: _Positive = 0.05
+    supply_voltage: _Positive | None = None
 
 
 class Limits(_Section):
-    """Coulomb friction at the output shaft, N·m: normal up to one value, an emergency from another."""
+    """From where on the actuator is degraded, or an emergency.
+
+    Attributes
+    ----------
+    normal, emergency
+        Coulomb friction at the output shaft, N·m: normal up to one value, an emergency from another.
+    resistance_gain, torque_constant_loss
+        Of the data sheet's, as a share. Copper gains 0.39 % of its resistance a kelvin.
+    backlash_deg, sensor_bias_deg
+        At the output shaft; None if the type's own is not known.
+    supply_sag_v
+        Voltage lost on the actuator's supply.
+    """
 
     normal: _Positive
     emergency: _Positive
+    resistance_gain: _Positive = 0.1
+    torque_constant_loss: _Positive = 0.1
+    backlash_deg: _Positive | None = None
+    sensor_bias_deg: _Positive | None = None
+    supply_sag_v: _Positive = 3.0
 
     @model_validator(mode="after")
     def _ordered(self) -> Limits:

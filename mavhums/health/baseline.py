@@ -10,8 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
-from mavhums.assessment import Indicator
+from mavhums.assessment import Indicator, Interval
 
 __all__ = ["Baseline", "Baselines"]
 
@@ -35,6 +36,17 @@ class Baseline:
     between: float
     windows: int
     within: float
+
+    @property
+    def flight_variance(self) -> float:
+        """Of another flight's true value about the mean: between flights, and of the mean itself."""
+        of_estimate = self.within**2 * self.flights / self.windows
+        return max(self.between**2 - of_estimate, 0.0) + self.between**2 / self.flights
+
+    def prediction(self) -> Interval:
+        """Return the 95 % interval in which the value of another flight lies."""
+        half = float(stdtrit(self.flights - 1, 0.975)) * self.between * (1.0 + 1.0 / self.flights) ** 0.5
+        return Interval(estimate=self.mean, low=self.mean - half, high=self.mean + half)
 
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:

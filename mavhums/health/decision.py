@@ -1,95 +1,94 @@
-"""The sequential decision: from a window's friction interval to the actuator's condition.
+"""The sequential decision: from a quantity's windows to the condition that it shows.
 
-A window says *normal* unless its whole 95 % interval lies above the normal limit, *emergency* when
-the interval reaches the emergency limit, and *degraded* between them. The condition changes when
-several decidable windows in a row agree; undecidable windows change nothing.
+A window says *normal* unless its whole interval lies above the normal limit, *emergency* when the interval
+reaches the emergency limit, and *degraded* between them; where the interval holds both limits it says
+nothing. The interval is as wide as the false-alarm rate asks for. The condition changes when several
+windows in a row agree; windows that say nothing change nothing.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
 
-from mavhums.actuator.profile import Limits
-from mavhums.assessment import Condition, Interval
+from mavhums.assessment import Condition
+from mavhums.health.detector import Estimates, Levels
 
-__all__ = ["CONFIRM", "Change", "Decision", "classify", "rule"]
+__all__ = ["CONFIRM", "FALSE_ALARMS", "SEVERITY", "Decision", "half_width", "shown_by", "tail_of"]
 
 CONFIRM = 5
-_SEVERITY: dict[Condition, int] = {"undecided": -1, "normal": 0, "degraded": 1, "emergency": 2}
+FALSE_ALARMS = 1.0
+"""How many false alarms 100 hours of an actuator may bring, by default."""
+
+SEVERITY: dict[Condition, int] = {"undecided": -1, "normal": 0, "degraded": 1, "emergency": 2}
+_CONDITIONS: dict[int, Condition] = {severity: condition for condition, severity in SEVERITY.items()}
+_WINDOWS_OF_100_H = 36_000.0
+
+Array = NDArray[np.float64]
 
 
-def classify(friction: Interval, limits: Limits) -> Condition:
-    """Return the condition that one friction interval shows.
+def tail_of(false_alarms: float) -> float:
+    """Return the probability with which one window of 10 s may alarm, given the alarms per 100 hours."""
+    return false_alarms / _WINDOWS_OF_100_H
+
+
+def half_width(estimates: Estimates, *, tail: float) -> Array:
+    """Return half the width of intervals that are left to either side with this probability, shape (k,).
+
+    Few degrees of freedom make heavy tails.
+    """
+    width: Array = stdtrit(estimates.freedom, 1.0 - tail) * estimates.error
+    return width
+
+
+def shown_by(low: Array, high: Array, levels: Levels) -> NDArray[np.int64]:
+    """Return the severity that intervals show, -1 for nothing, shape (k,).
 
     Examples
     --------
-    >>> classify(Interval(estimate=0.40, low=0.36, high=0.44), Limits(normal=0.375, emergency=0.875))
-    'normal'
+    >>> levels = Levels(0.375, 0.875)
+    >>> shown_by(np.array([0.36, 0.40, 0.80, 0.30]), np.array([0.44, 0.48, 0.90, 0.95]), levels)
+    array([ 0,  1,  2, -1])
     """
-    if friction.low <= limits.normal:
-        return "normal"
-    return "emergency" if friction.high >= limits.emergency else "degraded"
-
-
-def rule(condition: Condition, limits: Limits) -> str:
-    """Return in words why friction makes the condition what it is."""
-    words = {
-        "normal": f"normal: the 95 % interval is not wholly above {limits.normal:g} N·m",
-        "degraded": f"degraded: the 95 % interval is wholly above {limits.normal:g} N·m",
-        "emergency": f"emergency: the 95 % interval reaches {limits.emergency:g} N·m",
-        "undecided": "undecided: no window shows the friction",
-    }
-    return f"{words[condition]}, {CONFIRM} windows in a row"
-
-
-class Change(NamedTuple):
-    """A change of condition.
-
-    ``since_s`` is the middle of the first window that showed it; for the first condition of a
-    flight it is that window's start.
-    """
-
-    before: Condition
-    after: Condition
-    since_s: float
-    time_s: float
+    if levels.normal is None:
+        return np.full(low.shape, SEVERITY["undecided"])
+    beyond = low > levels.normal
+    emergency = high >= (np.inf if levels.emergency is None else levels.emergency)
+    severity = np.where(beyond, np.where(emergency, 2, 1), np.where(emergency, -1, 0))
+    return np.where(np.isnan(low), -1, severity)
 
 
 class Decision:
-    """Follows one actuator through the flight.
+    """Follows one quantity of one actuator through the flight.
 
     Attributes
     ----------
     condition
-        What the actuator is held to be now.
-    worst
-        The worst that it was held to be.
+        What the quantity shows now.
     since_s
-        Flight time since which it is in its present condition.
+        Flight time since which it does: the middle of the first window that showed it; for the first
+        condition of a flight that window's start.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, levels: Levels) -> None:
         self.condition: Condition = "undecided"
-        self.worst: Condition = "undecided"
         self.since_s: float | None = None
-        self._limits = limits
-        self._candidate: Condition = "undecided"
+        self.levels = levels
+        self._candidate = -1
         self._run = 0
         self._first_s = 0.0
 
-    def feed(self, friction: Interval | None, start_s: float, end_s: float) -> Change | None:
-        """Take one window's friction, None if it is undecidable; return the change it brings about."""
-        if friction is None:
-            return None
-        shown = classify(friction, self._limits)
+    def feed(self, shown: int, start_s: float, end_s: float) -> bool:
+        """Take the severity that one window shows, and return whether it changes the condition."""
+        if shown < 0:
+            return False
         if shown != self._candidate:
             self._candidate, self._run = shown, 0
             self._first_s = start_s if self.condition == "undecided" else (start_s + end_s) / 2
         self._run += 1
-        if shown == self.condition or self._run < CONFIRM:
-            return None
-        change = Change(self.condition, shown, self._first_s, end_s)
-        self.condition, self.since_s = shown, self._first_s
-        if _SEVERITY[shown] > _SEVERITY[self.worst]:
-            self.worst = shown
-        return change
+        after = _CONDITIONS[shown]
+        if after == self.condition or self._run < CONFIRM:
+            return False
+        self.condition, self.since_s = after, self._first_s
+        return True

@@ -2,46 +2,32 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtr, stdtrit
 
 from mavhums.actuator.profile import Actuator
-from mavhums.assessment import Condition, Coverage, Evidence, Interval, Suspect
-from mavhums.events import ConditionChanged, Window
-from mavhums.health.decision import Change, Decision, rule
-from mavhums.health.friction import Moments, estimate_friction, friction_moments
-from mavhums.health.motion import motion
-from mavhums.health.slots import Slot, SlotCutter
-from mavhums.health.votes import Classifier, Votes, count_votes, vote_share
+from mavhums.assessment import Condition, Coverage, Evidence, Indicator, Interval, Suspect
+from mavhums.events import ConditionChanged, Indication, Window
+from mavhums.health.baseline import Baseline
+from mavhums.health.course import Change, Course
+from mavhums.health.decision import FALSE_ALARMS, SEVERITY, half_width
+from mavhums.health.detector import Estimates, Seen, detectors_for
+from mavhums.health.fits import Fits
+from mavhums.health.motion import Motion, motion
+from mavhums.health.slots import SlotCutter, Slots
+from mavhums.health.votes import Classifier, count_votes, vote_share
+from mavhums.health.windows import WINDOW_SLOTS, Windows
+from mavhums.quantities import column
 
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 
-WINDOW_S = 10
-_T_95 = float(stdtrit(WINDOW_S - 1, 0.975))
+WINDOW_S = 10.0
+_V2, _V3 = column("V2"), column("V3")
 
-
-@dataclass(frozen=True, slots=True)
-class _Second:
-    index: int
-    samples: int
-    moving: int
-    friction: Moments
-    votes: Votes | None
-
-
-@dataclass(slots=True)
-class _Episode:
-    """An unbroken stay in one condition; ``peak`` is the highest friction estimated in it."""
-
-    condition: Condition
-    start_s: float
-    end_s: float
-    peak: float
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +42,7 @@ class Findings:
     coverage: Coverage
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
+    indicators: tuple[Indicator, ...]
     last_s: float
 
 
@@ -67,49 +54,90 @@ class Monitor:
     vehicle
         System id.
     actuator
-        From the airframe profile.
+        From the airframe profile; what it leaves open cannot be judged.
     network
-        Whose votes are shown beside the friction; None for no votes.
-
-    Raises
-    ------
-    ProfileError
-        If the profile leaves the actuator's constants or limits open.
+        Whose votes are shown beside the physics; None for no votes.
+    baselines
+        By fault, of the actuator's flights before.
+    window_s
+        Length of a window; each slides by a tenth of it.
+    false_alarms
+        How many false alarms 100 hours of the actuator may bring.
     """
 
-    def __init__(self, vehicle: int, actuator: Actuator, network: Classifier | None = None) -> None:
+    def __init__(
+        self,
+        vehicle: int,
+        actuator: Actuator,
+        network: Classifier | None = None,
+        *,
+        baselines: Mapping[str, Baseline] | None = None,
+        window_s: float = WINDOW_S,
+        false_alarms: float = FALSE_ALARMS,
+    ) -> None:
         self.vehicle = vehicle
         self.actuator = actuator
-        self._network = network
-        self._cutter = SlotCutter()
-        self._seconds: deque[_Second] = deque(maxlen=WINDOW_S)
+        self._network = network if actuator.ema else None
+        self._slot_s = window_s / WINDOW_SLOTS
+        self._window_s = window_s
+        self._cutter = SlotCutter(self._slot_s)
+        detectors = detectors_for(actuator)
+        self._courses = {
+            detector.fault: Course(
+                detector,
+                (baselines or {}).get(detector.fault),
+                window_s=window_s,
+                false_alarms=false_alarms,
+            )
+            for detector in detectors
+        }
+        self._fits = Fits(actuator, {name for detector in detectors for name in detector.equations})
+        self._counts = Windows(2)
+        self._votes = Windows(3)
         self._first: int | None = None
-        self._limits = actuator.known_limits()
-        self._torque_uncertainty = actuator.known_ema().torque_uncertainty
-        self._decision = Decision(self._limits)
-        self._episodes: list[_Episode] = []
+        self._shown: dict[str, Change] = {}
+        self._condition: Condition = "undecided"
+        self._worst: Condition = "undecided"
+        self._since_s: float | None = None
         self._windows = self._decidable = self._samples = self._moving = 0
-        self._last: Window | None = None
+        self._friction: Interval | None = None
+        self._vote: tuple[float, float] | None = None
 
     def feed(
-        self, time_s: NDArray[np.float64], values: NDArray[np.float64]
-    ) -> Iterator[Window | ConditionChanged]:
-        """Take samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12)."""
+        self,
+        time_s: Array,
+        values: Array,
+        measured: NDArray[np.bool_] | None = None,
+        bus_v: Array | None = None,
+    ) -> Iterator[Window | ConditionChanged | Indication]:
+        """Take samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12).
+
+        ``measured`` (n, 12) tells what a sensor gave from what was derived; all if omitted. The rotor's
+        angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
+        of the supply bus, where an ESC there measures it.
+        """
+        values = np.column_stack([values, np.full(time_s.size, np.nan) if bus_v is None else bus_v])
+        if measured is not None and not (both := measured[:, _V2] & measured[:, _V3]).all():
+            values[~both, _V2] = np.nan
         yield from self._judge(self._cutter.feed(time_s, values))
 
-    def finish(self) -> Iterator[Window | ConditionChanged]:
+    def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
         """Judge what is left."""
         yield from self._judge(self._cutter.finish())
 
     def findings(self) -> Findings:
         """Return what was found so far."""
-        last = self._last
+        whole = self._fits.whole()
+        courses = self._courses.values()
+        suspects = [suspect for course in courses if (suspect := course.suspect())]
+        indicators = [indicator for course in courses if (indicator := course.indicator(whole))]
+        evidence = sorted((e for course in courses for e in course.evidence()), key=lambda e: e.start_s)
         return Findings(
-            condition=self._decision.condition,
-            worst=self._decision.worst,
-            since_s=self._decision.since_s,
-            friction=last.friction_nm if last else None,
-            p_emergency=last.p_emergency if last else None,
+            condition=self._condition,
+            worst=self._worst,
+            since_s=self._since_s,
+            friction=self._friction,
+            p_emergency=self._vote[1] if self._vote else None,
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
@@ -117,109 +145,125 @@ class Monitor:
                 late=self._cutter.late,
             ),
             last_s=self._cutter.latest_s,
-            suspects=self._suspects(),
-            evidence=tuple(self._evidence()),
+            suspects=tuple(sorted(suspects, key=lambda suspect: -suspect.confidence)),
+            evidence=(*evidence, *self._network_evidence()),
+            indicators=tuple(indicators),
         )
 
-    def _judge(self, slots: Iterable[Slot]) -> Iterator[Window | ConditionChanged]:
-        for slot in slots:
-            second = self._summarise(slot)
-            if second is None:
+    def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
+        if slots is None:
+            return
+        moved = motion(self.actuator, slots) if self.actuator.ema else None
+        windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
+        seen = Seen(slots, moved, windows, flight)
+        found = {fault: course.detector.feed(seen) for fault, course in self._courses.items()}
+        moving, share = self._count(slots, moved)
+        self._first = int(slots.index[0]) if self._first is None else self._first
+        whole = slots.index - self._first + 1 >= WINDOW_SLOTS
+        end_s = np.asarray((slots.index + 1) * self._slot_s, dtype=np.float64)
+        changes: dict[int, list[tuple[str, Change]]] = {}
+        for fault, estimates in found.items():
+            shown = estimates.at(whole)
+            yield from self._indicate(fault, shown, end_s[whole])
+            for change in self._courses[fault].feed(shown, end_s[whole]):
+                changes.setdefault(change.window, []).append((fault, change))
+        friction = _intervals(found["friction"].at(whole)) if "friction" in found else {}
+        for k, (end, fraction, vote) in enumerate(
+            zip(end_s[whole].tolist(), moving[whole].tolist(), share[whole].tolist(), strict=True)
+        ):
+            changed = [*self._changed(changes.get(k, []), end)]
+            yield self._window(end, fraction, friction.get(k), vote)
+            yield from changed
+
+    def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array]:
+        """Count what moved, and the network's votes; return the windows' moving fractions and shares."""
+        counts = np.zeros((slots.index.size, 2))
+        counts[:, 0] = slots.count()
+        if moved is not None:
+            counts[:, 1] = slots.sums(moved.moving[:, None].astype(np.float64))[:, 0]
+        self._samples += int(counts[:, 0].sum())
+        self._moving += int(counts[:, 1].sum())
+        samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
+        share = np.full(samples.shape, np.nan)
+        if self._network is not None and moved is not None:
+            share = vote_share(self._votes.feed(slots.index, count_votes(self._network, slots, moved)))
+        return moving / samples, share
+
+    def _indicate(self, fault: str, estimates: Estimates, end_s: Array) -> Iterator[Indication]:
+        shown = np.isfinite(estimates.value)
+        if shown.any():
+            value, half = estimates.value[shown], half_width(estimates.at(shown), tail=0.025)
+            yield Indication(
+                self.vehicle, self.actuator.name, fault, end_s[shown], value, value - half, value + half
+            )
+
+    def _changed(self, changes: list[tuple[str, Change]], end_s: float) -> Iterator[ConditionChanged]:
+        """Take what detectors say anew; tell if that changes what the actuator is held to be."""
+        for fault, change in changes:
+            self._shown[fault] = change
+            before, self._condition = self._condition, self._gravest()
+            if SEVERITY[self._condition] > SEVERITY[self._worst]:
+                self._worst = self._condition
+            if self._condition == before:
                 continue
-            self._samples += second.samples
-            self._moving += second.moving
-            self._first = slot.index if self._first is None else self._first
-            self._seconds.append(second)
-            if slot.index - self._first + 1 >= WINDOW_S:
-                yield from self._window(slot.index)
+            holding = [
+                (c.since_s, name, c.rule) for name, c in self._shown.items() if c.condition == self._condition
+            ]
+            since_s, why, rule = min(holding, default=(end_s, fault, change.rule))
+            self._since_s = None if self._condition == "undecided" else since_s
+            yield ConditionChanged(
+                self.vehicle, self.actuator.name, end_s, since_s, before, self._condition, rule, why
+            )
 
-    def _summarise(self, slot: Slot) -> _Second | None:
-        seen = motion(self.actuator, slot)
-        if seen is None:
-            return None
-        votes = count_votes(self._network, seen) if self._network else None
-        moving = int(np.count_nonzero(seen.moving))
-        return _Second(slot.index, len(seen.moving), moving, friction_moments(self.actuator, seen), votes)
-
-    def _window(self, last_index: int) -> Iterator[Window | ConditionChanged]:
-        start_s, end_s = float(last_index + 1 - WINDOW_S), float(last_index + 1)
-        seconds = [second for second in self._seconds if second.index >= start_s]
-        friction = estimate_friction([s.friction for s in seconds], self._torque_uncertainty)
-        share = vote_share([s.votes for s in seconds if s.votes is not None])
-        limits = self._limits
-        if friction is not None and friction.high - friction.low > limits.emergency - limits.normal:
-            friction = None
-        change = self._decision.feed(friction, start_s, end_s)
-        samples = sum(second.samples for second in seconds)
-        window = Window(
-            vehicle=self.vehicle,
-            actuator=self.actuator.name,
-            start_s=start_s,
-            end_s=end_s,
-            moving_fraction=sum(second.moving for second in seconds) / samples,
-            friction_nm=friction,
-            p_emergency=share,
-            condition=self._decision.condition,
-        )
+    def _window(self, end_s: float, moving: float, friction: Interval | None, share: float) -> Window:
         self._windows += 1
         if friction is not None:
             self._decidable += 1
-            self._last = window
-            self._extend_episode(change, end_s, friction.estimate)
-        yield window
-        if change is not None:
-            yield ConditionChanged(
-                self.vehicle,
-                self.actuator.name,
-                change.time_s,
-                change.since_s,
-                change.before,
-                change.after,
-                rule(change.after, limits),
-            )
+            self._friction = friction
+        vote = None if np.isnan(share) else share
+        if vote is not None:
+            self._vote = end_s, vote
+        return Window(
+            vehicle=self.vehicle,
+            actuator=self.actuator.name,
+            start_s=end_s - self._window_s,
+            end_s=end_s,
+            moving_fraction=moving,
+            friction_nm=friction,
+            p_emergency=vote,
+            condition=self._condition,
+        )
 
-    def _extend_episode(self, change: Change | None, end_s: float, estimate: float) -> None:
-        if change is not None:
-            if self._episodes:
-                self._episodes[-1].end_s = change.since_s
-            self._episodes.append(_Episode(change.after, change.since_s, end_s, estimate))
-        elif self._episodes:
-            episode = self._episodes[-1]
-            episode.end_s, episode.peak = end_s, max(episode.peak, estimate)
+    def _gravest(self) -> Condition:
+        """Return the gravest condition that a detector shows; normal only if the friction is."""
+        gravest: Condition = max(
+            (change.condition for change in self._shown.values()), key=SEVERITY.__getitem__
+        )
+        if SEVERITY[gravest] > SEVERITY["normal"]:
+            return gravest
+        return self._shown["friction"].condition if "friction" in self._shown else "undecided"
 
-    def _evidence(self) -> Iterator[Evidence]:
-        limits = self._limits
-        for episode in self._episodes:
-            yield Evidence(
-                kind="friction",
-                start_s=episode.start_s,
-                end_s=episode.end_s,
-                value=episode.peak,
-                limit=limits.emergency if episode.condition == "emergency" else limits.normal,
-                rule=rule(episode.condition, limits),
-            )
-        if self._last is not None and self._last.p_emergency is not None:
-            yield Evidence(
-                kind="network",
-                start_s=self._last.start_s,
-                end_s=self._last.end_s,
-                value=self._last.p_emergency,
-                limit=0.5,
-                rule=self._agreement(self._last.p_emergency),
-            )
+    def _network_evidence(self) -> Iterator[Evidence]:
+        if self._vote is None:
+            return
+        end_s, share = self._vote
+        opposed = {"normal": share > 0.5, "emergency": share <= 0.5}.get(self._condition, False)
+        text = "network: part of the window's moving samples that it calls an emergency; physics decides"
+        yield Evidence(
+            kind="network",
+            start_s=end_s - self._window_s,
+            end_s=end_s,
+            value=share,
+            limit=0.5,
+            rule=f"{text}, and the network disagrees" if opposed else text,
+        )
 
-    def _agreement(self, share: float) -> str:
-        opposed = {"normal": share > 0.5, "emergency": share <= 0.5}.get(self._decision.condition, False)
-        text = "network: part of the window's moving samples that it calls an emergency; friction decides"
-        return f"{text}, and the network disagrees" if opposed else text
 
-    def _suspects(self) -> tuple[Suspect, ...]:
-        """Name friction, with the probability that it exceeds the normal limit, where it does."""
-        if self._decision.condition not in ("degraded", "emergency") or not self._last:
-            return ()
-        friction = self._last.friction_nm
-        if friction is None:
-            return ()
-        error = (friction.high - friction.estimate) / _T_95
-        probability = float(stdtr(WINDOW_S - 1, (friction.estimate - self._limits.normal) / error))
-        return (Suspect(fault="friction", confidence=probability),)
+def _intervals(estimates: Estimates) -> dict[int, Interval]:
+    """Return the 95 % intervals of the windows that show the quantity, by window."""
+    half = half_width(estimates, tail=0.025)
+    low, high = estimates.value - half, estimates.value + half
+    return {
+        k: Interval(estimate=float(estimates.value[k]), low=float(low[k]), high=float(high[k]))
+        for k in np.flatnonzero(np.isfinite(estimates.value)).tolist()
+    }

@@ -8,45 +8,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.health.slots import Slot
-from mavhums.quantities import column
+from mavhums.health.slots import GUARD_S, Slots
+from mavhums.quantities import KEYS, column
 
 __all__ = ["Motion", "motion"]
 
 _PERIODS = 2.5
+_V7 = column("V7")
+_BUS = len(KEYS)
+
+Array = NDArray[np.float64]
 
 
 class Motion(NamedTuple):
-    """The slot's samples that have neighbours on both sides; arrays of shape (m,).
+    """How the output shaft moves at each judged sample of some slots; arrays of shape (n,).
 
     Attributes
     ----------
     moving
-        Whether the rotor turns the same way, and fast enough, before, at and after the sample, and
-        the samples come often enough to be evidence.
-    speed
-        Output shaft, rad/s.
-    acceleration
-        Output shaft, rad/s², from central differences.
+        Whether the rotor turns the same way and fast enough from :data:`~mavhums.health.slots.GUARD_S`
+        before the sample until as long after it, and the samples come often enough to be evidence.
+        At a reversal the shaft first takes up the gear's play, and sticks.
+    speed, acceleration
+        Output shaft, rad/s and rad/s², the latter from central differences; NaN without neighbours.
     values
-        V1…V12, shape (m, 12).
+        V1…V12, shape (n, 12).
+    bus_v
+        Voltage of the supply bus, V; NaN where the log does not carry it.
     """
 
     moving: NDArray[np.bool_]
-    speed: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    values: NDArray[np.float64]
+    speed: Array
+    acceleration: Array
+    values: Array
+    bus_v: Array
 
 
-def motion(actuator: Actuator, slot: Slot) -> Motion | None:
-    """Return the motion in a slot, or None if it has fewer than three samples."""
-    if slot.time_s.size < 3:
-        return None
-    rev_min = slot.values[:, column("V7")]
+def motion(actuator: Actuator, slots: Slots) -> Motion:
+    """Return the motion at the samples that the slots judge."""
+    time_s, rev_min = slots.time_s, slots.values[:, _V7]
     speed = rev_min * actuator.rad_s(1.0)
-    span = slot.time_s[2:] - slot.time_s[:-2]
+    span = np.full(time_s.size, np.nan)
+    acceleration = span.copy()
+    span[1:-1] = time_s[2:] - time_s[:-2]
+    acceleration[1:-1] = (speed[2:] - speed[:-2]) / span[1:-1]
+    way = np.sign(rev_min)
     fast = np.abs(rev_min) > actuator.moving_speed_rev_min
-    sign = np.sign(rev_min)
-    one_way = (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
-    moving = fast[:-2] & fast[1:-1] & fast[2:] & one_way & (span < _PERIODS / actuator.min_rate_hz)
-    return Motion(moving, speed[1:-1], (speed[2:] - speed[:-2]) / span, slot.values[1:-1])
+    gap = np.diff(time_s) > _PERIODS / actuator.min_rate_hz
+    turns = np.flatnonzero((way[1:] != way[:-1]) | gap)
+    run = np.searchsorted(turns, np.arange(time_s.size))
+    begin = time_s[np.concatenate([[0], turns + 1])[run]]
+    end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
+    lasting = (time_s - begin >= GUARD_S) & (end - time_s >= GUARD_S)
+    fast[1:-1] &= fast[2:] & fast[:-2]
+    moving = fast & lasting & (span < _PERIODS / actuator.min_rate_hz)
+    own = slots.judged
+    return Motion(
+        moving[own], speed[own], acceleration[own], slots.values[own, :_BUS], slots.values[own, _BUS]
+    )

@@ -1,45 +1,65 @@
-"""Cut an actuator's samples into slots of one second, however they arrive.
+"""Cut an actuator's samples into slots of equal length, however they arrive.
 
-What a slot holds depends on the samples and their order alone, never on how the log was cut into
-blocks.
+A sample counts in the slot in which it is confirmed: in which the first sample comes that is later by
+at least :data:`GUARD_S`. So its neighbours are known when it is judged, and what a slot holds depends
+on the samples and their order alone, never on how the log was cut into blocks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Slot", "SlotCutter"]
+__all__ = ["GUARD_S", "SlotCutter", "Slots"]
 
+GUARD_S = 0.06
 _LATENESS_S = 0.25
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Slot:
-    """The samples of one second, after the last two of the slot before.
-
-    Every sample but the first and the last has a neighbour on either side, for differences; the
-    last is judged with the next slot.
+class Slots:
+    """The samples of some slots, with neighbours on either side.
 
     Attributes
     ----------
     index
-        The slot covers flight times from ``index`` to ``index + 1`` seconds.
+        Slot k covers flight times from ``index[k]`` to ``index[k] + 1`` slot lengths; increasing,
+        shape (k,). A slot in which nothing was confirmed is left out.
+    start
+        Where each slot begins among the judged samples, shape (k,).
+    judged
+        Which of the samples these slots judge; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, 12), increasing in time.
+        Shapes (n,) and (n, 13), increasing in time: V1…V12 and the voltage of the supply bus.
     """
 
-    index: int
-    time_s: NDArray[np.float64]
-    values: NDArray[np.float64]
+    index: NDArray[np.int64]
+    start: NDArray[np.int64]
+    judged: slice
+    time_s: Array
+    values: Array
+
+    def sums(self, columns: Array) -> Array:
+        """Return the sum over each slot of columns (n, m) of judged samples, shape (k, m)."""
+        total: Array = np.add.reduceat(columns, self.start, axis=0)
+        return total
+
+    def count(self) -> NDArray[np.int64]:
+        """Return how many samples each slot judges, shape (k,)."""
+        return np.diff(self.start, append=self.judged.stop - self.judged.start)
 
 
 class SlotCutter:
-    """Collects samples and yields each slot once nothing more is expected for it.
+    """Collects samples and returns slots once nothing more is expected for them.
+
+    Parameters
+    ----------
+    slot_s
+        Length of a slot, s.
 
     Attributes
     ----------
@@ -49,44 +69,61 @@ class SlotCutter:
         Flight time of the latest sample; minus infinity before the first.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, slot_s: float = 1.0) -> None:
         self.late = 0
-        self._times: list[NDArray[np.float64]] = []
-        self._values: list[NDArray[np.float64]] = []
         self.latest_s = -np.inf
+        self._slot_s = slot_s
+        self._times: list[Array] = []
+        self._values: list[Array] = []
         self._closed = -np.inf
-        self._before = (np.empty(0), np.empty((0, 12)))
+        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, 13))
+        self._pending: tuple[Array, Array] = self._before
 
-    def feed(self, time_s: NDArray[np.float64], values: NDArray[np.float64]) -> Iterator[Slot]:
-        """Yield the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 12)."""
+    def feed(self, time_s: Array, values: Array) -> Slots | None:
+        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 13)."""
         if time_s.size == 0:
-            return
+            return None
         latest = np.maximum.accumulate(np.concatenate([[self.latest_s], time_s]))
-        in_time = time_s >= np.floor(latest[:-1] - _LATENESS_S)
+        in_time = time_s >= self._floor(latest[:-1] - _LATENESS_S)
         self.late += int(np.count_nonzero(~in_time))
         self._times.append(time_s[in_time])
         self._values.append(values[in_time])
         self.latest_s = float(latest[-1])
-        horizon = np.floor(self.latest_s - _LATENESS_S)
-        if horizon > self._closed:
-            self._closed = horizon
-            yield from self._close(horizon)
+        horizon = float(self._floor(latest[-1:] - _LATENESS_S)[0])
+        if horizon <= self._closed:
+            return None
+        self._closed = horizon
+        return self._close(horizon)
 
-    def finish(self) -> Iterator[Slot]:
-        """Yield what is left, the last slot possibly not full."""
-        yield from self._close(np.inf)
+    def finish(self) -> Slots | None:
+        """Return what is left, the last slot possibly not full."""
+        return self._close(np.inf)
 
-    def _close(self, horizon: float) -> Iterator[Slot]:
+    def _floor(self, time_s: Array) -> Array:
+        floor: Array = np.floor(time_s / self._slot_s) * self._slot_s
+        return floor
+
+    def _close(self, horizon: float) -> Slots | None:
         if not self._times:
-            return
+            return None
         time_s, first = np.unique(np.concatenate(self._times), return_index=True)
         values = np.concatenate(self._values)[first]
         done = int(np.searchsorted(time_s, horizon))
         self._times, self._values = [time_s[done:]], [values[done:]]
-        slots = np.floor(time_s[:done]).astype(np.int64)
-        bounds = [*np.flatnonzero(np.diff(slots, prepend=slots[:1] - 1)), done]
-        for start, end in pairwise(bounds):
-            whole_t = np.concatenate([self._before[0], time_s[start:end]])
-            whole_v = np.concatenate([self._before[1], values[start:end]])
-            yield Slot(int(slots[start]), whole_t, whole_v)
-            self._before = whole_t[-2:], whole_v[-2:]
+        time_s = np.concatenate([self._pending[0], time_s[:done]])
+        values = np.concatenate([self._pending[1], values[:done]])
+        confirmed_by = np.searchsorted(time_s, time_s + GUARD_S)
+        ready = int(np.searchsorted(confirmed_by, time_s.size))
+        self._pending = time_s[ready:], values[ready:]
+        if not ready:
+            return None
+        lead = self._before[0].size
+        whole_t = np.concatenate([self._before[0], time_s])
+        whole_v = np.concatenate([self._before[1], values])
+        slots = np.floor(time_s[confirmed_by[:ready]] / self._slot_s).astype(np.int64)
+        start = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
+        next_s = time_s[ready] if ready < time_s.size else np.inf
+        keep = max(int(np.searchsorted(whole_t, next_s - GUARD_S, side="right")) - 1, 0)
+        keep = min(keep, lead + ready - 1)
+        self._before = whole_t[keep : lead + ready], whole_v[keep : lead + ready]
+        return Slots(slots[start], start, slice(lead, lead + ready), whole_t, whole_v)

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
-from mavhums.assessment import ALL, Condition, Coverage, Evidence, Interval, Since, Suspect, Verdict
+from mavhums.assessment import ALL, Condition, Coverage, Evidence, Indicator, Interval, Since, Suspect, Verdict
 from mavhums.health.monitor import WINDOW_S, Findings
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
@@ -55,6 +55,7 @@ def judged(
         tier=tier.name,
         provenance=provenance,
         evidence=tuple(_rounded_evidence(evidence) for evidence in findings.evidence),
+        indicators=tuple(_rounded_indicator(indicator) for indicator in findings.indicators),
         reason=reason,
         remedy=remedy,
     )
@@ -157,6 +158,20 @@ def _rounded(interval: Interval | None) -> Interval | None:
     return Interval(
         estimate=round(interval.estimate, 4), low=round(interval.low, 4), high=round(interval.high, 4)
     )
+
+
+def _rounded_indicator(indicator: Indicator) -> Indicator:
+    return indicator.model_copy(
+        update={
+            "value": _significant(indicator.value),
+            "scatter": None if indicator.scatter is None else float(f"{indicator.scatter:.4g}"),
+            "baseline": None if indicator.baseline is None else _significant(indicator.baseline),
+        }
+    )
+
+
+def _significant(interval: Interval) -> Interval:
+    return Interval(**{name: float(f"{number:.5g}") for name, number in interval})
 
 
 def _rounded_evidence(evidence: Evidence) -> Evidence:

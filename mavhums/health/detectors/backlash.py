@@ -1,0 +1,41 @@
+"""Play of the gear, from what lies between rotor and output shaft when the load changes flanks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.least_squares import Fit
+
+__all__ = ["Detector"]
+
+_FLANK = 0
+_WIDEST_DEG = 0.05
+
+
+class Detector(EquationDetector):
+    """Backlash at the output shaft; it takes both angles and the load."""
+
+    fault: ClassVar[str] = "backlash"
+    quantity: ClassVar[str] = "backlash"
+    unit: ClassVar[str] = "°"
+    advice: ClassVar[str] = "check the gear's teeth and the linkage for play"
+    equations: ClassVar[tuple[str, ...]] = ("gear",)
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        self.levels = Levels(actuator.known_limits().backlash_deg)
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the profile has the actuator's constants and limits."""
+        return not actuator.blanks
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the backlash; undecidable unless the load presses on both flanks."""
+        fit = fits["gear"]
+        error = 2.0 * fit.errors[:, _FLANK]
+        shown = fit.spread & (error < _WIDEST_DEG)
+        return Estimates.of(-2.0 * fit.coefficients[:, _FLANK], error, fit.freedom, shown)

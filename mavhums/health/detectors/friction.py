@@ -1,0 +1,64 @@
+"""Coulomb friction of motor, gear and bearings, from the torque balance.
+
+The balance takes the data sheet's torque constant; the friction is that of the torque constant that the
+voltage equation shows over the flight so far, as far as it shows one, else of the profile's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.detectors.torque_constant import relative_constant
+from mavhums.health.least_squares import Fit
+
+__all__ = ["Detector"]
+
+_MIN_SAMPLES = 20
+_CONTRADICTION = 3.0  # standard errors below zero
+_MODEL_ERROR = 0.02  # play, wind-up and stick-slip, which the balance leaves out; share of the normal limit
+
+
+class Detector(EquationDetector):
+    """Coulomb friction at the output shaft, against the profile's limits."""
+
+    fault: ClassVar[str] = "friction"
+    quantity: ClassVar[str] = "Coulomb friction"
+    unit: ClassVar[str] = "N·m"
+    advice: ClassVar[str] = "look for wear, dirt or lost lubricant in gear, bearings and linkage"
+    equations: ClassVar[tuple[str, ...]] = ("torque", "voltage")
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        limits = actuator.known_limits()
+        self.levels = Levels(limits.normal, limits.emergency)
+        self._widest = limits.emergency - limits.normal
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the profile has the actuator's constants and limits."""
+        return not actuator.blanks
+
+    def overall(self, flight: Mapping[str, Fit]) -> Estimates:
+        """Return the friction over the whole flight; what the balance leaves out does not average out."""
+        mean = self.read(flight, flight)
+        error = np.hypot(mean.error, _MODEL_ERROR * self.actuator.known_limits().normal)
+        return Estimates(mean.value, error, mean.freedom)
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the friction; undecidable without motion both ways in several slots.
+
+        An estimate well below zero contradicts the balance: the constants are not this actuator's, or a
+        sensor lies.
+        """
+        fit = fits["torque"]
+        scale, scale_error = relative_constant(flight["voltage"], self.actuator.known_ema())
+        friction, error = fit.coefficients[:, 0], fit.errors[:, 0]
+        whole_error = np.hypot(error * scale, friction * scale_error)
+        shown = fit.spread & (fit.count >= _MIN_SAMPLES)
+        shown &= (2 * 2 * whole_error < self._widest) & (friction > -_CONTRADICTION * error)
+        return Estimates.of(friction * scale, whole_error, fit.freedom, shown)

@@ -1,0 +1,42 @@
+"""Error of the output shaft's position sensor, against the rotor's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.least_squares import Fit
+
+__all__ = ["Detector"]
+
+_BIAS = 3
+_WIDEST_DEG = 0.05
+
+
+class Detector(EquationDetector):
+    """Difference of the two angles that gear play and wind-up do not explain."""
+
+    fault: ClassVar[str] = "sensor_bias"
+    quantity: ClassVar[str] = "bias of the position sensor"
+    unit: ClassVar[str] = "°"
+    advice: ClassVar[str] = "check the position sensor's mounting and calibrate it"
+    equations: ClassVar[tuple[str, ...]] = ("gear",)
+    two_sided: ClassVar[bool] = True
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        self.levels = Levels(actuator.known_limits().sensor_bias_deg)
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the profile has the actuator's constants and limits."""
+        return not actuator.blanks
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the bias; undecidable unless the load presses on both flanks."""
+        fit = fits["gear"]
+        error = fit.errors[:, _BIAS]
+        shown = fit.spread & (error < _WIDEST_DEG)
+        return Estimates.of(fit.coefficients[:, _BIAS], error, fit.freedom, shown)

@@ -1,0 +1,47 @@
+"""Voltage lost on the actuator's supply, where the log carries the supply's voltage.
+
+An ESC at the supply bus does. The motor's voltage V4 shows the supply's only for the milliseconds in which
+the controller asks for all of it, so a motor-side ESC cannot tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.least_squares import Fit
+
+__all__ = ["Detector"]
+
+_SENSOR_V = 0.1
+
+
+class Detector(EquationDetector):
+    """Supply voltage below the healthy supply's."""
+
+    fault: ClassVar[str] = "supply_sag"
+    quantity: ClassVar[str] = "supply voltage lost"
+    unit: ClassVar[str] = "V"
+    advice: ClassVar[str] = "check battery, regulator and wiring of the actuator's supply"
+    equations: ClassVar[tuple[str, ...]] = ("supply",)
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        self.levels = Levels(actuator.limits.supply_sag_v if actuator.limits else None)
+        self._supply = actuator.known_ema().supply_voltage or np.nan
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the ESC is at the bus and the profile has the healthy supply's voltage."""
+        known = actuator.ema is not None and actuator.ema.supply_voltage is not None
+        return known and actuator.esc_side == "bus"
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the sag; undecidable without the voltage at the bus."""
+        fit = fits["supply"]
+        error = np.hypot(fit.errors[:, 0], _SENSOR_V)
+        return Estimates.of(self._supply - fit.coefficients[:, 0], error, fit.freedom, fit.spread)

@@ -1,0 +1,55 @@
+"""Loss of the torque constant, as when magnets age or overheat, from the back-EMF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.profile import Actuator, Ema
+from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.least_squares import Fit
+
+__all__ = ["Detector", "relative_constant"]
+
+_CURRENT, _BACK_EMF = 0, 1
+_WIDEST = 0.05
+
+Array = NDArray[np.float64]
+
+
+class Detector(EquationDetector):
+    """Share of the data sheet's torque constant that is lost."""
+
+    fault: ClassVar[str] = "torque_constant"
+    quantity: ClassVar[str] = "torque constant lost"
+    unit: ClassVar[str] = "1"
+    advice: ClassVar[str] = "check the motor's magnets: they age and suffer from heat"
+    equations: ClassVar[tuple[str, ...]] = ("voltage",)
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        self.levels = Levels(actuator.limits.torque_constant_loss if actuator.limits else None)
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the loss; undecidable where the shaft moves too little to show the back-EMF."""
+        ema = self.actuator.known_ema()
+        fit, nominal = fits["voltage"], ema.torque_constant * ema.gear_ratio
+        error = np.hypot(fit.errors[:, _BACK_EMF], fit.attenuation(_CURRENT)[:, _BACK_EMF]) / nominal
+        shown = fit.spread & (error < _WIDEST)
+        return Estimates.of(1.0 - fit.coefficients[:, _BACK_EMF] / nominal, error, fit.freedom, shown)
+
+
+def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
+    """Return torque constant over the data sheet's, and its standard error, shapes (k,).
+
+    What the back-EMF shows and what the profile knows, each weighted with its certainty.
+    """
+    nominal = ema.torque_constant * ema.gear_ratio
+    shown = voltage.coefficients[:, _BACK_EMF] / nominal
+    error = np.hypot(voltage.errors[:, _BACK_EMF], voltage.attenuation(_CURRENT)[:, _BACK_EMF]) / nominal
+    known = max(ema.torque_uncertainty / 2, 1e-6)
+    weight = known**2 / (known**2 + error**2)
+    return 1.0 + weight * (shown - 1.0), np.sqrt(weight) * error

@@ -1,0 +1,43 @@
+"""Resistance of the stator winding and its connections, from the voltage equation.
+
+Copper gains 0.39 % a kelvin: a limit must leave room for a warm motor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.least_squares import Fit
+
+__all__ = ["Detector"]
+
+_RESISTANCE = 0
+_WIDEST = 0.05
+
+
+class Detector(EquationDetector):
+    """Winding resistance, against the data sheet's."""
+
+    fault: ClassVar[str] = "winding_resistance"
+    quantity: ClassVar[str] = "winding resistance"
+    unit: ClassVar[str] = "Ω"
+    advice: ClassVar[str] = "check winding, connectors and wiring for a poor contact"
+    equations: ClassVar[tuple[str, ...]] = ("voltage",)
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        gain = actuator.limits.resistance_gain if actuator.limits else None
+        nominal = actuator.known_ema().resistance
+        self.levels = Levels(None if gain is None else nominal * (1.0 + gain))
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the resistance; undecidable where the current varies too little to show it."""
+        fit, nominal = fits["voltage"], self.actuator.known_ema().resistance
+        error = np.hypot(fit.errors[:, _RESISTANCE], fit.attenuation(_RESISTANCE)[:, _RESISTANCE])
+        shown = fit.spread & (error < _WIDEST * nominal)
+        return Estimates.of(fit.coefficients[:, _RESISTANCE], error, fit.freedom, shown)

@@ -1,0 +1,42 @@
+"""The voltage equation of the stator winding, its inductance left out (paper, section 4).
+
+    V4 = R·V5 + N·k_e·ω + offset
+
+It holds moving or standing. In SI units the back-EMF constant k_e is the torque constant k_t.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.least_squares import Prior
+from mavhums.health.motion import Motion
+from mavhums.quantities import column
+
+__all__ = ["TERMS", "prior", "terms"]
+
+TERMS = ("resistance", "back_emf", "offset")
+_V4, _V5 = column("V4"), column("V5")
+_RESISTANCE_DEVIATION = 0.2
+_CONSTANT_DEVIATION = 0.1
+
+Array = NDArray[np.float64]
+
+
+def prior(actuator: Actuator) -> Prior:
+    """Return what the data sheet says of the coefficients, loosely: a fault may have changed them."""
+    ema = actuator.known_ema()
+    constant = ema.torque_constant * ema.gear_ratio
+    return Prior(
+        np.array([ema.resistance, constant, 0.0]),
+        np.array([ema.resistance * _RESISTANCE_DEVIATION, constant * _CONSTANT_DEVIATION, np.inf]),
+    )
+
+
+def terms(actuator: Actuator, motion: Motion) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return terms (n, 3), left side (n,), V, and which samples can be used."""
+    current, volts = motion.values[:, _V5], motion.values[:, _V4]
+    X = np.stack([current, motion.speed, np.ones(len(volts))], axis=1)
+    return X, volts, np.isfinite(X).all(axis=1) & np.isfinite(volts)

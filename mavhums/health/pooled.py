@@ -1,0 +1,41 @@
+"""Standard errors steadied by those of the flight so far.
+
+The error of one window is itself uncertain: it rests on ten slots, and its tails are heavy. Together with the
+windows before it is not; where it is the larger of the two it stands, for the air may have become rougher.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.health.detector import Estimates
+from mavhums.health.windows import WINDOW_SLOTS
+
+__all__ = ["PooledErrors"]
+
+_MOST_FREEDOM = 36.0
+
+Array = NDArray[np.float64]
+
+
+class PooledErrors:
+    """Pools the errors of one quantity's windows as they come."""
+
+    def __init__(self) -> None:
+        self._sum = 0.0
+        self._count = 0
+
+    def feed(self, estimates: Estimates) -> Estimates:
+        """Return the estimates with steadier errors, and the degrees of freedom that this gives them."""
+        shown = np.isfinite(estimates.value)
+        if not shown.any():
+            return estimates
+        squares = np.where(shown, estimates.error**2, 0.0)
+        total = np.cumsum(np.concatenate([[self._sum], squares]))[1:]
+        count = self._count + np.cumsum(shown)
+        self._sum, self._count = float(total[-1]), int(count[-1])
+        freedom, error = estimates.freedom, estimates.error
+        before = np.minimum(freedom * (count // WINDOW_SLOTS), _MOST_FREEDOM)
+        pooled = (freedom * squares + before * total / np.maximum(count, 1)) / (freedom + before)
+        return Estimates(estimates.value, np.maximum(error, np.sqrt(pooled)), freedom + before)

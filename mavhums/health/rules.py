@@ -1,0 +1,41 @@
+"""In words: why a quantity makes an actuator's condition what it is."""
+
+from __future__ import annotations
+
+from mavhums.assessment import Condition
+from mavhums.health.baseline import Baseline
+from mavhums.health.decision import CONFIRM
+from mavhums.health.detector import Detector
+from mavhums.health.drift import Shift
+
+__all__ = ["drift_rule", "limit_rule"]
+
+
+def limit_rule(detector: Detector, condition: Condition, false_alarms: float) -> str:
+    """Return why the limits make the condition what it is."""
+    normal, emergency = (_value(detector, level) for level in detector.levels)
+    sure = f"{CONFIRM} windows in a row; sure to {_alarms(false_alarms)}"
+    return {
+        "normal": f"normal: {detector.quantity} not shown to lie above {normal}, {sure}",
+        "degraded": f"degraded: {detector.quantity} above {normal}, {sure}",
+        "emergency": f"emergency: {detector.quantity} may have reached {emergency}, {sure}",
+        "undecided": f"undecided: no window shows the {detector.quantity}",
+    }[condition]
+
+
+def drift_rule(detector: Detector, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
+    """Return how the quantity left the actuator's own baseline."""
+    return (
+        f"degraded: {detector.quantity} {_value(detector, shift.value, '+')} from its own baseline of "
+        f"{_value(detector, baseline.mean)} over {baseline.flights} flights; sure to {_alarms(false_alarms)}"
+    )
+
+
+def _value(detector: Detector, value: float | None, sign: str = "") -> str:
+    if value is None:
+        return "any limit"
+    return f"{value:{sign}.3g}" if detector.unit == "1" else f"{value:{sign}.3g} {detector.unit}"
+
+
+def _alarms(false_alarms: float) -> str:
+    return f"{false_alarms:g} false alarm{'' if false_alarms == 1 else 's'} per 100 h"

@@ -1,0 +1,36 @@
+"""The standard deviation of numbers that come one by one (B. P. Welford, Technometrics 4, 1962)."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+__all__ = ["Scatter"]
+
+
+class Scatter:
+    """Counts numbers and keeps the sum of their squared distances from the mean.
+
+    Examples
+    --------
+    >>> scatter = Scatter()
+    >>> for number in (1.0, 2.0, 3.0):
+    ...     scatter.add(number)
+    >>> scatter.count, scatter.deviation
+    (3, 1.0)
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._mean = self._squares = 0.0
+
+    def add(self, number: float) -> None:
+        """Take one more number."""
+        self.count += 1
+        before = number - self._mean
+        self._mean += before / self.count
+        self._squares += before * (number - self._mean)
+
+    @property
+    def deviation(self) -> float | None:
+        """Standard deviation; None of fewer than two numbers."""
+        return sqrt(self._squares / (self.count - 1)) if self.count > 1 else None

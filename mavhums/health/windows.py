@@ -1,0 +1,58 @@
+"""Slide a window over an actuator's slots: the sums of its last S slots, whenever one is complete."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["WINDOW_SLOTS", "Windows"]
+
+WINDOW_SLOTS = 10
+
+Array = NDArray[np.float64]
+
+
+class Windows:
+    """Keeps the sums of the last slots.
+
+    Parameters
+    ----------
+    columns
+        Number m of sums of a slot.
+    slots
+        Slots of a window, S.
+    empty
+        What a slot without samples holds.
+    """
+
+    def __init__(self, columns: int, slots: int = WINDOW_SLOTS, empty: float = 0.0) -> None:
+        self._slots = slots
+        self._columns = columns
+        self._empty = empty
+        self._last: int | None = None
+        self._kept = np.full((slots, columns), empty)
+
+    def feed(self, index: NDArray[np.int64], sums: Array) -> Array:
+        """Return the windows that end with each of these slots.
+
+        Parameters
+        ----------
+        index, sums
+            Increasing slot numbers, shape (k,), and their sums, shape (k, m); those left out are empty.
+
+        Returns
+        -------
+        NDArray
+            Shape (k, S, m), the oldest slot first.
+        """
+        last = int(index[0]) - 1 if self._last is None else self._last
+        steps = np.diff(index, prepend=last)
+        ahead = np.cumsum(np.minimum(steps, self._slots + 1))  # a clock's jump takes no memory
+        dense = np.full((self._slots + int(ahead[-1]), self._columns), self._empty)
+        dense[: self._slots] = self._kept
+        dense[self._slots + ahead - 1] = sums
+        self._kept = dense[-self._slots :]
+        self._last = int(index[-1])
+        rows = ahead[:, None] + np.arange(self._slots)
+        windows: Array = dense[rows]
+        return windows
