@@ -31,6 +31,9 @@ class Motion(NamedTuple):
         At a reversal the shaft first takes up the gear's play, and sticks.
     speed, acceleration
         Output shaft, rad/s and rad/s², the latter from central differences; NaN without neighbours.
+    speed_around
+        Mean of the speeds before and after, rad/s. Where the command comes in steps, a sample's own speed
+        goes with the phase of its step, and so does its current.
     values
         V1…V12, shape (n, 12).
     bus_v
@@ -40,6 +43,7 @@ class Motion(NamedTuple):
     moving: NDArray[np.bool_]
     speed: Array
     acceleration: Array
+    speed_around: Array
     values: Array
     bus_v: Array
 
@@ -49,9 +53,10 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     time_s, rev_min = slots.time_s, slots.values[:, _V7]
     speed = rev_min * actuator.rad_s(1.0)
     span = np.full(time_s.size, np.nan)
-    acceleration = span.copy()
+    acceleration, around = span.copy(), span.copy()
     span[1:-1] = time_s[2:] - time_s[:-2]
     acceleration[1:-1] = (speed[2:] - speed[:-2]) / span[1:-1]
+    around[1:-1] = (speed[2:] + speed[:-2]) / 2
     way = np.sign(rev_min)
     fast = np.abs(rev_min) > actuator.moving_speed_rev_min
     gap = np.diff(time_s) > _PERIODS / actuator.min_rate_hz
@@ -63,6 +68,5 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     fast[1:-1] &= fast[2:] & fast[:-2]
     moving = fast & lasting & (span < _PERIODS / actuator.min_rate_hz)
     own = slots.judged
-    return Motion(
-        moving[own], speed[own], acceleration[own], slots.values[own, :_BUS], slots.values[own, _BUS]
-    )
+    values = slots.values[own]
+    return Motion(moving[own], speed[own], acceleration[own], around[own], values[:, :_BUS], values[:, _BUS])

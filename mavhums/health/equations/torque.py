@@ -50,7 +50,7 @@ def terms(actuator: Actuator, motion: Motion) -> tuple[Array, Array, NDArray[np.
     X[:, 0] = np.sign(motion.speed)
     X[:, 1] = motion.acceleration
     X[:, 2] = 1.0
-    X[:, 3] = motion.speed
+    X[:, 3] = motion.speed_around
     X[:, 4] = np.where(loaded, 0.0, np.radians(angle))
     y = np.where(loaded, torque - load, torque)
     return X, y, motion.moving & np.isfinite(y) & np.isfinite(X[:, 4])
