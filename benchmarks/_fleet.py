@@ -1,0 +1,176 @@
+"""A fleet of dispersed two-mass actuators, flown and judged: what ``benchmarks/health.py`` measures on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator import load_airframe
+from mavhums.actuator.align import Aligned
+from mavhums.actuator.derive import Deriver
+from mavhums.actuator.profile import Actuator
+from mavhums.events import ConditionChanged, Window
+from mavhums.health import Monitor
+from mavhums.health.baseline import Baseline
+from mavhums.health.monitor import Findings
+from mavhums_sim import EmaParameters, Flight, FlightRecord
+from mavhums_sim.campaign import consume
+from mavhums_sim.conditions import Condition
+from mavhums_sim.flight import ActuatorRecord
+from mavhums_sim.individuals import Individual
+from mavhums_sim.replay import replay
+
+__all__ = [
+    "ACTUATORS",
+    "MODES",
+    "SURFACES",
+    "Judged",
+    "Task",
+    "added",
+    "baselines_of",
+    "flight",
+    "fly_all",
+    "judge",
+    "quantities",
+    "replayed",
+]
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+PAPER = EmaParameters.from_data_sheet().two_masses()
+ACTUATORS = {actuator.name: actuator for actuator in load_airframe("paper").actuators}
+SURFACES = tuple(ACTUATORS)
+MODES = ("takeoff", "cruise", "turns", "gusts", "landing")
+_SEED = 70_000_000  # training and the study use seeds below ten million
+
+
+@dataclass(frozen=True, slots=True)
+class DriftingFlight(Flight):
+    """A flight before which the torque constant drifted, up or down by at most so much of it."""
+
+    drift: float = 0.0
+
+    def individual(self, index: int) -> Individual:
+        own = Flight.individual(self, index)
+        rng = np.random.default_rng([self.seed, 11, index])
+        return replace(own, torque_constant=own.torque_constant * (1.0 + self.drift * rng.uniform(-1.0, 1.0)))
+
+
+class Task(NamedTuple):
+    """One flight: its name in the results, and what is to be flown."""
+
+    name: str
+    flight: Flight
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What was said of one actuator in one flight."""
+
+    surface: str
+    findings: Findings
+    windows: tuple[Window, ...] = ()
+    changes: tuple[ConditionChanged, ...] = ()
+    truth: dict[str, float] = field(default_factory=dict)
+
+
+def flight(number: int, aircraft: int, *, rate_hz: float, mode: str = "takeoff", **given: object) -> Flight:
+    """Return flight ``number`` of an aircraft whose actuators are its own."""
+    kind = DriftingFlight if "drift" in given else Flight
+    return kind(
+        seed=_SEED + 100_000 * aircraft + number,
+        rate_hz=rate_hz,
+        parameters=PAPER,
+        individuals=_SEED + aircraft,
+        **{"cyclogram": mode, **given},  # type: ignore[arg-type]
+    )
+
+
+def added(fault: str, severity: float) -> dict[str, tuple[Condition, ...]]:
+    """Return a constant fault of every surface's actuator."""
+    return dict.fromkeys(SURFACES, (Condition.constant(fault, severity),)) if severity else {}
+
+
+def quantities(record: ActuatorRecord, actuator: Actuator, tier: str) -> tuple[Array, Array]:
+    """Return times and V1…V12 as a tier's telemetry gives them.
+
+    ``instrumented`` all twelve as float32; ``without load`` the same but V11 and V12; ``esc-signed`` V1 in
+    pulses, V4 and V5 as float32, V7 in whole rev/min, and what follows from them.
+    """
+    values = record.values.astype(np.float32).astype(np.float64)
+    if tier == "instrumented":
+        return record.time_s, values
+    if tier == "without load":
+        values[:, 10:] = np.nan
+        return record.time_s, values
+    sensed = np.full_like(values, np.nan)
+    sensed[:, 0] = np.rint(values[:, 0] / 0.12) * 0.12
+    sensed[:, [3, 4]] = record.esc[:, :2].astype(np.float32)
+    sensed[:, 6] = np.rint(record.esc[:, 2])
+    origin = np.where(np.isfinite(sensed), 0, -1).astype(np.int8)
+    time_us = np.rint(record.time_s * 1e6).astype(np.int64)
+    aligned = Aligned(time_us, sensed, origin, np.gradient(sensed[:, 0], record.time_s), "esc-signed", True)
+    return record.time_s, Deriver(actuator).complete(aligned)
+
+
+def judge(
+    name: str,
+    record: FlightRecord,
+    *,
+    tier: str = "instrumented",
+    window_s: float = 10.0,
+    keep_windows: bool = False,
+    baselines: dict[str, dict[str, dict[str, Baseline]]] | None = None,
+) -> list[Judged]:
+    """Judge every actuator of a flight; ``baselines`` by aircraft (the name's first part) and surface."""
+    known = (baselines or {}).get(name.split("/", maxsplit=1)[0], {})
+    judged = []
+    for surface, flown in record.actuators.items():
+        actuator = ACTUATORS[surface]
+        monitor = Monitor(1, actuator, baselines=known.get(surface), window_s=window_s)
+        events = [*monitor.feed(*quantities(flown, actuator, tier)), *monitor.finish()]
+        windows = tuple(event for event in events if isinstance(event, Window))
+        changes = tuple(event for event in events if isinstance(event, ConditionChanged))
+        truth = {
+            "friction": float(flown.motion.friction[-1]),
+            "torque_constant": flown.individual.torque_constant,
+            "moving": flown.motion.moving_fraction,
+        }
+        judged.append(Judged(surface, monitor.findings(), windows if keep_windows else (), changes, truth))
+    return judged
+
+
+def fly_all(
+    tasks: list[Task], consumer: Callable[[str, FlightRecord], T], workers: int
+) -> Iterator[tuple[str, T]]:
+    """Fly and judge on all workers, with a progress bar."""
+    from rich.progress import track
+
+    yield from track(consume(tasks, consumer, workers), total=len(tasks), description=f"{len(tasks)} flights")
+
+
+def baselines_of(flights: list[tuple[str, list[Judged]]]) -> dict[str, dict[str, dict[str, Baseline]]]:
+    """Return baselines by aircraft, surface and fault from healthy flights."""
+    shown: dict[tuple[str, str, str], list[object]] = {}
+    for name, judged in flights:
+        for one in judged:
+            for indicator in one.findings.indicators:
+                shown.setdefault((name.split("/")[0], one.surface, indicator.fault), []).append(indicator)
+    found: dict[str, dict[str, dict[str, Baseline]]] = {}
+    for (aircraft, surface, fault), indicators in shown.items():
+        baseline = Baseline.of(indicators)  # type: ignore[arg-type]
+        if baseline is not None:
+            found.setdefault(aircraft, {}).setdefault(surface, {})[fault] = baseline
+    return found
+
+
+def replayed(logs: Path) -> list[object]:
+    """Return cyclograms of real logs that carry commands and airspeed, at least 100 s of each."""
+    names = ("sitl/plane_hirate.tlog", "sitl/plane_normal.tlog")
+    return [replay(logs / name).cyclogram for name in names if (logs / name).exists()]
