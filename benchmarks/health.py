@@ -1,4 +1,4 @@
-"""How right, how early and how sure the verdicts are: ``python benchmarks/health.py [SECTION…] [--scale 1.0]``.
+"""How right, early and sure the verdicts are: ``python benchmarks/health.py [SECTION…] [--scale 1.0]``.
 
 Sections: windows, flights, friction, early, alarms, growth, conditions, replay, cost; all if none is named.
 Every flight is flown by two-mass individuals with dispersion, from seeds that training never used, at
@@ -144,7 +144,8 @@ def flights(args: argparse.Namespace) -> Rows:
                 if outcome not in ("right", "undecided"):
                     args.say(f"{tier} {name}: {truth} N·m called {condition}")
         total = counts.total()
-        yield f"| {tier} | {rate_hz:g} Hz | {total} | {counts['right']} | {counts['undecided']} | {counts['wrong']} |"
+        cells = " | ".join(str(counts[outcome]) for outcome in ("right", "undecided", "wrong"))
+        yield f"| {tier} | {rate_hz:g} Hz | {total} | {cells} |"
 
 
 # Friction estimate -----------------------------------------------------------------------------------
@@ -255,7 +256,7 @@ def _found(
 
 
 def early(args: argparse.Namespace) -> Rows:
-    yield f"Baseline of {REFERENCE_FLIGHTS} flights; share of actuator-flights in which the friction is found."
+    yield f"Baseline of {REFERENCE_FLIGHTS} flights; share of actuator-flights in which friction is found."
     yield ""
     yield "| rate | modes | k_t drift | +0.02 N·m | +0.03 | +0.05 | of |"
     yield "|---|---|---|---|---|---|---|"
