@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from mavhums.health.decision import Change, Decision, rule
 from mavhums.health.friction import Moments, estimate_friction, friction_moments
 from mavhums.health.motion import motion
 from mavhums.health.slots import Slot, SlotCutter
-from mavhums.health.votes import Classifier, Votes, count_votes, vote_share
+from mavhums.health.votes import Classifier, count_votes, outcome
 
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 
@@ -31,7 +31,7 @@ class _Second:
     samples: int
     moving: int
     friction: Moments
-    votes: Votes | None
+    votes: NDArray[np.int64]
 
 
 @dataclass(slots=True)
@@ -46,13 +46,17 @@ class _Episode:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What a flight showed of one actuator; ``last_s`` is the flight time of its last sample."""
+    """What a flight showed of one actuator.
+
+    ``network`` is the one that ``p_emergency`` is of, and ``last_s`` the flight time of the last sample.
+    """
 
     condition: Condition
     worst: Condition
     since_s: float | None
     friction: Interval | None
     p_emergency: float | None
+    network: int | None
     coverage: Coverage
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
@@ -68,8 +72,8 @@ class Monitor:
         System id.
     actuator
         From the airframe profile.
-    network
-        Whose votes are shown beside the friction; None for no votes.
+    networks
+        Whose votes are shown beside the friction, the one that wants the most quantities first.
 
     Raises
     ------
@@ -77,19 +81,20 @@ class Monitor:
         If the profile leaves the actuator's constants or limits open.
     """
 
-    def __init__(self, vehicle: int, actuator: Actuator, network: Classifier | None = None) -> None:
+    def __init__(self, vehicle: int, actuator: Actuator, networks: Sequence[Classifier] = ()) -> None:
         self.vehicle = vehicle
         self.actuator = actuator
-        self._network = network
+        self._networks = networks
         self._cutter = SlotCutter()
         self._seconds: deque[_Second] = deque(maxlen=WINDOW_S)
         self._first: int | None = None
         self._limits = actuator.known_limits()
-        self._torque_uncertainty = actuator.known_ema().torque_uncertainty
+        self._ema = actuator.known_ema()
         self._decision = Decision(self._limits)
         self._episodes: list[_Episode] = []
         self._windows = self._decidable = self._samples = self._moving = 0
         self._last: Window | None = None
+        self._voted: int | None = None
 
     def feed(
         self, time_s: NDArray[np.float64], values: NDArray[np.float64]
@@ -110,6 +115,7 @@ class Monitor:
             since_s=self._decision.since_s,
             friction=last.friction_nm if last else None,
             p_emergency=last.p_emergency if last else None,
+            network=self._voted,
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
@@ -137,15 +143,17 @@ class Monitor:
         seen = motion(self.actuator, slot)
         if seen is None:
             return None
-        votes = count_votes(self._network, seen) if self._network else None
-        moving = int(np.count_nonzero(seen.moving))
-        return _Second(slot.index, len(seen.moving), moving, friction_moments(self.actuator, seen), votes)
+        moving = seen.values[seen.moving]
+        votes = count_votes(self._networks, moving, (0, len(moving)), self._ema.gear_ratio)
+        return _Second(
+            slot.index, len(seen.moving), len(moving), friction_moments(self.actuator, seen), votes
+        )
 
     def _window(self, last_index: int) -> Iterator[Window | ConditionChanged]:
         start_s, end_s = float(last_index + 1 - WINDOW_S), float(last_index + 1)
         seconds = [second for second in self._seconds if second.index >= start_s]
-        friction = estimate_friction([s.friction for s in seconds], self._torque_uncertainty)
-        share = vote_share([s.votes for s in seconds if s.votes is not None])
+        friction = estimate_friction([s.friction for s in seconds], self._ema.torque_uncertainty)
+        vote = outcome(self._networks, np.concatenate([second.votes for second in seconds]))
         limits = self._limits
         if friction is not None and friction.high - friction.low > limits.emergency - limits.normal:
             friction = None
@@ -158,13 +166,14 @@ class Monitor:
             end_s=end_s,
             moving_fraction=sum(second.moving for second in seconds) / samples,
             friction_nm=friction,
-            p_emergency=share,
+            p_emergency=vote.p_emergency if vote else None,
             condition=self._decision.condition,
         )
         self._windows += 1
         if friction is not None:
             self._decidable += 1
             self._last = window
+            self._voted = vote.network if vote else None
             self._extend_episode(change, end_s, friction.estimate)
         yield window
         if change is not None:
@@ -208,9 +217,9 @@ class Monitor:
                 rule=self._agreement(self._last.p_emergency),
             )
 
-    def _agreement(self, share: float) -> str:
-        opposed = {"normal": share > 0.5, "emergency": share <= 0.5}.get(self._decision.condition, False)
-        text = "network: part of the window's moving samples that it calls an emergency; friction decides"
+    def _agreement(self, p: float) -> str:
+        opposed = {"normal": p > 0.5, "emergency": p <= 0.5}.get(self._decision.condition, False)
+        text = "network: probability of an emergency by the window's moving samples; friction decides"
         return f"{text}, and the network disagrees" if opposed else text
 
     def _suspects(self) -> tuple[Suspect, ...]:

@@ -6,7 +6,17 @@ from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
-from mavhums.assessment import ALL, Condition, Coverage, Evidence, Interval, Since, Suspect, Verdict
+from mavhums.assessment import (
+    ALL,
+    Condition,
+    Coverage,
+    Evidence,
+    Interval,
+    ModelSummary,
+    Since,
+    Suspect,
+    Verdict,
+)
 from mavhums.health.monitor import WINDOW_S, Findings
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
@@ -22,6 +32,7 @@ def judged(
     late: int,
     provenance: dict[str, str],
     tier: Tier,
+    model: ModelSummary | None = None,
 ) -> Verdict:
     """Return the verdict on an actuator whose telemetry was followed.
 
@@ -43,6 +54,7 @@ def judged(
         condition=condition,
         worst=findings.worst,
         p_emergency=_round(findings.p_emergency),
+        model=model,
         friction_nm=_rounded(findings.friction),
         suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
         since=_since(None if silent else findings.since_s, start_utc),

@@ -1,4 +1,9 @@
-"""The network's votes: which share of a window's moving samples it calls an emergency."""
+"""The networks' evidence: the votes of a window's moving samples, and the probability they amount to.
+
+The network that an actuator gets is the first whose quantities its samples carry. Votes are
+counted apart for the two directions of motion, because a load that a network does not know helps
+in one direction as much as it hinders in the other.
+"""
 
 from __future__ import annotations
 
@@ -6,50 +11,133 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from mavhums.health.motion import Motion
+from mavhums.quantities import column
 
-__all__ = ["Classifier", "Votes", "count_votes", "vote_share"]
+__all__ = ["Ballot", "Classifier", "Outcome", "count_votes", "outcome"]
 
 _MIN_VOTERS = 20
+_MIN_PER_DIRECTION = 5
+_V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
+
+Counts = NDArray[np.int64]
 
 
 class Classifier(Protocol):
-    """What is needed of a network; ``values`` are V1…V12, shape (n, 12)."""
+    """What is needed of a network."""
 
-    def p_emergency(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the probability of an emergency for each sample, shape (n,)."""
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The quantities that it reads."""
         ...
 
-    def inside(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which samples lie within the network's experience, shape (n,)."""
+    def votes(self, values: NDArray[np.float64]) -> NDArray[np.int8]:
+        """Return 1 for an emergency, 0 for none, -1 outside its experience; V1…V12 (n, 12) to (n,)."""
+        ...
+
+    def probability(self, share: float) -> float:
+        """Return the probability of an emergency for a window's share of votes."""
         ...
 
 
-class Votes(NamedTuple):
-    """Counts over a slot: moving samples, those the network may judge, those it calls an emergency."""
+class Ballot(NamedTuple):
+    """Columns of what :func:`count_votes` returns for each slot."""
 
-    moving: int
-    voters: int
-    emergency: int
-
-
-def count_votes(network: Classifier, motion: Motion) -> Votes:
-    """Let the network judge each moving sample that lies within its experience."""
-    values = motion.values[motion.moving]
-    known = values[network.inside(values)]
-    emergency = int(np.count_nonzero(network.p_emergency(known) > 0.5)) if len(known) else 0
-    return Votes(len(values), len(known), emergency)
+    network: int = 0  # which of the networks voted; -1 for none
+    moving: int = 1
+    voters: slice = slice(2, 4)  # backward and forward
+    emergency: slice = slice(4, 6)
 
 
-def vote_share(slots: Sequence[Votes]) -> float | None:
-    """Return the share of votes for an emergency; None where the network abstains.
+_BALLOT = Ballot()
+_COLUMNS = 6
 
-    It abstains on few samples, and where more than half of them lie outside its experience.
+
+class Outcome(NamedTuple):
+    """A window's probability of an emergency, and which of the networks says so."""
+
+    p_emergency: float
+    network: int
+
+
+def count_votes(
+    networks: Sequence[Classifier], moving: NDArray[np.float64], bounds: ArrayLike, gear_ratio: float
+) -> Counts:
+    """Let the networks vote on the moving samples of one slot or of several.
+
+    Parameters
+    ----------
+    networks
+        The one that wants the most quantities first. A slot is given to the first whose
+        quantities at least half of its samples carry.
+    moving
+        V1…V12 of the slots' moving samples, one slot after another, shape (n, 12).
+    bounds
+        Where each slot begins in ``moving``, and where the last one ends, shape (slots + 1,).
+    gear_ratio
+        Of the actuator: a V3 that is exactly V2 divided by it was not measured.
+
+    Returns
+    -------
+    NDArray
+        Shape (slots, 6); the columns are those of :class:`Ballot`. A slot's row does not depend on
+        the slots that it is given together with.
     """
-    moving = sum(slot.moving for slot in slots)
-    voters = sum(slot.voters for slot in slots)
-    if voters < _MIN_VOTERS or 2 * voters < moving:
+    edges = np.asarray(bounds, dtype=np.int64)
+    sizes = np.diff(edges)
+    counts = np.zeros((len(sizes), _COLUMNS), dtype=np.int64)
+    counts[:, _BALLOT.network] = -1
+    counts[:, _BALLOT.moving] = sizes
+    carried = np.isfinite(moving)
+    carried[:, _V3] &= moving[:, _V3] != moving[:, _V2] / gear_ratio
+    for k, network in enumerate(networks):
+        whole = carried[:, [column(key) for key in network.keys]].all(axis=1)
+        its_own = (counts[:, _BALLOT.network] < 0) & (2 * _sums(whole, edges) >= sizes) & (sizes > 0)
+        if not its_own.any():
+            continue
+        counts[its_own, _BALLOT.network] = k
+        asked = whole & np.repeat(its_own, sizes)
+        votes = np.full(len(moving), -1, dtype=np.int8)
+        votes[asked] = network.votes(moving[asked])
+        forward = moving[:, _V7] > 0
+        tallies = [(votes >= least) & way for least in (0, 1) for way in (~forward, forward)]
+        counts[its_own, 2:] = np.stack([_sums(tally, edges) for tally in tallies], axis=1)[its_own]
+    return counts
+
+
+def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
+    """Return the probability of an emergency in a window; None where the networks abstain.
+
+    They abstain on fewer than twenty votes, on fewer than five in either direction, and where more
+    than half of the moving samples lie outside their experience. Where slots were given to several
+    networks, the one that cast the most votes decides, of equals the first.
+
+    Parameters
+    ----------
+    networks
+        As for :func:`count_votes`.
+    counts
+        Rows of the window's slots, shape (slots, 6).
+    """
+    chosen = counts[:, _BALLOT.network]
+    cast = [int(counts[chosen == k, _BALLOT.voters].sum()) for k in range(len(networks))]
+    if not any(cast):
         return None
-    return sum(slot.emergency for slot in slots) / voters
+    network = int(np.argmax(cast))
+    own = counts[chosen == network].sum(axis=0)
+    voters, emergency = own[_BALLOT.voters], own[_BALLOT.emergency]
+    if (
+        voters.sum() < _MIN_VOTERS
+        or voters.min() < _MIN_PER_DIRECTION
+        or 2 * voters.sum() < counts[:, _BALLOT.moving].sum()
+    ):
+        return None
+    share = float(np.mean(emergency / voters))
+    return Outcome(networks[network].probability(share), network)
+
+
+def _sums(flags: ArrayLike, edges: NDArray[np.int64]) -> Counts:
+    """Return how many flags are set between each edge and the next, shape (len(edges) − 1,)."""
+    running = np.concatenate([[0], np.cumsum(flags)])
+    return np.diff(running[edges])
