@@ -167,7 +167,8 @@ def _both_classes(
     )
     inputs = [column(key) for key in telemetry.keys]
     values, numbers = [], []
-    fleet = fly_fleet(actuator, telemetry, frictions, seed=seed, cyclograms=telemetry.cyclograms)
+    cyclograms = [telemetry.cyclograms[k % len(telemetry.cyclograms)] for k in range(flights)]
+    fleet = fly_fleet(actuator, telemetry, frictions, seed=seed, cyclograms=2 * cyclograms)
     for k, flown in enumerate(fleet):
         moving, _ = moving_samples(actuator, flown)
         kept = moving[np.isfinite(moving[:, inputs]).all(axis=1)][::_EVERY]

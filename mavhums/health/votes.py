@@ -92,7 +92,7 @@ def count_votes(
     carried = np.isfinite(moving)
     carried[:, _V3] &= moving[:, _V3] != moving[:, _V2] / gear_ratio
     for k, network in enumerate(networks):
-        whole = carried[:, [column(key) for key in network.keys]].all(axis=1)
+        whole = np.asarray(carried[:, [column(key) for key in network.keys]].all(axis=1))
         its_own = (counts[:, _BALLOT.network] < 0) & (2 * _sums(whole, edges) >= sizes) & (sizes > 0)
         if not its_own.any():
             continue
@@ -102,7 +102,7 @@ def count_votes(
         votes[asked] = network.votes(moving[asked])
         forward = moving[:, _V7] > 0
         tallies = [(votes >= least) & way for least in (0, 1) for way in (~forward, forward)]
-        counts[its_own, 2:] = np.stack([_sums(tally, edges) for tally in tallies], axis=1)[its_own]
+        counts[its_own, 2:] = _sums(np.stack(tallies, axis=1), edges)[its_own]
     return counts
 
 
@@ -137,7 +137,8 @@ def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
     return Outcome(networks[network].probability(share), network)
 
 
-def _sums(flags: ArrayLike, edges: NDArray[np.int64]) -> Counts:
-    """Return how many flags are set between each edge and the next, shape (len(edges) − 1,)."""
-    running = np.concatenate([[0], np.cumsum(flags)])
-    return np.diff(running[edges])
+def _sums(flags: NDArray[np.bool_], edges: NDArray[np.int64]) -> Counts:
+    """Return how many flags are set between each edge and the next; (n, …) to (len(edges) − 1, …)."""
+    running = np.zeros((len(flags) + 1, *flags.shape[1:]), dtype=np.int64)
+    np.cumsum(flags, axis=0, out=running[1:])
+    return running[edges[1:]] - running[edges[:-1]]
