@@ -10,7 +10,7 @@ modes       normal (0.225 … 0.375 N·m) and emergency (0.875 … 1.025 N·m), 
 population  frictions through the whole range at 100, 50, 25 and 10 Hz: Brier score and calibration
 faults      windows between the classes, and with other faults: who abstains, and what is said
 selection   what the selected inputs, a single-mass EMA and one friction per class would do instead
-cost        time to count the votes of 6,000 samples
+cost        processor time to count the votes of 6,000 samples
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 from rich.console import Console
@@ -251,7 +251,7 @@ def trained(telemetry: Telemetry, classes: tuple[Range, Range]) -> Network:
 
 
 def cost(models: dict[str, Model]) -> Table:
-    rows = table("model", "hidden", "ms, one call", "ms, a call a second", "one second's call, µs")
+    rows = table("model", "hidden", "CPU ms, one call", "CPU ms, a call a second", "one second's call, µs")
     for name, model in models.items():
         flown = next(iter(fleet(TELEMETRY[name], CLASSES[0], 1, 90, ["takeoff"])))
         moving = np.resize(moving_samples(ACTUATOR, flown)[0], (6000, 12))
@@ -261,9 +261,9 @@ def cost(models: dict[str, Model]) -> Table:
         def timed(run: object, repeats: int = 20) -> float:
             times = []
             for _ in range(repeats):
-                begin = perf_counter()
+                begin = process_time()
                 run()  # type: ignore[operator]
-                times.append(perf_counter() - begin)
+                times.append(process_time() - begin)
             return 1e3 * float(np.median(times))
 
         networks = [*models.values()]

@@ -92,8 +92,11 @@ def count_votes(
     carried = np.isfinite(moving)
     carried[:, _V3] &= moving[:, _V3] != moving[:, _V2] / gear_ratio
     for k, network in enumerate(networks):
+        open_ = (counts[:, _BALLOT.network] < 0) & (sizes > 0)
+        if not open_.any():
+            break
         whole = np.asarray(carried[:, [column(key) for key in network.keys]].all(axis=1))
-        its_own = (counts[:, _BALLOT.network] < 0) & (2 * _sums(whole, edges) >= sizes) & (sizes > 0)
+        its_own = open_ & (2 * _sums(whole, edges) >= sizes)
         if not its_own.any():
             continue
         counts[its_own, _BALLOT.network] = k
