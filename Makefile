@@ -18,9 +18,11 @@ lint: .venv/.ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# The model that ships with the package.
+# The models that ship with the package, one for each telemetry.
 model: .venv/.ready
-	$(BIN)/mavhums train --airframe paper -o mavhums/learn/models/paper-instrumented.safetensors
+	for tier in instrumented without-load esc; do \
+		$(BIN)/mavhums train --airframe paper --tier $$tier -o mavhums/learn/models/paper-$$tier.safetensors || exit 1; \
+	done
 
 # The pictures in the README; needs the Debian packages mesa-vulkan-drivers and ca-certificates.
 pictures: .venv/.ready demo

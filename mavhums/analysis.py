@@ -12,7 +12,7 @@ from mavhums.assessment import Assessment
 from mavhums.engine import Engine
 from mavhums.errors import MavhumsError
 from mavhums.events import Event
-from mavhums.learn import Model, default_model, load_model
+from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import read_blocks
 
 __all__ = ["analyse", "record"]
@@ -22,7 +22,7 @@ def analyse(
     path: str | os.PathLike[str],
     *,
     airframe: Airframe | str | Path | None = None,
-    model: Model | str | Path | None = None,
+    model: Model | Sequence[Model] | str | Path | None = None,
     dialect: str | os.PathLike[str] | None = None,
     recording: str | os.PathLike[str] | None = None,
     consume: Callable[[Sequence[Event]], None] | None = None,
@@ -37,7 +37,7 @@ def analyse(
     airframe
         A profile, its name or its path; if None, the one that the log names itself.
     model
-        A model or its file; if None, the one that ships with mavhums.
+        A model or its file, or several models; if None, those that ship with mavhums.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
     recording
@@ -63,8 +63,7 @@ def analyse(
     'normal'
     """
     profile = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
-    if not isinstance(model, Model):
-        model = default_model() if model is None else load_model(model)
+    models = _models(model)
     if recording is not None:
         if str(path) == "-":
             raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
@@ -79,11 +78,11 @@ def analyse(
                     consume(events)
 
             assessment = analyse(
-                path, airframe=profile, model=model, dialect=dialect, consume=both, progress=progress
+                path, airframe=profile, model=models, dialect=dialect, consume=both, progress=progress
             )
             recorder.close(assessment)
         return assessment
-    engine = Engine(profile, model=model, dialect=dialect)
+    engine = Engine(profile, model=models, dialect=dialect)
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, dialect=dialect):
         digest.update(block)
@@ -104,7 +103,7 @@ def record(
     path: str | os.PathLike[str],
     *,
     airframe: Airframe | str | Path | None = None,
-    model: Model | str | Path | None = None,
+    model: Model | Sequence[Model] | str | Path | None = None,
 ) -> None:
     """Write the Rerun recording of an assessment, reading its log once more.
 
@@ -123,6 +122,14 @@ def record(
     if log.path is None or _sha256(log.path) != log.sha256:
         raise MavhumsError(f"{log.path}: not the log that was judged", "analyse it again")
     analyse(log.path, airframe=airframe, model=model, recording=path)
+
+
+def _models(given: Model | Sequence[Model] | str | Path | None) -> Sequence[Model]:
+    if given is None:
+        return packaged_models()
+    if isinstance(given, str | Path):
+        return (load_model(given),)
+    return (given,) if isinstance(given, Model) else given
 
 
 def _sha256(path: str | os.PathLike[str]) -> str:

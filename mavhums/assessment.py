@@ -130,11 +130,19 @@ class Indicator(_Contract):
     baseline: Interval | None = None
 
 
+class ModelSummary(_Contract):
+    """A network whose votes are among the evidence."""
+
+    name: str
+    hash: str
+
+
 class Verdict(_Contract):
     """What the log says of one actuator.
 
     ``condition`` is the last decidable state, ``worst`` the worst one reached.
-    ``undecided`` always carries ``reason`` and ``remedy``.
+    ``undecided`` always carries ``reason`` and ``remedy``. ``model`` is the network that
+    ``p_emergency`` is of, the probability that its friction lies nearer to an emergency than to normal.
 
     Examples
     --------
@@ -147,6 +155,7 @@ class Verdict(_Contract):
     condition: Condition
     worst: Condition
     p_emergency: float | None = Field(default=None, ge=0, le=1)
+    model: ModelSummary | None = None
     friction_nm: Interval | None = None
     suspects: tuple[Suspect, ...] = ()
     since: Since | None = None
@@ -237,15 +246,10 @@ class LogSummary(_Contract):
     losses: Losses
 
 
-class ModelSummary(_Contract):
-    """The network whose votes are among the evidence."""
-
-    name: str
-    hash: str
-
-
 class Assessment(_Contract):
     """Every verdict that a log supports.
+
+    ``model`` is the richest network among those of the verdicts.
 
     Examples
     --------

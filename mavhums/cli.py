@@ -39,7 +39,7 @@ def cli() -> None:
 @cli.command(epilog="Not an airworthiness decision; validated in simulation only.")
 @LOGS
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")
+@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
 @DIALECT
 @JSON
 @click.option(
@@ -67,12 +67,12 @@ def analyse(
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.analysis import analyse as judge
-    from mavhums.learn import default_model, load_model
+    from mavhums.learn import load_model, packaged_models
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")
     profile = load_airframe(airframe) if airframe else None
-    network = load_model(model) if model else default_model()
+    networks = (load_model(model),) if model else packaged_models()
     recordings = _recordings(logs, rrd)
     assessments: list[Assessment] = []
     failed = False
@@ -82,7 +82,7 @@ def analyse(
                 assessment = judge(
                     log,
                     airframe=profile,
-                    model=network,
+                    model=networks,
                     dialect=dialect,
                     recording=recordings.get(log),
                     progress=progress,

@@ -18,7 +18,14 @@ __all__ = ["precedents", "study", "train"]
 
 @click.command()
 @click.option("--airframe", default="paper", show_default=True, metavar="NAME|FILE", help="Airframe profile.")
-@click.option("--flights", default=6, show_default=True, type=click.IntRange(1), help="Flights per class.")
+@click.option(
+    "--tier",
+    default="instrumented",
+    show_default=True,
+    type=click.Choice(["instrumented", "without-load", "esc"]),
+    help="Telemetry that the model is for: all of V1-V12, without V11 and V12, or of the ESCs.",
+)
+@click.option("--flights", default=12, show_default=True, type=click.IntRange(1), help="Flights per class.")
 @click.option(
     "--networks", default=10, show_default=True, type=click.IntRange(1), help="Networks to choose from."
 )
@@ -34,6 +41,7 @@ __all__ = ["precedents", "study", "train"]
 @click.option("-o", "--output", required=True, type=PATH, metavar="MODEL")
 def train(
     airframe: str,
+    tier: str,
     flights: int,
     networks: int,
     seed: int,
@@ -44,7 +52,8 @@ def train(
     """Train a model for an airframe's actuators on simulated flights, and write it to MODEL.
 
     Training flies each class in the simulator, selects features by chi-square and regression,
-    trains several networks and chooses one by flights that it did not train on.
+    trains several networks, chooses one by flights that it did not train on, and calibrates its votes
+    on others again.
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase, save_model
@@ -55,6 +64,7 @@ def train(
     with steps("training") as progress:
         network, card = train_model(
             profile,
+            tier=tier,
             flights=flights,
             networks=networks,
             seed=seed,
@@ -66,6 +76,8 @@ def train(
     click.echo(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
     for name, value in card.metrics.items():
         click.echo(f"  {name.replace('_', ' ')}: {100 * value:.2f} %")
+    for name, value in (card.calibration.metrics if card.calibration else {}).items():
+        click.echo(f"  {name.replace('_', ' ')}: {value:.4g}")
 
 
 @click.group()

@@ -55,19 +55,27 @@ def model() -> None:
 
 
 @model.command("show")
-@click.argument("file", required=False, metavar="[FILE]", type=PATH)
+@click.argument("file", required=False, metavar="[FILE|NAME]", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def show_model(file: Path | None, as_json: bool) -> None:
-    """Print the card of the model in FILE, or of the packaged one.
+    """Print the card of the model in FILE, or of a packaged one.
 
-    The card tells the features, the training, what the selection found, the metrics, and the command
-    that regenerates the model.
+    The card tells the features, the training, the calibration, what the selection found, the metrics,
+    and the command that regenerates the model.
+
+    \b
+    Packaged, by NAME:
+      paper-instrumented    for all of V1-V12 (default)
+      paper-without-load    for V1-V10: the load torque is not measured
+      paper-esc             for what an ESC tells
     """
     import json
 
-    from mavhums.learn import default_model, load_model
+    from mavhums.learn import load_model, packaged_models
 
-    network = default_model() if file is None else load_model(file)
+    packaged = {each.card.name: each for each in packaged_models()}
+    wanted = next(iter(packaged)) if file is None else str(file)
+    network = packaged.get(wanted) or load_model(wanted)
     if as_json:
         card = {"hash": network.hash, **network.card.model_dump(mode="json")}
         click.echo(json.dumps(card, indent=2, ensure_ascii=False))

@@ -7,7 +7,7 @@ of its own. However its input is cut into blocks, the verdicts are the same.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 
 from mavhums.actuator.fleet import Fleet
@@ -34,7 +34,8 @@ class Engine:
     airframe
         The profile for every vehicle; if None, each vehicle is judged by the one that it names.
     model
-        Whose network's votes are shown beside the friction, where its card names the airframe.
+        One or several, whose networks' votes are shown beside the friction. An actuator gets the first
+        that is for its airframe and whose quantities its samples carry.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
     baselines
@@ -52,7 +53,7 @@ class Engine:
         self,
         airframe: Airframe | None = None,
         *,
-        model: Model | None = None,
+        model: Model | Sequence[Model] | None = None,
         dialect: str | os.PathLike[str] | None = None,
         baselines: Baselines | None = None,
     ) -> None:
@@ -60,7 +61,7 @@ class Engine:
         wanted = messages_for(airframe.actuators if airframe else ())
         self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect)
         self._fleet = Fleet(airframe)
-        self._model = model
+        self._models = () if model is None else (model,) if isinstance(model, Model) else tuple(model)
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._segments: dict[int, int] = {}
@@ -84,7 +85,8 @@ class Engine:
         first, last = decoder.first_time_us, decoder.last_time_us
         vehicles = vehicles_of(decoder.counts)
         names = self._fleet.airframes
-        model = self._model if self._model and names == [self._model.card.airframe] else None
+        verdicts = tuple(verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle))
+        voted = {verdict.model for verdict in verdicts}
         return Assessment(
             log=LogSummary(
                 path=path,
@@ -95,8 +97,8 @@ class Engine:
                 losses=decoder.losses,
             ),
             airframe=", ".join(names) or None,
-            model=ModelSummary(name=model.card.name, hash=model.hash) if model else None,
-            verdicts=tuple(verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle)),
+            model=next((said for said in map(_summary, self._models) if said in voted), None),
+            verdicts=verdicts,
         )
 
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
@@ -136,15 +138,16 @@ class Engine:
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
         key = (mapped.vehicle, actuator.name)
         if key not in self._monitors:
-            serves = self._model is not None and self._model.card.airframe == mapper.airframe.name
-            network = self._model.network if self._model and serves else None
             self._monitors[key] = Monitor(
-                mapped.vehicle, actuator, network, baselines=self._baselines_of(mapped.vehicle, actuator.name)
+                mapped.vehicle,
+                actuator,
+                self._serving(mapper.airframe),
+                baselines=self._baselines_of(mapped.vehicle, actuator.name),
             )
         yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
 
-    def _baselines_of(self, vehicle: int, name: str) -> dict[str, Baseline]:
-        return {key[2]: baseline for key, baseline in self._baselines.items() if key[:2] == (vehicle, name)}
+    def _serving(self, airframe: Airframe) -> list[Model]:
+        return [model for model in self._models if model.card.airframe == airframe.name]
 
     def _verdicts(self, vehicle: int | None) -> Iterator[Verdict]:
         tier = self._fleet.tier(vehicle, self._decoder.counts)
@@ -161,19 +164,26 @@ class Engine:
             elif actuator.blanks and monitor.findings().worst == "undecided":
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance)
             else:
+                findings = monitor.findings()
+                voted = findings.network
                 yield judged(
                     vehicle,
                     actuator,
-                    monitor.findings(),
+                    findings,
                     start_utc=_utc(self._decoder.first_time_us or 0),
                     end_s=self._flight_time(self._decoder.last_time_us or 0),
                     late=mapper.late(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
+                    model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),
                 )
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6
+
+
+def _summary(model: Model) -> ModelSummary:
+    return ModelSummary(name=model.card.name, hash=model.hash)
 
 
 def _utc(time_us: int) -> datetime:

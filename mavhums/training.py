@@ -3,67 +3,89 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
-from mavhums.actuator.profile import Actuator, Airframe
+from mavhums.actuator.profile import Actuator, Airframe, Limits
 from mavhums.errors import MavhumsError
-from mavhums.learn import Card, Network, PrecedentBase, check_command, train_network
+from mavhums.learn import (
+    Calibration,
+    Card,
+    Model,
+    Network,
+    PrecedentBase,
+    brier_score,
+    calibrate,
+    check_command,
+    expected_calibration_error,
+    train_network,
+)
 from mavhums.precedents import flown_samples
-from mavhums.quantities import KEYS, column
-from mavhums_sim.ema import EmaParameters
-from mavhums_sim.flight import Flight, fly
+from mavhums.quantities import column
+from mavhums.training_flights import TELEMETRY, Telemetry, fly_fleet, moving_samples, windows
+from mavhums_sim.cyclogram import SURFACES
+from mavhums_sim.manoeuvres import CYCLOGRAMS
 
-__all__ = ["fly_class", "parameters_of", "train_model"]
+__all__ = ["friction_range", "train_model"]
 
 _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
-_SURFACE = "elevator"
-_EVERY = 5
-_CANDIDATES = KEYS[1:]  # the command V1 says nothing of the condition, and must not be let to seem to
+_EVERY = 20
+_RATES_HZ = (100.0, 50.0, 25.0, 10.0)
+_CALIBRATION, _MEASUREMENT = 200_000, 400_000  # added to the seed; training's are below both
 
 Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
 
 
 def train_model(
     airframe: Airframe,
     *,
-    flights: int = 6,
+    tier: str = "instrumented",
+    flights: int = 12,
     networks: int = 10,
     seed: int = 1,
     precedents: PrecedentBase | None = None,
     flown_weight: float = 1.0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Network, Card]:
-    """Fly both classes, select features, and train.
+    """Fly both classes, select features, train, and calibrate on other flights.
 
-    As in the paper, the classes are flown at one friction each: 0.6 times the normal limit and
-    1.17 times the emergency limit (0.225 and 1.025 N·m for the paper's actuator). Every flight
-    has a cyclogram of its own, so the command does not carry the class; every fifth moving sample
-    is kept, for a standing actuator shows no friction.
+    The fleet consists of individuals with two masses. Healthy actuators have a friction from 0.6
+    times the normal limit up to it, worn ones from the emergency limit up to 1.17 times it: the
+    paper's 0.225 … 0.375 and 0.875 … 1.025 N·m. Every flight has a cyclogram of its own, so the
+    command does not carry the class; every twentieth moving sample is kept, for a standing actuator
+    shows no friction.
+
+    Four times as many flights as of a class, with frictions through the whole range, all cyclograms and
+    rates of 100, 50, 25 and 10 Hz, calibrate the votes; as many more measure the calibration.
 
     Parameters
     ----------
     airframe
         All of whose actuators must have the same constants and limits.
+    tier
+        What telemetry the model is for: a name in :data:`mavhums.training_flights.TELEMETRY`.
     flights
-        Number of flights of each class.
-    networks, seed, progress
+        Number of flights of each class, of four actuators each.
+    networks, seed
         See :func:`mavhums.learn.train_network`.
     precedents
         Flights that supplement the simulation, as the paper intends. Quantities that not all of
         their samples carry are left out of the network.
     flown_weight
         How many simulated samples one of a precedent counts for.
+    progress
+        Called with the steps done and their number: flights and networks.
 
     Raises
     ------
     MavhumsError
-        If the actuators differ, the profile leaves their constants or limits open, or the precedents
-        hold none of the airframe.
+        If the actuators differ, the profile leaves their constants or limits open, there is no such
+        telemetry, or the precedents hold none of the airframe.
     MissingExtraError
         If torch is not installed.
     """
@@ -72,21 +94,18 @@ def train_model(
         raise MavhumsError(
             f"the actuators of {airframe.name} differ", "train one model for each, with profiles of one kind"
         )
-    limits = actuator.known_limits()
-    healthy = _HEALTHY_PER_LIMIT * limits.normal
-    emergency = _EMERGENCY_PER_LIMIT * limits.emergency
+    if tier not in TELEMETRY:
+        raise MavhumsError(f"no model is for telemetry {tier!r}", f"name one of: {', '.join(TELEMETRY)}")
+    telemetry, limits = TELEMETRY[tier], actuator.known_limits()
+    step, steps = count(1), 10 * flights + networks
+
+    def tick() -> None:
+        if progress:
+            progress(next(step), steps)
+
     supplement = None if precedents is None else flown_samples(precedents, airframe, every=_EVERY)
-    values, labels, numbers = [], [], []
-    for number in range(2 * flights):
-        is_emergency = number >= flights
-        flown = fly_class(actuator, emergency if is_emergency else healthy, seed=1_000_000 * seed + number)
-        moving = flown[np.abs(flown[:, 6]) > actuator.moving_speed_rev_min][::_EVERY]
-        values.append(moving)
-        labels.append(np.full(len(moving), is_emergency))
-        numbers.append(np.full(len(moving), number))
-    samples, classes, flight = (np.concatenate(parts) for parts in (values, labels, numbers))
-    check_command(samples[:, 0], classes, flight)
-    weights, keys = np.ones(len(samples)), _CANDIDATES
+    samples, classes, flight = _both_classes(actuator, telemetry, flights, 1_000_000 * seed, tick)
+    weights, keys = np.ones(len(samples)), telemetry.keys
     if supplement is not None:
         flown, flown_classes, flown_flights = supplement
         keys = tuple(key for key in keys if np.isfinite(flown[:, column(key)]).all())
@@ -100,27 +119,131 @@ def train_model(
         seed=seed,
         networks=networks,
         keys=keys,
+        features=telemetry.features and tuple(key for key in telemetry.features if key in keys),
         weights=None if precedents is None else weights,
-        progress=progress,
+        progress=lambda *_: tick(),
     )
     card = result.card(
-        name=f"{airframe.name}-instrumented",
+        name=f"{airframe.name}-{tier}",
         airframe=airframe.name,
-        tier="instrumented",
+        tier=telemetry.gives,
         command=(
-            f"mavhums train --airframe {airframe.name} --flights {flights} --networks {networks} "
-            f"--seed {seed}{_given(precedents, flown_weight)} -o MODEL"
+            f"mavhums train --airframe {airframe.name} --tier {tier} --flights {flights} "
+            f"--networks {networks} --seed {seed}{_given(precedents, flown_weight)} -o MODEL"
         ),
         conditions={
-            "cyclogram": "takeoff",
+            "cyclograms": [*telemetry.cyclograms],
             "flights_per_class": flights,
-            "friction_normal_nm": round(healthy, 4),
-            "friction_emergency_nm": round(emergency, 4),
-            "samples": "every fifth moving sample at 100 Hz",
+            "friction_normal_nm": _rounded(friction_range(limits)[0], limits.normal),
+            "friction_emergency_nm": _rounded(limits.emergency, friction_range(limits)[1]),
+            "actuators": "individuals with two masses, four a flight",
+            "samples": "every twentieth moving sample at 100 Hz",
+            "inputs": "selected" if telemetry.features is None else "given",
             **_supplement(precedents, flown_weight),
         },
     )
-    return result.network, card
+    draft = Model(result.network, card, "")
+    calibration = _calibration(actuator, telemetry, draft, 4 * flights, 1_000_000 * seed, tick)
+    return result.network, card.model_copy(update={"calibration": calibration})
+
+
+def friction_range(limits: Limits) -> tuple[float, float]:
+    """Return the smallest and the largest friction that is flown, N·m: those of the paper for its limits."""
+    return _HEALTHY_PER_LIMIT * limits.normal, _EMERGENCY_PER_LIMIT * limits.emergency
+
+
+def _both_classes(
+    actuator: Actuator, telemetry: Telemetry, flights: int, seed: int, tick: Callable[[], None]
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
+    """Return samples, classes and numbers of the flights that are trained on."""
+    limits = actuator.known_limits()
+    low, high = friction_range(limits)
+    random = np.random.default_rng(seed)
+    frictions = np.concatenate(
+        [
+            random.uniform(low, limits.normal, (flights, len(SURFACES))),
+            random.uniform(limits.emergency, high, (flights, len(SURFACES))),
+        ]
+    )
+    inputs = [column(key) for key in telemetry.keys]
+    values, numbers = [], []
+    cyclograms = [telemetry.cyclograms[k % len(telemetry.cyclograms)] for k in range(flights)]
+    fleet = fly_fleet(actuator, telemetry, frictions, seed=seed, cyclograms=2 * cyclograms)
+    for k, flown in enumerate(fleet):
+        moving, _ = moving_samples(actuator, flown)
+        kept = moving[np.isfinite(moving[:, inputs]).all(axis=1)][::_EVERY]
+        values.append(kept)
+        numbers.append(np.full(len(kept), flown.flight))
+        if k % len(SURFACES) == 0:
+            tick()
+    samples, number = np.concatenate(values), np.concatenate(numbers)
+    classes = number >= flights
+    check_command(samples[:, 0], classes, number)
+    return samples, classes, number
+
+
+def _calibration(
+    actuator: Actuator,
+    telemetry: Telemetry,
+    model: Model,
+    flights: int,
+    seed: int,
+    tick: Callable[[], None],
+) -> Calibration | None:
+    """Calibrate on some flights and measure on others; None where the network hardly ever votes."""
+    limits = actuator.known_limits()
+    middle = (limits.normal + limits.emergency) / 2
+
+    def fly_range(seed: int) -> tuple[Array, NDArray[np.bool_]]:
+        """Return shares of votes, and whether the friction was beyond the middle."""
+        random = np.random.default_rng(seed)
+        total = flights * len(SURFACES)
+        low, high = friction_range(limits)
+        frictions = low + (high - low) * (random.permutation(total) + random.random(total)) / total
+        share: list[float] = []
+        event: list[bool] = []
+        for k, flown in enumerate(
+            fly_fleet(
+                actuator,
+                telemetry,
+                frictions.reshape(flights, len(SURFACES)),
+                seed=seed,
+                cyclograms=[*CYCLOGRAMS],
+                rates_hz=_RATES_HZ,
+            )
+        ):
+            found = [vote.p_emergency for vote, _ in windows(actuator, [model], flown) if vote]
+            share += found
+            event += [flown.friction_nm > middle] * len(found)
+            if k % len(SURFACES) == 0:
+                tick()
+        return np.array(share), np.array(event, dtype=np.bool_)
+
+    share, event = fly_range(seed + _CALIBRATION)
+    tested, truth = fly_range(seed + _MEASUREMENT)
+    if len(set(event.tolist())) < 2 or not len(tested):
+        return None
+    fitted = calibrate(share, event)
+    said = np.array([fitted.probability(each) for each in tested])
+    return fitted.model_copy(
+        update={
+            "event": f"friction above {middle:g} N·m, the middle between the limits",
+            "metrics": {
+                "windows_calibrated_with": len(share),
+                "windows_measured": len(tested),
+                "brier_score_of_the_share": round(brier_score(tested, truth), 6),
+                "brier_score": round(brier_score(said, truth), 6),
+                "expected_calibration_error_of_the_share": round(
+                    expected_calibration_error(tested, truth), 6
+                ),
+                "expected_calibration_error": round(expected_calibration_error(said, truth), 6),
+            },
+        }
+    )
+
+
+def _rounded(low: float, high: float) -> list[JsonValue]:
+    return [round(low, 4), round(high, 4)]
 
 
 def _given(precedents: PrecedentBase | None, flown_weight: float) -> str:
@@ -134,25 +257,3 @@ def _supplement(precedents: PrecedentBase | None, flown_weight: float) -> dict[s
         return {}
     logs = {precedent.provenance.sha256 for precedent in precedents}
     return {"precedent_logs": [*sorted(logs)], "flown_weight": flown_weight}
-
-
-def fly_class(actuator: Actuator, friction_nm: float, *, seed: int) -> Array:
-    """Return V1…V12 of one simulated take-off at one friction, shape (n, 12)."""
-    flight = Flight(
-        seed=seed, friction_nm={_SURFACE: (friction_nm, friction_nm)}, parameters=parameters_of(actuator)
-    )
-    return fly(flight).actuators[_SURFACE].values
-
-
-def parameters_of(actuator: Actuator) -> EmaParameters:
-    """Return the simulator's parameters for a profile's EMA; what the profile lacks is as in Table 1."""
-    table_1 = EmaParameters.from_data_sheet()
-    ema = actuator.known_ema()
-    return replace(
-        table_1,
-        gear_ratio=ema.gear_ratio,
-        torque_per_ampere=ema.gear_ratio * ema.torque_constant,
-        resistance=ema.resistance,
-        inertia=actuator.inertia_output,
-        current_limit=table_1.supply_voltage / ema.resistance,
-    )

@@ -20,7 +20,7 @@ from mavhums.assessment import Assessment, Verdict, json_schema
 from mavhums.engine import Engine
 from mavhums.errors import ExitCode
 from mavhums.events import AirframeNamed, ConditionChanged, Notice, Samples, Window
-from mavhums.learn import Model, default_model
+from mavhums.learn import Model, default_model, packaged_models
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 from mavhums_sim.telemetry import messages
 from tests.conftest import real_logs
@@ -59,23 +59,30 @@ def packed(record: FlightRecord, system: int = 1, shift_us: int = 0) -> list[tup
 
 
 @pytest.fixture(scope="module")
-def short_verdicts(short_log: Path) -> str:
-    return judge([short_log.read_bytes()]).to_json()
+def models() -> tuple[Model, ...]:
+    return packaged_models()
+
+
+@pytest.fixture(scope="module")
+def short_verdicts(short_log: Path, models: tuple[Model, ...]) -> str:
+    return judge([short_log.read_bytes()], model=models).to_json()
 
 
 @given(data=st.data())
 @settings(max_examples=25, deadline=None)
 def test_the_verdicts_do_not_depend_on_the_blocks(
-    data: st.DataObject, short_log: Path, short_verdicts: str
+    data: st.DataObject, short_log: Path, short_verdicts: str, models: tuple[Model, ...]
 ) -> None:
     content = short_log.read_bytes()
     places = data.draw(cuts(len(content)))
-    assert judge(blocks(content, places)).to_json() == short_verdicts
+    assert '"paper-instrumented"' in short_verdicts
+    assert judge(blocks(content, places), model=models).to_json() == short_verdicts
 
 
-def test_even_one_byte_at_a_time(short_log: Path, short_verdicts: str) -> None:
+def test_even_one_byte_at_a_time(short_log: Path, short_verdicts: str, models: tuple[Model, ...]) -> None:
     content = short_log.read_bytes()
-    assert judge(content[k : k + 7] for k in range(0, len(content), 7)).to_json() == short_verdicts
+    parts = (content[k : k + 7] for k in range(0, len(content), 7))
+    assert judge(parts, model=models).to_json() == short_verdicts
 
 
 def test_growing_friction_is_followed_through_both_limits(growing_log: Path, model: Model) -> None:
@@ -394,9 +401,63 @@ def test_a_tier_that_cannot_tell_says_so(every_tier: FlightRecord, tiers: tuple[
 
 @given(data=st.data())
 @settings(max_examples=8, deadline=None)
-def test_blocks_do_not_matter_when_every_tier_speaks(data: st.DataObject, every_tier: FlightRecord) -> None:
+def test_blocks_do_not_matter_when_every_tier_speaks(
+    data: st.DataObject, every_tier: FlightRecord, models: tuple[Model, ...]
+) -> None:
     content = b"".join(record for _, record in packed(carrying(every_tier, "esc-unsigned", "pwm", "named")))
-    assert judge(blocks(content, data.draw(cuts(len(content))))).to_json() == judge([content]).to_json()
+    whole = judge([content], model=models)
+    parts = blocks(content, data.draw(cuts(len(content))))
+    assert judge(parts, model=models).to_json() == whole.to_json()
+    assert whole.model is not None
+
+
+@pytest.mark.parametrize(
+    ("tiers", "name"),
+    [
+        (("instrumented",), "paper-instrumented"),
+        (("named",), "paper-instrumented"),
+        (("esc-signed", "pwm"), "paper-esc"),
+        (("esc-unsigned", "pwm"), "paper-esc"),
+        (("pwm",), None),
+    ],
+)
+def test_each_telemetry_gets_the_network_for_what_it_carries(
+    every_tier: FlightRecord, models: tuple[Model, ...], tiers: tuple[str, ...], name: str | None
+) -> None:
+    records = [data for _, data in packed(carrying(every_tier, *tiers))]
+    assessment = judge_records(records, model=models)
+    assert (assessment.model and assessment.model.name) == name
+    elevator, rudder = of(assessment, "elevator"), of(assessment, "rudder")
+    assert (elevator.model and elevator.model.name) == name
+    if name is None:
+        assert elevator.p_emergency is None
+    else:
+        assert elevator.p_emergency is not None
+        assert rudder.p_emergency is not None
+        assert elevator.p_emergency > 0.9
+        assert rudder.p_emergency < 0.1
+    if name == "paper-esc":
+        assert of(judge_records(records, model=models[0]), "elevator").p_emergency is None
+
+
+def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
+    models: tuple[Model, ...],
+) -> None:
+    """The rudder alone has a load sensor; all have a position sensor."""
+    record = fly(Flight(seed=25, duration_s=20.0, friction_nm={"elevator": (1.0, 1.0)}))
+    for surface, actuator in record.actuators.items():
+        if surface != "rudder":
+            actuator.values[:, 10:] = float("nan")
+    assessment = judge_records((data for _, data in packed(record)), model=models)
+    said = {verdict.actuator: verdict.model.name for verdict in assessment.verdicts if verdict.model}
+    assert said.pop("rudder") == "paper-instrumented"
+    assert set(said.values()) == {"paper-without-load"}
+    assert len(said) == 3
+    assert assessment.model is not None
+    assert assessment.model.name == "paper-instrumented"
+    elevator = of(assessment, "elevator").p_emergency
+    assert elevator is not None
+    assert elevator > 0.9
 
 
 def test_a_bus_side_esc_is_undecided_with_its_reason() -> None:

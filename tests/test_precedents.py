@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,11 +88,7 @@ def test_actuators_of_one_log_are_one_flight(folder: Path) -> None:
 def test_training_mixes_and_weighs_them(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flown = {friction: fly_short(friction) for friction in (0.225, 1.025)}
-    monkeypatch.setattr(
-        "mavhums.training.fly_class",
-        lambda _, friction, seed: flown[min(flown, key=lambda f: abs(f - friction))],
-    )
+    monkeypatch.setattr("mavhums.training_flights.fly", lambda flight: fly(replace(flight, duration_s=20.0)))
 
     def train(*options: str | Path) -> np.ndarray:
         model = tmp_path / "model.safetensors"
@@ -107,11 +104,6 @@ def test_training_mixes_and_weighs_them(
     often = train("--precedents", folder, "--flown-weight", "20")
     assert not np.array_equal(alone, once)
     assert once.shape != often.shape or not np.array_equal(once, often)
-
-
-def fly_short(friction_nm: float) -> np.ndarray:
-    flight = Flight(seed=1, duration_s=10.0, friction_nm={"elevator": (friction_nm, friction_nm)})
-    return fly(flight).actuators["elevator"].values
 
 
 def test_what_cannot_be_added_is_said_with_a_remedy(short_log: Path, folder: Path, tmp_path: Path) -> None:

@@ -155,7 +155,9 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
         model.hash,
         model.card.command,
         "instrumented telemetry",
-        "V2, V4, V7, V9, V11, V12",
+        ", ".join(model.card.features),
+        "middle between the limits",
+        "expected calibration error",
         "validation accuracy",
         "flights per class",
         "numpy",
@@ -164,6 +166,16 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
     rows = {line.split()[0]: line for line in outcome.out.splitlines() if line.startswith("V")}
     selected = [key for key, line in rows.items() if line.rstrip().endswith("selected")]
     assert tuple(selected) == model.card.selection.selected
+
+
+@pytest.mark.parametrize("tier", ["instrumented", "without-load", "esc"])
+def test_each_packaged_model_is_shown_by_its_name(run: Run, tier: str) -> None:
+    shown = json.loads(run("model", "show", f"paper-{tier}", "--json").out)
+    assert shown["name"] == f"paper-{tier}"
+    assert f"--tier {tier} " in shown["command"]
+    measured = shown["calibration"]["metrics"]
+    assert measured["brier_score"] < measured["brier_score_of_the_share"]
+    assert measured["expected_calibration_error"] < measured["expected_calibration_error_of_the_share"]
 
 
 def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,28 +17,30 @@ from mavhums.health.decision import FALSE_ALARMS, SEVERITY, half_width
 from mavhums.health.detector import Estimates, Seen, detectors_for
 from mavhums.health.fits import Fits
 from mavhums.health.motion import Motion, motion
-from mavhums.health.slots import SlotCutter, Slots
-from mavhums.health.votes import Classifier, count_votes, vote_share
+from mavhums.health.slots import SlotCutter, Slots, widen
+from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcome
 from mavhums.health.windows import WINDOW_SLOTS, Windows
-from mavhums.quantities import column
 
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 
 WINDOW_S = 10.0
-_V2, _V3 = column("V2"), column("V3")
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What a flight showed of one actuator; ``last_s`` is the flight time of its last sample."""
+    """What a flight showed of one actuator.
+
+    ``network`` is the one that ``p_emergency`` is of, and ``last_s`` the flight time of the last sample.
+    """
 
     condition: Condition
     worst: Condition
     since_s: float | None
     friction: Interval | None
     p_emergency: float | None
+    network: int | None
     coverage: Coverage
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
@@ -55,8 +57,8 @@ class Monitor:
         System id.
     actuator
         From the airframe profile; what it leaves open cannot be judged.
-    network
-        Whose votes are shown beside the physics; None for no votes.
+    networks
+        Whose votes are shown beside the physics, the one that wants the most quantities first.
     baselines
         By fault, of the actuator's flights before.
     window_s
@@ -69,7 +71,7 @@ class Monitor:
         self,
         vehicle: int,
         actuator: Actuator,
-        network: Classifier | None = None,
+        networks: Sequence[Classifier] = (),
         *,
         baselines: Mapping[str, Baseline] | None = None,
         window_s: float = WINDOW_S,
@@ -77,7 +79,7 @@ class Monitor:
     ) -> None:
         self.vehicle = vehicle
         self.actuator = actuator
-        self._network = network if actuator.ema else None
+        self._networks = networks if actuator.ema else ()
         self._slot_s = window_s / WINDOW_SLOTS
         self._window_s = window_s
         self._cutter = SlotCutter(self._slot_s)
@@ -93,7 +95,7 @@ class Monitor:
         }
         self._fits = Fits(actuator, {name for detector in detectors for name in detector.equations})
         self._counts = Windows(2)
-        self._votes = Windows(3)
+        self._votes = Windows(VOTE_COLUMNS)
         self._first: int | None = None
         self._shown: dict[str, Change] = {}
         self._condition: Condition = "undecided"
@@ -101,7 +103,7 @@ class Monitor:
         self._since_s: float | None = None
         self._windows = self._decidable = self._samples = self._moving = 0
         self._friction: Interval | None = None
-        self._vote: tuple[float, float] | None = None
+        self._vote: tuple[float, Outcome] | None = None
 
     def feed(
         self,
@@ -116,10 +118,7 @@ class Monitor:
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
         of the supply bus, where an ESC there measures it.
         """
-        values = np.column_stack([values, np.full(time_s.size, np.nan) if bus_v is None else bus_v])
-        if measured is not None and not (both := measured[:, _V2] & measured[:, _V3]).all():
-            values[~both, _V2] = np.nan
-        yield from self._judge(self._cutter.feed(time_s, values))
+        yield from self._judge(self._cutter.feed(time_s, widen(values, measured, bus_v)))
 
     def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
         """Judge what is left."""
@@ -137,7 +136,8 @@ class Monitor:
             worst=self._worst,
             since_s=self._since_s,
             friction=self._friction,
-            p_emergency=self._vote[1] if self._vote else None,
+            p_emergency=self._vote[1].p_emergency if self._vote else None,
+            network=self._vote[1].network if self._vote else None,
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
@@ -157,7 +157,7 @@ class Monitor:
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = Seen(slots, moved, windows, flight)
         found = {fault: course.detector.feed(seen) for fault, course in self._courses.items()}
-        moving, share = self._count(slots, moved)
+        moving, votes = self._count(slots, moved)
         self._first = int(slots.index[0]) if self._first is None else self._first
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
         end_s = np.asarray((slots.index + 1) * self._slot_s, dtype=np.float64)
@@ -168,26 +168,28 @@ class Monitor:
             for change in self._courses[fault].feed(shown, end_s[whole]):
                 changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(found["friction"].at(whole)) if "friction" in found else {}
-        for k, (end, fraction, vote) in enumerate(
-            zip(end_s[whole].tolist(), moving[whole].tolist(), share[whole].tolist(), strict=True)
+        for k, (end, fraction, ballots) in enumerate(
+            zip(end_s[whole].tolist(), moving[whole].tolist(), votes[whole], strict=True)
         ):
             changed = [*self._changed(changes.get(k, []), end)]
-            yield self._window(end, fraction, friction.get(k), vote)
+            yield self._window(end, fraction, friction.get(k), outcome(self._networks, ballots))
             yield from changed
 
     def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array]:
-        """Count what moved, and the network's votes; return the windows' moving fractions and shares."""
+        """Count what moved, and the networks' votes; return the windows' moving fractions and ballots."""
         counts = np.zeros((slots.index.size, 2))
         counts[:, 0] = slots.count()
+        ballots = np.zeros((slots.index.size, VOTE_COLUMNS))
         if moved is not None:
             counts[:, 1] = slots.sums(moved.moving[:, None].astype(np.float64))[:, 0]
+            if self._networks:
+                bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
+                ratio = self.actuator.known_ema().gear_ratio
+                ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
         self._samples += int(counts[:, 0].sum())
         self._moving += int(counts[:, 1].sum())
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
-        share = np.full(samples.shape, np.nan)
-        if self._network is not None and moved is not None:
-            share = vote_share(self._votes.feed(slots.index, count_votes(self._network, slots, moved)))
-        return moving / samples, share
+        return moving / samples, self._votes.feed(slots.index, ballots)
 
     def _indicate(self, fault: str, estimates: Estimates, end_s: Array) -> Iterator[Indication]:
         shown = np.isfinite(estimates.value)
@@ -215,12 +217,11 @@ class Monitor:
                 self.vehicle, self.actuator.name, end_s, since_s, before, self._condition, rule, why
             )
 
-    def _window(self, end_s: float, moving: float, friction: Interval | None, share: float) -> Window:
+    def _window(self, end_s: float, moving: float, friction: Interval | None, vote: Outcome | None) -> Window:
         self._windows += 1
         if friction is not None:
             self._decidable += 1
             self._friction = friction
-        vote = None if np.isnan(share) else share
         if vote is not None:
             self._vote = end_s, vote
         return Window(
@@ -230,7 +231,7 @@ class Monitor:
             end_s=end_s,
             moving_fraction=moving,
             friction_nm=friction,
-            p_emergency=vote,
+            p_emergency=vote.p_emergency if vote else None,
             condition=self._condition,
         )
 
@@ -246,14 +247,14 @@ class Monitor:
     def _network_evidence(self) -> Iterator[Evidence]:
         if self._vote is None:
             return
-        end_s, share = self._vote
-        opposed = {"normal": share > 0.5, "emergency": share <= 0.5}.get(self._condition, False)
-        text = "network: part of the window's moving samples that it calls an emergency; physics decides"
+        end_s, p = self._vote[0], self._vote[1].p_emergency
+        opposed = {"normal": p > 0.5, "emergency": p <= 0.5}.get(self._condition, False)
+        text = "network: probability of an emergency by the window's moving samples; physics decides"
         yield Evidence(
             kind="network",
             start_s=end_s - self._window_s,
             end_s=end_s,
-            value=share,
+            value=p,
             limit=0.5,
             rule=f"{text}, and the network disagrees" if opposed else text,
         )

@@ -15,7 +15,7 @@ __all__ = ["Motion", "motion"]
 
 _PERIODS = 2.5
 _V7 = column("V7")
-_BUS = len(KEYS)
+_BUS, _APART = len(KEYS), len(KEYS) + 1
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,8 @@ class Motion(NamedTuple):
         V1…V12, shape (n, 12).
     bus_v
         Voltage of the supply bus, V; NaN where the log does not carry it.
+    apart
+        Whether V2 and V3 were measured each by a sensor of its own.
     """
 
     moving: NDArray[np.bool_]
@@ -46,6 +48,7 @@ class Motion(NamedTuple):
     speed_around: Array
     values: Array
     bus_v: Array
+    apart: NDArray[np.bool_]
 
 
 def motion(actuator: Actuator, slots: Slots) -> Motion:
@@ -69,4 +72,12 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     moving = fast & lasting & (span < _PERIODS / actuator.min_rate_hz)
     own = slots.judged
     values = slots.values[own]
-    return Motion(moving[own], speed[own], acceleration[own], around[own], values[:, :_BUS], values[:, _BUS])
+    return Motion(
+        moving[own],
+        speed[own],
+        acceleration[own],
+        around[own],
+        values[:, :_BUS],
+        values[:, _BUS],
+        values[:, _APART] > 0,
+    )

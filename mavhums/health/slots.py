@@ -12,10 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GUARD_S", "SlotCutter", "Slots"]
+from mavhums.quantities import column
+
+__all__ = ["GUARD_S", "SlotCutter", "Slots", "widen"]
 
 GUARD_S = 0.06
 _LATENESS_S = 0.25
+_V2, _V3 = column("V2"), column("V3")
 
 Array = NDArray[np.float64]
 
@@ -34,7 +37,8 @@ class Slots:
     judged
         Which of the samples these slots judge; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, 13), increasing in time: V1…V12 and the voltage of the supply bus.
+        Shapes (n,) and (n, 14), increasing in time: V1…V12, the voltage of the supply bus, and 1 where
+        V2 and V3 were measured each by a sensor of its own.
     """
 
     index: NDArray[np.int64]
@@ -51,6 +55,16 @@ class Slots:
     def count(self) -> NDArray[np.int64]:
         """Return how many samples each slot judges, shape (k,)."""
         return np.diff(self.start, append=self.judged.stop - self.judged.start)
+
+
+def widen(values: Array, measured: NDArray[np.bool_] | None = None, bus_v: Array | None = None) -> Array:
+    """Return V1…V12 (n, 12) with the bus voltage and whether V2 and V3 were measured apart, shape (n, 14).
+
+    Without ``measured`` (n, 12) all were; without ``bus_v`` (n,) the voltage is NaN.
+    """
+    bus = np.full(len(values), np.nan) if bus_v is None else bus_v
+    apart = np.ones(len(values)) if measured is None else measured[:, _V2] & measured[:, _V3]
+    return np.column_stack([values, bus, apart])
 
 
 class SlotCutter:
@@ -76,11 +90,11 @@ class SlotCutter:
         self._times: list[Array] = []
         self._values: list[Array] = []
         self._closed = -np.inf
-        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, 13))
+        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, 14))
         self._pending: tuple[Array, Array] = self._before
 
     def feed(self, time_s: Array, values: Array) -> Slots | None:
-        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 13)."""
+        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 14)."""
         if time_s.size == 0:
             return None
         latest = np.maximum.accumulate(np.concatenate([[self.latest_s], time_s]))

@@ -13,6 +13,7 @@ from mavhums.assessment import (
     Evidence,
     Indicator,
     Interval,
+    ModelSummary,
     Since,
     Suspect,
     Verdict,
@@ -32,6 +33,7 @@ def judged(
     late: int,
     provenance: dict[str, str],
     tier: Tier,
+    model: ModelSummary | None = None,
 ) -> Verdict:
     """Return the verdict on an actuator whose telemetry was followed.
 
@@ -53,6 +55,7 @@ def judged(
         condition=condition,
         worst=findings.worst,
         p_emergency=_round(findings.p_emergency),
+        model=model,
         friction_nm=_rounded(findings.friction),
         suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
         since=_since(None if silent else findings.since_s, start_utc),

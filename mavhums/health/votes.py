@@ -1,54 +1,148 @@
-"""The network's votes: which share of a window's moving samples it calls an emergency."""
+"""The networks' evidence: the votes of a window's moving samples, and the probability they amount to.
+
+The network that an actuator gets is the first whose quantities its samples carry. Votes are
+counted apart for the two directions of motion, because a load that a network does not know helps
+in one direction as much as it hinders in the other.
+"""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from mavhums.health.motion import Motion
-from mavhums.health.slots import Slots
+from mavhums.quantities import column
 
-__all__ = ["Classifier", "count_votes", "vote_share"]
+__all__ = ["VOTE_COLUMNS", "Ballot", "Classifier", "Outcome", "count_votes", "outcome"]
 
 _MIN_VOTERS = 20
+_MIN_PER_DIRECTION = 5
+_V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
 
-Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
 
 
 class Classifier(Protocol):
-    """What is needed of a network; ``values`` are V1…V12, shape (n, 12)."""
+    """What is needed of a network."""
 
-    def p_emergency(self, values: Array) -> Array:
-        """Return the probability of an emergency for each sample, shape (n,)."""
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The quantities that it reads."""
         ...
 
-    def inside(self, values: Array) -> NDArray[np.bool_]:
-        """Return which samples lie within the network's experience, shape (n,)."""
+    def votes(self, values: NDArray[np.float64]) -> NDArray[np.int8]:
+        """Return 1 for an emergency, 0 for none, -1 outside its experience; V1…V12 (n, 12) to (n,)."""
+        ...
+
+    def probability(self, share: float) -> float:
+        """Return the probability of an emergency for a window's share of votes."""
         ...
 
 
-def count_votes(network: Classifier, slots: Slots, motion: Motion) -> Array:
-    """Return of each slot the moving samples, those the network may judge, and its votes for an emergency.
+class Ballot(NamedTuple):
+    """Columns of what :func:`count_votes` returns for each slot."""
 
-    Shape (k, 3).
+    network: int = 0  # which of the networks voted; -1 for none
+    moving: int = 1
+    voters: slice = slice(2, 4)  # backward and forward
+    emergency: slice = slice(4, 6)
+
+
+_BALLOT = Ballot()
+VOTE_COLUMNS = 6
+"""How many numbers :func:`count_votes` returns for a slot."""
+
+
+class Outcome(NamedTuple):
+    """A window's probability of an emergency, and which of the networks says so."""
+
+    p_emergency: float
+    network: int
+
+
+def count_votes(
+    networks: Sequence[Classifier], moving: NDArray[np.float64], bounds: ArrayLike, gear_ratio: float
+) -> Counts:
+    """Let the networks vote on the moving samples of one slot or of several.
+
+    Parameters
+    ----------
+    networks
+        The one that wants the most quantities first. A slot is given to the first whose
+        quantities at least half of its samples carry.
+    moving
+        V1…V12 of the slots' moving samples, one slot after another, shape (n, 12).
+    bounds
+        Where each slot begins in ``moving``, and where the last one ends, shape (slots + 1,).
+    gear_ratio
+        Of the actuator: a V3 that is exactly V2 divided by it was not measured.
+
+    Returns
+    -------
+    NDArray
+        Shape (slots, 6); the columns are those of :class:`Ballot`. A slot's row does not depend on
+        the slots that it is given together with.
     """
-    votes = np.zeros((len(motion.moving), 3))
-    votes[:, 0] = motion.moving
-    known = np.flatnonzero(motion.moving)
-    known = known[network.inside(motion.values[known])]
-    votes[known, 1] = 1.0
-    votes[known, 2] = network.p_emergency(motion.values[known]) > 0.5
-    return slots.sums(votes)
+    edges = np.asarray(bounds, dtype=np.int64)
+    sizes = np.diff(edges)
+    counts = np.zeros((len(sizes), VOTE_COLUMNS), dtype=np.int64)
+    counts[:, _BALLOT.network] = -1
+    counts[:, _BALLOT.moving] = sizes
+    carried = np.isfinite(moving)
+    carried[:, _V3] &= moving[:, _V3] != moving[:, _V2] / gear_ratio
+    for k, network in enumerate(networks):
+        open_ = (counts[:, _BALLOT.network] < 0) & (sizes > 0)
+        if not open_.any():
+            break
+        whole = np.asarray(carried[:, [column(key) for key in network.keys]].all(axis=1))
+        its_own = open_ & (2 * _sums(whole, edges) >= sizes)
+        if not its_own.any():
+            continue
+        counts[its_own, _BALLOT.network] = k
+        asked = whole & np.repeat(its_own, sizes)
+        votes = np.full(len(moving), -1, dtype=np.int8)
+        votes[asked] = network.votes(moving[asked])
+        forward = moving[:, _V7] > 0
+        tallies = [(votes >= least) & way for least in (0, 1) for way in (~forward, forward)]
+        counts[its_own, 2:] = _sums(np.stack(tallies, axis=1), edges)[its_own]
+    return counts
 
 
-def vote_share(windows: Array) -> Array:
-    """Return the share of votes for an emergency in windows (k, S, 3); NaN where the network abstains.
+def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
+    """Return the probability of an emergency in a window; None where the networks abstain.
 
-    It abstains on few samples, and where more than half of them lie outside its experience.
+    They abstain on fewer than twenty votes, on fewer than five in either direction, and where more
+    than half of the moving samples lie outside their experience. Where slots were given to several
+    networks, the one that cast the most votes decides, of equals the first.
+
+    Parameters
+    ----------
+    networks
+        As for :func:`count_votes`.
+    counts
+        Rows of the window's slots, shape (slots, 6).
     """
-    moving, voters, emergency = windows.sum(axis=1).T
-    silent = (voters < _MIN_VOTERS) | (2 * voters < moving)
-    share: Array = np.divide(emergency, voters, out=np.full(len(windows), np.nan), where=~silent)
-    return share
+    chosen = counts[:, _BALLOT.network]
+    cast = [int(counts[chosen == k, _BALLOT.voters].sum()) for k in range(len(networks))]
+    if not any(cast):
+        return None
+    network = int(np.argmax(cast))
+    own = counts[chosen == network].sum(axis=0)
+    voters, emergency = own[_BALLOT.voters], own[_BALLOT.emergency]
+    if (
+        voters.sum() < _MIN_VOTERS
+        or voters.min() < _MIN_PER_DIRECTION
+        or 2 * voters.sum() < counts[:, _BALLOT.moving].sum()
+    ):
+        return None
+    share = float(np.mean(emergency / voters))
+    return Outcome(networks[network].probability(share), network)
+
+
+def _sums(flags: NDArray[np.bool_], edges: NDArray[np.int64]) -> Counts:
+    """Return how many flags are set between each edge and the next; (n, …) to (len(edges) − 1, …)."""
+    running = np.zeros((len(flags) + 1, *flags.shape[1:]), dtype=np.int64)
+    np.cumsum(flags, axis=0, out=running[1:])
+    return running[edges[1:]] - running[edges[:-1]]

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 from mavhums.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from mavhums.learn.card import Card, Selection
+    from mavhums.learn.calibration import brier_score, calibrate, expected_calibration_error
+    from mavhums.learn.card import Calibration, Card, Selection
     from mavhums.learn.dependence import Dependence, RegressionRedundancyFilter
     from mavhums.learn.ensemble import TanhNetworkEnsemble
     from mavhums.learn.inference import Network, TanhNetwork
     from mavhums.learn.leakage import CommandLeak, CommandLeakWarning, check_command
-    from mavhums.learn.model import Model, ModelError, default_model, load_model, save_model
+    from mavhums.learn.model import Model, ModelError, default_model, load_model, packaged_models, save_model
     from mavhums.learn.network import TanhNetworkClassifier
     from mavhums.learn.precedents import Precedent, PrecedentBase, PrecedentError, Provenance
     from mavhums.learn.ranking import ChiSquareRanking
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from mavhums.learn.wrapper import NetworkSubsetSelector, network_objective
 
 __all__ = [
+    "Calibration",
     "Candidate",
     "Card",
     "ChiSquareRanking",
@@ -53,24 +55,29 @@ __all__ = [
     "TanhNetworkEnsemble",
     "TrainingResult",
     "VectorThinning",
+    "brier_score",
+    "calibrate",
     "check_command",
     "default_model",
     "exhaustive_search",
+    "expected_calibration_error",
     "genetic_search",
     "load_model",
     "network_objective",
+    "packaged_models",
     "save_model",
     "select_features",
     "train_network",
 ]
 
 _MODULES = {
-    "card": ("Card", "Selection"),
+    "calibration": ("brier_score", "calibrate", "expected_calibration_error"),
+    "card": ("Calibration", "Card", "Selection"),
     "dependence": ("Dependence", "RegressionRedundancyFilter"),
     "ensemble": ("TanhNetworkEnsemble",),
     "inference": ("Network", "TanhNetwork"),
     "leakage": ("CommandLeak", "CommandLeakWarning", "check_command"),
-    "model": ("Model", "ModelError", "default_model", "load_model", "save_model"),
+    "model": ("Model", "ModelError", "default_model", "load_model", "packaged_models", "save_model"),
     "network": ("TanhNetworkClassifier",),
     "precedents": ("Precedent", "PrecedentBase", "PrecedentError", "Provenance"),
     "ranking": ("ChiSquareRanking",),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from math import tanh
 from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-__all__ = ["FORMAT", "Card", "Selection"]
+__all__ = ["FORMAT", "Calibration", "Card", "Selection"]
 
 FORMAT: Final = "mavhums.model/1"
 
@@ -38,6 +39,36 @@ class Selection(_Section):
     selected: tuple[str, ...]
 
 
+class Calibration(_Section):
+    """The probability of an emergency as a logistic function of a window's share of votes for one.
+
+    Attributes
+    ----------
+    slope, intercept
+        Of the log-odds over the share.
+    event
+        What is probable, in words.
+    metrics
+        Brier score and expected calibration error of the bare share and of the probability, on
+        flights that were neither trained on nor calibrated with; and how many windows there were.
+    """
+
+    slope: float
+    intercept: float
+    event: str = ""
+    metrics: dict[str, float] = {}
+
+    def probability(self, share: float) -> float:
+        """Return the probability for a share of votes.
+
+        Examples
+        --------
+        >>> round(Calibration(slope=10.0, intercept=-5.0).probability(0.7), 3)
+        0.881
+        """
+        return 0.5 + 0.5 * tanh((self.slope * share + self.intercept) / 2)
+
+
 class Card(_Section):
     """Everything about a model but its weights.
 
@@ -52,11 +83,13 @@ class Card(_Section):
     features
         Keys of the network's inputs, in their order.
     tier
-        The telemetry tier that the training data came from.
+        What telemetry the training data are as if from.
     conditions
         Of training: flights, friction levels, options; free, but JSON.
     metrics
         Accuracies and other figures, by name.
+    calibration
+        Of the votes; None where they are taken as they are.
     selection
         Why these features.
     seed
@@ -74,6 +107,7 @@ class Card(_Section):
     tier: _Text
     conditions: dict[str, JsonValue] = {}
     metrics: dict[str, float] = {}
+    calibration: Calibration | None = None
     selection: Selection
     seed: int
     command: _Text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -160,15 +161,71 @@ class Network(TanhNetwork):
             Shape (n,): every quantity of ``keys`` is finite and within the widened range.
         """
         features = self._features(values)
+        low, high = self._envelope(margin)
+        return np.asarray(((features >= low) & (features <= high)).all(axis=1))
+
+    def votes(self, values: ArrayLike, margin: float = MARGIN) -> NDArray[np.int8]:
+        """Return the network's vote on each sample: whether :meth:`p_emergency` exceeds one half.
+
+        Parameters
+        ----------
+        values
+            V1…V12, shape (n, 12).
+        margin
+            As for :meth:`inside`.
+
+        Returns
+        -------
+        NDArray
+            Shape (n,): 1 for an emergency, 0 for none, -1 where the sample is not inside.
+
+        Raises
+        ------
+        ValueError
+            If ``values`` has not twelve columns.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> network = Network(
+        ...     keys=("V5",), minimum=[-1], maximum=[1], w1=[[4.0]], b1=[-2.0], w2=[[3.0, -3.0]], b2=[0, 0]
+        ... )
+        >>> values = np.zeros((3, 12))
+        >>> values[:, 4] = [-1, 0.5, 2]
+        >>> network.votes(values)
+        array([ 0,  1, -1], dtype=int8)
+        """
+        from mavhums.learn.voting import vote
+
+        array = _samples(values)
+        low, high = self._envelope(margin)
+        return np.asarray(vote(array, self._columns, low, high, *self._in_units))
+
+    @cached_property
+    def _columns(self) -> NDArray[np.int64]:
+        return np.array([column(key) for key in self.keys], dtype=np.int64)
+
+    @cached_property
+    def _in_units(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
+        """Weights, biases and difference of the outputs for inputs that are not scaled."""
+        half = self.maximum / 2 - self.minimum / 2
+        weights = np.ascontiguousarray((self.w1 / np.where(half > 0, 2 * half, 1.0)[:, np.newaxis]).T)
+        biases = self.b1 - weights @ self.minimum
+        difference = np.ascontiguousarray(self.w2[:, 0] - self.w2[:, 1])
+        return weights, biases, difference, float(self.b2[1] - self.b2[0])
+
+    def _envelope(self, margin: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the smallest and the largest value of each input that counts as inside."""
         with np.errstate(over="ignore"):
-            scaled = unit_interval(features, self.minimum, self.maximum)
-        # A quantity that was constant in training has no range to widen: it must be that constant.
-        allowed = np.where(self.maximum > self.minimum, margin, 0.0)
-        bounded = (scaled >= -allowed) & (scaled <= np.sign(self.maximum - self.minimum) + allowed)
-        return np.asarray(bounded.all(axis=1))
+            allowed = margin * (self.maximum - self.minimum)
+            return self.minimum - allowed, self.maximum + allowed
 
     def _features(self, values: ArrayLike) -> NDArray[np.float64]:
-        array = np.asarray(values, dtype=np.float64)
-        if array.ndim != 2 or array.shape[1] != len(KEYS):
-            raise ValueError(f"values must have the shape (n, {len(KEYS)}), not {array.shape}")
-        return array[:, [column(key) for key in self.keys]]
+        return _samples(values)[:, self._columns]
+
+
+def _samples(values: ArrayLike) -> NDArray[np.float64]:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != len(KEYS):
+        raise ValueError(f"values must have the shape (n, {len(KEYS)}), not {array.shape}")
+    return array

@@ -19,10 +19,10 @@ from mavhums.errors import MavhumsError
 from mavhums.learn.card import Card
 from mavhums.learn.inference import Network
 
-__all__ = ["Model", "ModelError", "default_model", "load_model", "save_model"]
+__all__ = ["Model", "ModelError", "default_model", "load_model", "packaged_models", "save_model"]
 
 _CARD_KEY = "mavhums.card"
-_DEFAULT = "models/paper-instrumented.safetensors"
+_PACKAGED = ("paper-instrumented", "paper-without-load", "paper-esc")
 _LARGEST = 16 * 2**20
 _TENSORS = frozenset({"minimum", "maximum", "w1", "b1", "w2", "b2"})
 _REMEDY = "train one with `mavhums train -o MODEL`"
@@ -39,6 +39,20 @@ class Model:
     network: Network
     card: Card
     hash: str
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The quantities that the network reads."""
+        return self.network.keys
+
+    def votes(self, values: NDArray[np.float64]) -> NDArray[np.int8]:
+        """Return the vote on each sample, as :meth:`Network.votes` does."""
+        return self.network.votes(values)
+
+    def probability(self, share: float) -> float:
+        """Return the probability of an emergency for a share of votes; the share if not calibrated."""
+        calibration = self.card.calibration
+        return share if calibration is None else calibration.probability(share)
 
 
 def save_model(path: str | Path, network: Network, card: Card) -> Model:
@@ -94,18 +108,39 @@ def load_model(path: str | Path) -> Model:
 
 
 def default_model() -> Model:
-    """Return the model that ships with mavhums: the paper's actuator, telemetry tier instrumented.
+    """Return the packaged model for all twelve quantities: the first of :func:`packaged_models`.
 
     Raises
     ------
     ModelError
         If the installation lacks it.
     """
+    return _packaged(_PACKAGED[0])
+
+
+def packaged_models() -> tuple[Model, ...]:
+    """Return the models that ship with mavhums, the one that wants the most of the telemetry first.
+
+    Raises
+    ------
+    ModelError
+        If the installation lacks one.
+
+    Examples
+    --------
+    >>> [model.card.name for model in packaged_models()]
+    ['paper-instrumented', 'paper-without-load', 'paper-esc']
+    """
+    return tuple(_packaged(name) for name in _PACKAGED)
+
+
+def _packaged(name: str) -> Model:
+    file = f"models/{name}.safetensors"
     try:
-        data = resources.files("mavhums.learn").joinpath(_DEFAULT).read_bytes()
+        data = resources.files("mavhums.learn").joinpath(file).read_bytes()
     except OSError as error:
-        raise ModelError(f"the packaged model {_DEFAULT} is missing", "reinstall mavhums") from error
-    return _parse(data, _DEFAULT)
+        raise ModelError(f"the packaged model {file} is missing", "reinstall mavhums") from error
+    return _parse(data, file)
 
 
 def _parse(data: bytes, source: str) -> Model:

@@ -138,6 +138,7 @@ def train_network(
     networks: int = 10,
     hidden: Sequence[int] = range(4, 17),
     keys: Sequence[str] = KEYS,
+    features: Sequence[str] | None = None,
     weights: ArrayLike | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TrainingResult:
@@ -166,6 +167,8 @@ def train_network(
         Numbers of hidden neurons, gone through in turn, shuffled.
     keys
         The quantities to choose from, those that the telemetry tier provides.
+    features
+        The inputs, where they are not to be the selected quantities.
     weights
         How much each sample counts in training, positive, shape (n,); all alike if None. Selection
         and accuracies do not heed them.
@@ -191,18 +194,21 @@ def train_network(
     samples, labels, flight = _checked(values, emergency, flights, keys)
     if networks < 1 or not len(hidden):
         raise ValueError("at least one network, and one number of hidden neurons, must be asked for")
+    if features is not None and not set(features) <= set(keys):
+        raise ValueError(f"features {tuple(features)} are not all among keys {tuple(keys)}")
     random = np.random.default_rng(seed)
     weight = None if weights is None else _checked_weights(weights, len(samples))
     held_out, validation = hold_out(labels, flight, random)
     selection = select_features(samples[~held_out], labels[~held_out], keys=keys)
-    features = samples[:, [column(key) for key in selection.selected]]
+    chosen_keys = selection.selected if features is None else tuple(features)
+    inputs = samples[:, [column(key) for key in chosen_keys]]
     neurons = np.resize(random.permutation(np.asarray(hidden)), networks).tolist()
     seeds = random.integers(2**31 - 1, size=networks).tolist()
     trained = []
     for number, (size, network_seed) in enumerate(zip(neurons, seeds, strict=True), start=1):
         classifier = TanhNetworkClassifier(hidden=size, random_state=network_seed)
-        classifier.fit(features[~held_out], labels[~held_out], None if weight is None else weight[~held_out])
-        right = classifier.predict(features) == labels
+        classifier.fit(inputs[~held_out], labels[~held_out], None if weight is None else weight[~held_out])
+        right = classifier.predict(inputs) == labels
         candidate = Candidate(
             size, network_seed, float(right[~held_out].mean()), float(right[held_out].mean())
         )
@@ -211,7 +217,7 @@ def train_network(
             progress(number, networks)
     chosen, network = max(trained, key=lambda pair: (pair[0].validation_accuracy, -pair[0].hidden))
     return TrainingResult(
-        network=Network(keys=selection.selected, **network.tensors),
+        network=Network(keys=chosen_keys, **network.tensors),
         chosen=chosen,
         candidates=tuple(candidate for candidate, _ in trained),
         selection=selection,

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from mavhums.learn import Card, Model
+from mavhums.learn import Calibration, Card, Model
 from mavhums.quantities import QUANTITIES
 
 __all__ = ["render_card"]
@@ -31,7 +31,16 @@ def render_card(model: Model, console: Console) -> None:
     )
     _pairs(console, "Training", {_words(name): str(value) for name, value in card.conditions.items()})
     _pairs(console, "Metrics", {_words(name): f"{value:.4g}" for name, value in card.metrics.items()})
+    if card.calibration is not None:
+        _calibration(card.calibration, console)
     _selection(card, console)
+
+
+def _calibration(calibration: Calibration, console: Console) -> None:
+    formula = f"1 / (1 + exp(−({calibration.slope:g}·s {calibration.intercept:+g})))"
+    pairs = {"event": calibration.event, "probability for a share s of votes": formula}
+    metrics = {_words(name): f"{value:.4g}" for name, value in calibration.metrics.items()}
+    _pairs(console, "Calibration of a window's votes, on flights of their own", pairs | metrics)
 
 
 def _pairs(console: Console, title: str, pairs: dict[str, str]) -> None:

@@ -1,20 +1,16 @@
-"""The sequential decision, and the network's votes."""
+"""The sequential decision."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Limits
 from mavhums.assessment import Interval
 from mavhums.health.decision import CONFIRM, Change, Decision, classify, rule
-from mavhums.health.motion import Motion
-from mavhums.health.votes import Votes, count_votes, vote_share
 
 LIMITS = Limits(normal=0.375, emergency=0.875)
 NORMAL = Interval(estimate=0.3, low=0.28, high=0.32)
@@ -92,30 +88,3 @@ def test_rules_name_the_limit() -> None:
     assert "0.375" in rule("degraded", LIMITS)
     assert "0.375" in rule("normal", LIMITS)
     assert rule("undecided", LIMITS)
-
-
-class Threshold:
-    """Calls an emergency where V5 exceeds one ampere; knows only positive currents."""
-
-    def p_emergency(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (values[:, 4] > 1.0).astype(float)
-
-    def inside(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
-        return np.array(values[:, 4] > 0)
-
-
-def test_only_moving_samples_inside_the_envelope_vote() -> None:
-    values = np.zeros((6, 12))
-    values[:, 4] = [2.0, 2.0, 0.5, -1.0, 2.0, 2.0]
-    moving = np.array([True, True, True, True, False, False])
-    seen = Motion(moving, np.ones(6), np.zeros(6), values)
-    assert count_votes(Threshold(), seen) == Votes(moving=4, voters=3, emergency=2)
-    nobody = Motion(np.zeros(6, dtype=bool), np.ones(6), np.zeros(6), values)
-    assert count_votes(Threshold(), nobody) == Votes(0, 0, 0)
-
-
-def test_the_network_abstains_on_few_or_foreign_samples() -> None:
-    assert vote_share([]) is None
-    assert vote_share([Votes(19, 19, 19)]) is None
-    assert vote_share([Votes(100, 49, 49)]) is None
-    assert vote_share([Votes(100, 50, 10), Votes(20, 20, 20)]) == pytest.approx(30 / 70)

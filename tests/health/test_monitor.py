@@ -77,22 +77,25 @@ def test_an_interval_wider_than_the_limits_are_apart_decides_nothing() -> None:
 
 
 def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said() -> None:
-    network = default_model().network
+    network = default_model()
 
     class Contrary:
-        def p_emergency(self, values: Array) -> Array:
-            return 1.0 - network.p_emergency(values)
+        keys = network.keys
 
-        def inside(self, values: Array) -> NDArray[np.bool_]:
-            return network.inside(values)
+        def votes(self, values: Array) -> NDArray[np.int8]:
+            votes = network.votes(values)
+            return np.where(votes >= 0, 1 - votes, votes).astype(np.int8)
+
+        def probability(self, share: float) -> float:
+            return share
 
     time_s, values = flown((0.225, 0.225))
     for judge, disagrees in ((network, False), (Contrary(), True)):
-        monitor = Monitor(1, ACTUATOR, judge)
+        monitor = Monitor(1, ACTUATOR, [judge])
         changes = [e for e in monitor.feed(time_s, values) if isinstance(e, ConditionChanged)]
         findings = monitor.findings()
         assert [change.after for change in changes] == ["normal"]
-        assert findings.condition == "normal"
+        assert (findings.condition, findings.network) == ("normal", 0)
         vote = next(e for e in findings.evidence if e.kind == "network")
         assert ("disagrees" in vote.rule) == disagrees
         assert (vote.value > 0.5) == disagrees

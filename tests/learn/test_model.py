@@ -4,6 +4,7 @@ import stat
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,7 +15,16 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.learn import Card, ModelError, Network, default_model, load_model, save_model
+from mavhums.learn import (
+    Calibration,
+    Card,
+    ModelError,
+    Network,
+    default_model,
+    load_model,
+    packaged_models,
+    save_model,
+)
 from mavhums.learn import model as model_module
 
 Tensors = dict[str, NDArray[np.generic]]
@@ -226,3 +236,32 @@ def test_the_packaged_model_is_read_from_the_package(
     folder.mkdir()
     saved = save_model(folder / "paper-instrumented.safetensors", network, card)
     assert default_model().hash == saved.hash
+
+
+def test_a_calibration_is_kept_and_used(path: Path, network: Network, card: Card) -> None:
+    assert load_model(path).probability(0.3) == 0.3
+    calibration = Calibration(slope=4.0, intercept=-1.0, event="worn", metrics={"brier_score": 0.1})
+    save_model(path, network, card.model_copy(update={"calibration": calibration}))
+    model = load_model(path)
+    assert model.card.calibration == calibration
+    assert model.probability(0.5) == pytest.approx(1 / (1 + np.exp(-1)))
+    assert model.keys == network.keys
+
+
+def test_the_packaged_models_are_small_and_ask_for_less_and_less() -> None:
+    models = packaged_models()
+    assert [model.card.name for model in models] == ["paper-instrumented", "paper-without-load", "paper-esc"]
+    assert models[0].hash == default_model().hash
+    rich, without_load, esc = (set(model.keys) for model in models)
+    assert rich & {"V11", "V12"}
+    assert not without_load & {"V11", "V12"}
+    assert esc <= {f"V{k}" for k in range(4, 11)}
+    assert all("V2" not in model.keys for model in models)
+    assert all(model.card.calibration is not None for model in models)
+    folder = Path(str(files("mavhums.learn") / "models"))
+    assert sum(file.stat().st_size for file in folder.glob("*.safetensors")) < 30_000
+
+
+@given(slope=st.floats(-1e308, 1e308), intercept=st.floats(-1e308, 1e308), share=st.floats(0, 1))
+def test_any_calibration_gives_a_probability(slope: float, intercept: float, share: float) -> None:
+    assert 0.0 <= Calibration(slope=slope, intercept=intercept).probability(share) <= 1.0

@@ -32,7 +32,7 @@ def prior(actuator: Actuator) -> Prior:
 def terms(actuator: Actuator, motion: Motion) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return terms (n, 4), left side (n,), °, and which samples can be used."""
     values, load = motion.values, motion.values[:, _V11]
-    apart = values[:, _V3] - values[:, _V2] / actuator.known_ema().gear_ratio
+    angle = values[:, _V3] - values[:, _V2] / actuator.known_ema().gear_ratio
     X = np.stack([np.sign(load), load, np.sign(motion.speed), np.ones(len(load))], axis=1)
     loaded = np.abs(load) > actuator.known_limits().normal
-    return X, apart, motion.moving & loaded & np.isfinite(apart)
+    return X, angle, motion.moving & motion.apart & loaded & np.isfinite(angle)

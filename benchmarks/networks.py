@@ -1,0 +1,302 @@
+"""What the packaged networks know: accuracy, abstention and calibration on flights they never saw.
+
+    python benchmarks/networks.py [--flights 4] [--part modes|population|faults|selection|cost]
+
+Individuals with two masses, four actuators a flight, flights of 100 s at 100 Hz unless said otherwise,
+from seeds that neither training nor calibration used. Windows are of 10 s and do not overlap. The
+networks were trained on the modes marked with a star, and calibrated on all six.
+
+modes       normal (0.225 … 0.375 N·m) and emergency (0.875 … 1.025 N·m), each flight mode by itself
+population  frictions through the whole range at 100, 50, 25 and 10 Hz: Brier score and calibration
+faults      windows between the classes, and with other faults: who abstains, and what is said
+selection   what the selected inputs, a single-mass EMA and one friction per class would do instead
+cost        processor time to count the votes of 6,000 samples
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from time import process_time
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from mavhums.actuator import load_airframe
+from mavhums.health.votes import count_votes
+from mavhums.learn import (
+    Model,
+    Network,
+    brier_score,
+    expected_calibration_error,
+    packaged_models,
+    train_network,
+)
+from mavhums.quantities import column
+from mavhums.training_flights import TELEMETRY, Flown, Telemetry, fly_fleet, moving_samples, windows
+from mavhums_sim.conditions import Condition
+from mavhums_sim.manoeuvres import CYCLOGRAMS
+
+SEED = 50_000_000
+ACTUATOR = load_airframe("paper").actuators[2]
+MIDDLE = 0.625
+CLASSES = ((0.225, 0.375), (0.875, 1.025))
+FAULTS = {
+    "between the classes": ((0.375, 0.875), ()),
+    "normal, resistance +20 %": (CLASSES[0], (Condition.constant("resistance", 0.20),)),
+    "emergency, resistance +20 %": (CLASSES[1], (Condition.constant("resistance", 0.20),)),
+    "normal, torque constant −10 %": (CLASSES[0], (Condition.constant("torque_constant", 0.10),)),
+    "emergency, torque constant −10 %": (CLASSES[1], (Condition.constant("torque_constant", 0.10),)),
+    "normal, supply −6 V": (CLASSES[0], (Condition.constant("supply_sag", 6.0),)),
+    "normal, backlash +0.3°": (CLASSES[0], (Condition.constant("backlash", 0.3),)),
+}
+
+Range = tuple[float, float]
+
+
+def fleet(
+    telemetry: Telemetry,
+    friction: Range,
+    flights: int,
+    part: int,
+    cyclograms: Sequence[str],
+    conditions: tuple[Condition, ...] = (),
+    rates_hz: Sequence[float] = (100.0,),
+) -> Iterable[Flown]:
+    frictions = np.random.default_rng([SEED, part]).uniform(*friction, (flights, 4))
+    seed = SEED + 10_000 * part
+    return fly_fleet(
+        ACTUATOR,
+        telemetry,
+        frictions,
+        seed=seed,
+        cyclograms=cyclograms,
+        rates_hz=rates_hz,
+        conditions=conditions,
+    )
+
+
+class Tally:
+    """Windows of several flights: what was said, what was so."""
+
+    def __init__(self, model: Model) -> None:
+        uncalibrated = model.card.model_copy(update={"calibration": None})
+        self.model, self._bare = model, Model(model.network, uncalibrated, "")
+        self.right = self.samples = self.windows = self.still = 0
+        self.share: list[float] = []
+        self.friction: list[float] = []
+
+    def take(self, flown: Flown) -> None:
+        moving, _ = moving_samples(ACTUATOR, flown)
+        votes = self.model.votes(moving)
+        self.right += int(np.count_nonzero(votes[votes >= 0] == (flown.friction_nm > MIDDLE)))
+        self.samples += int(np.count_nonzero(votes >= 0))
+        for found, count in windows(ACTUATOR, [self._bare], flown):
+            self.windows += 1
+            self.still += count < 20
+            if found:
+                self.share.append(found.p_emergency)
+                self.friction.append(flown.friction_nm)
+
+    @property
+    def event(self) -> np.ndarray:
+        return np.array(self.friction) > MIDDLE
+
+    @property
+    def said(self) -> np.ndarray:
+        return np.array([self.model.probability(share) for share in self.share])
+
+    def right_share(self, said: Sequence[float] | np.ndarray) -> float:
+        return float(np.mean((np.asarray(said) > 0.5) == self.event)) if len(self.share) else np.nan
+
+    @property
+    def abstained(self) -> str:
+        """Of the windows with twenty moving samples, and in brackets those with fewer."""
+        working = self.windows - self.still
+        kept = len(self.share)
+        return f"{percent(max(working - kept, 0) / max(working, 1))} ({percent(self.still / self.windows)})"
+
+
+def percent(part: float) -> str:
+    return "—" if np.isnan(part) else f"{100 * part:.1f} %"
+
+
+def table(*titles: str) -> Table:
+    made = Table(box=None, header_style="bold", pad_edge=False)
+    for k, title in enumerate(titles):
+        made.add_column(title, justify="right" if k > 1 else "left")
+    return made
+
+
+def modes(models: dict[str, Model], flights: int) -> Table:
+    rows = table(
+        "model", "mode", "samples right", "windows right, share", "probability", "abstains (still)", "windows"
+    )
+    for name, model in models.items():
+        telemetry = TELEMETRY[name]
+        for k, mode in enumerate(CYCLOGRAMS):
+            tally = Tally(model)
+            for j, friction in enumerate(CLASSES):
+                for flown in fleet(telemetry, friction, flights, 1 + 2 * k + j, [mode]):
+                    tally.take(flown)
+            rows.add_row(
+                name,
+                f"{mode}{' *' if mode in telemetry.cyclograms else ''}",
+                percent(tally.right / tally.samples),
+                percent(tally.right_share(tally.share)),
+                percent(tally.right_share(tally.said)),
+                tally.abstained,
+                str(tally.windows),
+            )
+    return rows
+
+
+def population(models: dict[str, Model], flights: int) -> Table:
+    rows = table(
+        "model",
+        "rates",
+        "Brier, share",
+        "Brier",
+        "ECE, share",
+        "ECE",
+        "right",
+        "p < 0.1 or > 0.9",
+        "wrong there",
+    )
+    for name, model in models.items():
+        for rates in ((100.0, 50.0, 25.0, 10.0), (100.0,), (10.0,)):
+            tally = Tally(model)
+            for flown in fleet(
+                TELEMETRY[name], (0.225, 1.025), 12 * flights, 30, [*CYCLOGRAMS], rates_hz=rates
+            ):
+                tally.take(flown)
+            said, event = tally.said, tally.event
+            sure = (said < 0.1) | (said > 0.9)
+            rows.add_row(
+                name,
+                ", ".join(f"{rate:g}" for rate in rates),
+                *(f"{score(p, event):.4f}" for score in (brier_score, expected_calibration_error)
+                  for p in (tally.share, said)),
+                percent(tally.right_share(said)),
+                percent(float(sure.mean())),
+                percent(float(np.mean((said > 0.5)[sure] != event[sure]))),
+            )  # fmt: skip
+    return rows
+
+
+def faults(models: dict[str, Model], flights: int) -> Table:
+    rows = table(
+        "model", "windows", "abstains (still)", "p < 0.1", "0.1 … 0.9", "p > 0.9", "wrong by more than 0.9"
+    )
+    for name, model in models.items():
+        for k, (title, (friction, conditions)) in enumerate(FAULTS.items()):
+            tally = Tally(model)
+            for flown in fleet(
+                TELEMETRY[name], friction, 6 * flights // 2, 50 + k, [*CYCLOGRAMS], conditions
+            ):
+                tally.take(flown)
+            said, event = tally.said, tally.event
+            wrong = np.where(event, said < 0.1, said > 0.9)
+            shares = (said < 0.1, (said >= 0.1) & (said <= 0.9), said > 0.9, wrong)
+            rows.add_row(
+                name, title, tally.abstained, *(percent(float(part.mean())) for part in shares)
+            )  # fmt: skip
+    return rows
+
+
+def selection(models: dict[str, Model], flights: int) -> Table:
+    """Train in other ways on as many flights; samples and windows right in each mode, by the bare share."""
+    rows = table("model", "trained on", *CYCLOGRAMS)
+    for name, packaged in models.items():
+        shipped = TELEMETRY[name]
+        ways: dict[str, tuple[Telemetry, tuple[Range, Range]]] = {
+            "as shipped": (shipped, CLASSES),
+            "inputs selected": (replace(shipped, features=None), CLASSES),
+            "one friction a class": (shipped, ((0.225, 0.225), (1.025, 1.025))),
+            "take-off alone": (replace(shipped, cyclograms=("takeoff",)), CLASSES),
+            "all six modes": (replace(shipped, cyclograms=tuple(CYCLOGRAMS)), CLASSES),
+        }
+        for title, (telemetry, classes) in ways.items():
+            model = replace(packaged, network=trained(telemetry, classes))
+            cells = []
+            for k, mode in enumerate(CYCLOGRAMS):
+                tally = Tally(model)
+                for j, friction in enumerate(CLASSES):
+                    for flown in fleet(telemetry, friction, flights, 1 + 2 * k + j, [mode]):
+                        tally.take(flown)
+                cells.append(
+                    f"{100 * tally.right / tally.samples:.1f} / {100 * tally.right_share(tally.share):.1f}"
+                )
+            rows.add_row(name, f"{title}: {' '.join(model.keys)}", *cells)
+    return rows
+
+
+def trained(telemetry: Telemetry, classes: tuple[Range, Range]) -> Network:
+    inputs = [column(key) for key in telemetry.keys]
+    values, labels, numbers = [], [], []
+    for label, friction in enumerate(classes):
+        for flown in fleet(telemetry, friction, 12, 100 + label, telemetry.cyclograms):
+            moving, _ = moving_samples(ACTUATOR, flown)
+            kept = moving[np.isfinite(moving[:, inputs]).all(axis=1)][::20]
+            values.append(kept)
+            labels.append(np.full(len(kept), bool(label)))
+            numbers.append(np.full(len(kept), 100 * label + flown.flight))
+    samples, classed, flight = (np.concatenate(parts) for parts in (values, labels, numbers))
+    result = train_network(
+        samples, classed, flight, seed=1, networks=3, keys=telemetry.keys, features=telemetry.features
+    )
+    return result.network
+
+
+def cost(models: dict[str, Model]) -> Table:
+    rows = table("model", "hidden", "CPU ms, one call", "CPU ms, a call a second", "one second's call, µs")
+    for name, model in models.items():
+        flown = next(iter(fleet(TELEMETRY[name], CLASSES[0], 1, 90, ["takeoff"])))
+        moving = np.resize(moving_samples(ACTUATOR, flown)[0], (6000, 12))
+        each = [moving[start : start + 100] for start in range(0, 6000, 100)]
+        edges = np.arange(0, 6001, 100)
+
+        def timed(run: object, repeats: int = 20) -> float:
+            times = []
+            for _ in range(repeats):
+                begin = process_time()
+                run()  # type: ignore[operator]
+                times.append(process_time() - begin)
+            return 1e3 * float(np.median(times))
+
+        networks = [*models.values()]
+        at_once = timed(lambda: count_votes(networks, moving, edges, 300.0))  # noqa: B023
+        singly = timed(lambda: [count_votes(networks, part, (0, 100), 300.0) for part in each])  # noqa: B023
+        hidden = str(len(model.network.b1))
+        rows.add_row(name, hidden, f"{at_once:.2f}", f"{singly:.2f}", f"{1e3 * singly / 60:.0f}")
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--flights", type=int, default=4, help="of each class and mode; four actuators each")
+    parser.add_argument("--part", choices=["modes", "population", "faults", "selection", "cost"])
+    options = parser.parse_args()
+    console = Console(width=150)
+    models = dict(zip(TELEMETRY, packaged_models(), strict=True))
+    parts = {
+        "modes": lambda: modes(models, options.flights),
+        "population": lambda: population(models, options.flights),
+        "faults": lambda: faults(models, options.flights),
+        "selection": lambda: selection(models, options.flights),
+        "cost": lambda: cost(models),
+    }
+    for name, part in parts.items():
+        if options.part in (None, name):
+            with console.status(name):
+                made = part()
+            console.print(f"\n[bold]{name}[/]")
+            console.print(made)
+
+
+if __name__ == "__main__":
+    main()
