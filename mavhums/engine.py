@@ -16,6 +16,7 @@ from mavhums.actuator.profile import Airframe, packaged_airframes
 from mavhums.actuator.tiers import tier_named
 from mavhums.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.events import AirframeNamed, Event, Notice, Samples
+from mavhums.health.baseline import Baseline, BaselineSource
 from mavhums.health.monitor import Monitor
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
@@ -34,6 +35,8 @@ class Engine:
         The profile for every vehicle; if None, each vehicle is judged by the one that it names.
     model
         Whose network's votes are shown beside the friction, where its card names the airframe.
+    baselines
+        What the flights before say of each actuator, or what gives it of an airframe and a time.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
 
@@ -50,12 +53,14 @@ class Engine:
         airframe: Airframe | None = None,
         *,
         model: Model | None = None,
+        baselines: BaselineSource | None = None,
         dialect: str | os.PathLike[str] | None = None,
     ) -> None:
         wanted = messages_for(airframe.actuators if airframe else ())
         self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect)
         self._fleet = Fleet(airframe)
         self._model = model
+        self._baselines = baselines or {}
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._segments: dict[int, int] = {}
@@ -135,8 +140,18 @@ class Engine:
         if key not in self._monitors:
             serves = self._model is not None and self._model.card.airframe == mapper.airframe.name
             network = self._model.network if self._model and serves else None
-            self._monitors[key] = Monitor(mapped.vehicle, actuator, network)
+            baselines = self._own_baselines(key, mapper.airframe.name)
+            self._monitors[key] = Monitor(mapped.vehicle, actuator, network, baselines=baselines)
         yield from self._monitors[key].feed(time_s, mapped.values)
+
+    def _own_baselines(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
+        """Return what an actuator's own flights say, by fault."""
+        baselines = self._baselines
+        if callable(baselines):
+            first = self._decoder.first_time_us
+            undated = first is None or self._decoder.sender_clock
+            baselines = baselines(airframe, None if undated else _utc(first or 0))
+        return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 
     def _verdicts(self, vehicle: int | None) -> Iterator[Verdict]:
         tier = self._fleet.tier(vehicle, self._decoder.counts)

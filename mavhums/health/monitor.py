@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.special import stdtr, stdtrit
 from mavhums.actuator.profile import Actuator
 from mavhums.assessment import Condition, Coverage, Evidence, Interval, Suspect
 from mavhums.events import ConditionChanged, Window
+from mavhums.health.baseline import Baseline
 from mavhums.health.decision import Change, Decision, rule
 from mavhums.health.friction import Moments, estimate_friction, friction_moments
 from mavhums.health.motion import motion
@@ -70,6 +71,8 @@ class Monitor:
         From the airframe profile.
     network
         Whose votes are shown beside the friction; None for no votes.
+    baselines
+        What the actuator's own flights before say, by fault.
 
     Raises
     ------
@@ -77,10 +80,18 @@ class Monitor:
         If the profile leaves the actuator's constants or limits open.
     """
 
-    def __init__(self, vehicle: int, actuator: Actuator, network: Classifier | None = None) -> None:
+    def __init__(
+        self,
+        vehicle: int,
+        actuator: Actuator,
+        network: Classifier | None = None,
+        *,
+        baselines: Mapping[str, Baseline] | None = None,
+    ) -> None:
         self.vehicle = vehicle
         self.actuator = actuator
         self._network = network
+        self._baselines = baselines or {}
         self._cutter = SlotCutter()
         self._seconds: deque[_Second] = deque(maxlen=WINDOW_S)
         self._first: int | None = None
