@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -76,11 +77,7 @@ def trend(
     history = opened_history(folder)
     wanted = () if "all" in faults else faults
     report = trend_report(history, actuators=actuators, faults=wanted, since=dict(dates))
-    known = {verdict.actuator for flight in history.flights for verdict in flight.assessment.verdicts}
-    for name in [*actuators, *(name for name, _ in dates if name)]:
-        if name not in known:
-            there = f"the folder has: {', '.join(sorted(known)) or 'no flights'}"
-            raise MavhumsError(f"{folder}: no actuator {name!r}", there)
+    _hold_known(folder, history, [*actuators, *(name for name, _ in dates if name)], wanted)
     if output is not None:
         _write(output, report.trends)
     if as_json:
@@ -92,6 +89,18 @@ def trend(
 
         render_trends(report, Console())
     raise SystemExit(report.exit_code)
+
+
+def _hold_known(folder: Path, history: FlightHistory, actuators: list[str], faults: Sequence[str]) -> None:
+    """Refuse names that no flight has, which are misspelt."""
+    verdicts = [verdict for flight in history.flights for verdict in flight.assessment.verdicts]
+    known = {verdict.actuator for verdict in verdicts}
+    shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
+    for what, names, there in (("actuator", actuators, known), ("fault", faults, shown | {"friction"})):
+        for name in names:
+            if name not in there:
+                remedy = f"the flights show: {', '.join(sorted(there)) or 'none'}"
+                raise MavhumsError(f"{folder}: no flight has the {what} {name!r}", remedy)
 
 
 def _write(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:

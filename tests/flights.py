@@ -81,7 +81,7 @@ def write_wear(
     growth: Sequence[tuple[str, float]] = (("elevator", 0.005), ("rudder", 0.0)),
     seed: int = 1,
 ) -> None:
-    """Write a history in which some actuators' friction grows by so much a flight, N·m, and others' does not."""
+    """Write flights in which actuators' friction grows by so much, N·m, each time."""
     rng = np.random.default_rng(seed)
     for day in range(flights):
         verdicts = []

@@ -36,7 +36,7 @@ def render_trends(report: TrendReport, console: Console) -> None:
 def headline(report: TrendReport) -> str:
     """Return the answer in one line: what has the fewest flights left, or that none can be told."""
     if not report.trends:
-        return "No flight shows it"
+        return "No flight in this folder shows the size of a fault"
     gravest = report.trends[0].condition
     if gravest in ("emergency", "degraded"):
         names = dict.fromkeys(_name(one, report) for one in report.trends if one.condition == gravest)
@@ -73,10 +73,11 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
         table.add_column(heading, justify="right", no_wrap=True)
     for one in trends:
         red, green, blue = COLOURS[one.condition]
+        values = [point.value.estimate for point in one.points]
         table.add_row(
             Text(printable(_name(one, report))),
             Text(one.condition, style=f"rgb({red},{green},{blue})"),
-            f"{sparkline([point.value.estimate for point in one.points])} {one.points[-1].value.estimate:.3g}",
+            f"{sparkline(values)} {values[-1]:.3g}",
             _signed(one.change),
             _signed(one.per_flight),
             _left(one.flights_left),

@@ -27,7 +27,7 @@ def normal(rng: np.random.Generator, n: int) -> Array:
 
 def heavy(rng: np.random.Generator, n: int) -> Array:
     """Student's t with 5 degrees of freedom, kurtosis 9, of variance one."""
-    return rng.standard_t(5, n) / np.sqrt(5 / 3)
+    return np.asarray(rng.standard_t(5, n) / np.sqrt(5 / 3))
 
 
 def history(
