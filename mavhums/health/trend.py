@@ -3,20 +3,23 @@
 A flight's value is the line, plus what differs between flights (temperature, load), plus the flight's
 own measurement error. The variance between flights is estimated by Paule and Mandel's equation, the
 line by least squares weighted with both, and its intervals are those of Knapp and Hartung, Student's t
-with n − 2 degrees of freedom, which are exact where all flights are measured alike. The flights left
-are inverse regression: Fieller's exact interval of where the line meets the limit, which is finite only
-where the slope is significant. A flight far off the line of the others, by the t-test of its deleted
-residual with Bonferroni's correction, is left out and named; so are up to one in ten.
+with n − 2 degrees of freedom, widened where neighbouring flights are alike, by their lag-one
+autocorrelation ρ: (1 + ρ)/(1 − ρ) in variance. The flights left are inverse regression, Fieller's interval
+of where the line meets the limit; it is bounded because the slope must be significant.
+
+One flight in ten, and at least one, may lie far off the line of the others, by the t-test of its deleted
+residual with Bonferroni's correction; it is left out and named.
 
 The flights left are told only where the slope is above zero with 99.5 % confidence, stricter than the
-interval itself because the question is asked again after every flight; where the residuals do not follow
-their neighbours, for a step, a season or wear that grows faster makes the line a wrong model; and where the
-limit is not too far ahead. A repair is such a step: it is for the user to name its date.
+interval because the question is asked again after every flight; where nothing speaks against a straight
+line; and where the interval begins within three times the span of the flights. A repair is no straight line:
+it is for the user to name its date.
 
 References
 ----------
 R. C. Paule and J. Mandel (1982), Journal of Research of the National Bureau of Standards 87:377.
 G. Knapp and J. Hartung (2003), Statistics in Medicine 22:2693.
+G. V. Bayley and J. M. Hammersley (1946), Supplement to the Journal of the Royal Statistical Society 8:184.
 E. C. Fieller (1954), Journal of the Royal Statistical Society B 16:175.
 N. R. Draper and H. Smith (1998), Applied Regression Analysis, 3rd ed., sections 3.2 and 8.
 """
@@ -32,6 +35,7 @@ from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
 from mavhums.assessment import Interval
+from mavhums.health.straightness import departure
 
 __all__ = ["MIN_FLIGHTS", "REACH", "Trend", "fit_trend"]
 
@@ -39,11 +43,11 @@ MIN_FLIGHTS = 8
 """Fewer flights make no trend."""
 
 REACH = 3.0
-"""How many times as far ahead as the flights reach back a limit may lie."""
+"""How many times as far ahead as the flights reach back the nearest end of the interval may lie."""
 
 _SURE = 0.995
 _OUTLYING = 0.01
-_BENT_Z = 2.58
+_MOST_ALIKE = 0.8
 
 Array = NDArray[np.float64]
 
@@ -81,14 +85,15 @@ class Trend:
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """Level and slope at the last flight, their covariance and what is left of each flight."""
+    """Level at the last flight and slope, their covariance, and by how much that was widened."""
 
     level: float
     slope: float
     covariance: Array
+    widening: float
     between: float
     deleted: Array
-    residuals: Array
+    departure: str | None
     freedom: int
 
     def error(self, ahead: float = 0.0) -> float:
@@ -126,15 +131,15 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
     errors = np.maximum(errors, max(1e-3 * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     kept, line = _without_outliers(numbers, values, errors)
     t = float(stdtrit(line.freedom, 0.975))
-    reason = _reason(line, emergency, float(np.ptp(numbers)))
+    outlook = _outlook(line, emergency, t, REACH * float(np.ptp(numbers)))
     return Trend(
         level=_interval(line.level, t * line.error()),
         per_flight=_interval(line.slope, t * sqrt(line.covariance[1, 1])),
         between=line.between,
         flights=int(np.count_nonzero(kept)),
         left_out=tuple(int(place) for place in np.flatnonzero(~kept)),
-        flights_left=None if reason or emergency is None else _flights_left(line, emergency, t),
-        reason=reason,
+        flights_left=None if isinstance(outlook, str) else outlook,
+        reason=outlook if isinstance(outlook, str) else None,
     )
 
 
@@ -160,6 +165,7 @@ def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
     coefficients, residuals, inverse = _weighted(design, values, weights)
     freedom = len(values) - 2
     scale = float(residuals @ residuals) / freedom
+    widening = _widening(residuals)
     leverage = weights * np.einsum("ij,jk,ik->i", design, inverse, design)
     free = np.clip(1 - leverage, 1e-9, None)
     others = (scale * freedom - residuals**2 / free) / (freedom - 1)
@@ -167,12 +173,21 @@ def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
     return _Line(
         level=float(coefficients[0]),
         slope=float(coefficients[1]),
-        covariance=scale * inverse,
+        covariance=widening * scale * inverse,
+        widening=widening,
         between=sqrt(between),
         deleted=deleted,
-        residuals=residuals,
+        departure=departure(numbers, values, weights),
         freedom=freedom,
     )
+
+
+def _widening(residuals: Array) -> float:
+    """Return by how much the variance grows because neighbouring flights are alike; 1 if they are not."""
+    total = float(residuals @ residuals)
+    alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
+    alike = min(max(alike, 0.0), _MOST_ALIKE)
+    return (1 + alike) / (1 - alike)
 
 
 def _weighted(design: Array, values: Array, weights: Array) -> tuple[Array, Array, Array]:
@@ -199,25 +214,22 @@ def _between(design: Array, values: Array, errors: Array) -> float:
     return float(brentq(excess, 0.0, enough, xtol=1e-9 * enough, rtol=1e-6))
 
 
-def _reason(line: _Line, emergency: float | None, span: float) -> str | None:
+def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> Interval | str:
+    """Return the flights left, or why they are not told."""
     if emergency is not None and line.level >= emergency:
         return "it has reached the emergency limit"
-    if line.slope <= float(stdtrit(line.freedom, _SURE)) * sqrt(line.covariance[1, 1]):
+    slope_error = float(stdtrit(line.freedom, _SURE)) * sqrt(line.covariance[1, 1])
+    grows = line.slope > slope_error / sqrt(line.widening)
+    if grows and line.departure:
+        return f"{line.departure}, so no straight line may be drawn on"
+    if line.slope <= slope_error:
         return "it does not grow beyond what differs between flights"
-    if _bent(line.residuals):
-        return "the flights do not scatter about a straight line: a step, a season, or wear that grows faster"
     if emergency is None:
         return "it grows, but has no emergency limit"
-    if emergency - line.level > line.slope * REACH * span:
+    left = _flights_left(line, emergency, t)
+    if left.low > reach:
         return f"it grows, but its limit is over {REACH:g} times as far ahead as these flights reach back"
-    return None
-
-
-def _bent(residuals: Array) -> bool:
-    """Whether residuals follow their neighbours, by their lag-one autocorrelation."""
-    total = float(residuals @ residuals)
-    following = float(residuals[:-1] @ residuals[1:])
-    return following * sqrt(len(residuals)) > _BENT_Z * total > 0
+    return left
 
 
 def _flights_left(line: _Line, limit: float, t: float) -> Interval:

@@ -53,7 +53,7 @@ def test_the_interval_covers_the_flights_left(draw: Draw, flights: int, slope: f
     truth = (EMERGENCY - 0.225) / slope - flights
     told = [fitted(*history(rng, flights, slope, draw)).flights_left for _ in range(1000)]
     covered = [left.low <= truth <= left.high for left in told if left is not None]
-    assert len(covered) > 985
+    assert len(covered) > 970
     assert 0.93 <= np.mean(covered) <= 0.97
 
 
@@ -70,13 +70,13 @@ def test_flat_histories_have_none_at_any_time() -> None:
     """A maintainer asks after each of sixty flights: at most one aircraft in twenty ever shows a trend."""
     rng = np.random.default_rng(3)
     false = 0
-    for _ in range(150):
+    for _ in range(80):
         numbers, values, errors = history(rng, 60, 0.0, heavy)
         false += any(
             fitted(numbers[:n], values[:n], errors[:n]).flights_left is not None
             for n in range(MIN_FLIGHTS, 61)
         )
-    assert false <= 7
+    assert false <= 4
 
 
 def test_equal_errors_make_it_plain_least_squares() -> None:
@@ -158,10 +158,11 @@ def test_what_is_no_line_is_not_extrapolated() -> None:
     numbers, values, errors = history(np.random.default_rng(10), 40, 0.0)
     step = fitted(numbers, values + 0.15 * (numbers > 20), errors)
     faster = fitted(numbers, values + 0.3 * (numbers / 40) ** 3, errors)
-    season = fitted(numbers, values + 0.004 * numbers + 0.05 * np.sin(numbers / 6), errors)
-    for trend in (step, faster, season):
+    season = fitted(numbers, values + 0.004 * numbers + 0.05 * np.sin(numbers / 2), errors)
+    for trend, why in ((step, "in one step"), (faster, "ever faster"), (season, "as with a season")):
         assert trend.flights_left is None
-        assert "straight line" in str(trend.reason)
+        assert why in str(trend.reason)
+        assert "no straight line may be drawn on" in str(trend.reason)
 
 
 def test_the_limit_may_not_lie_too_far_ahead() -> None:
