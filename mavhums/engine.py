@@ -140,11 +140,11 @@ class Engine:
         if key not in self._monitors:
             serves = self._model is not None and self._model.card.airframe == mapper.airframe.name
             network = self._model.network if self._model and serves else None
-            baselines = self._own_baselines(key, mapper.airframe.name)
+            baselines = self._baselines_of(key, mapper.airframe.name)
             self._monitors[key] = Monitor(mapped.vehicle, actuator, network, baselines=baselines)
         yield from self._monitors[key].feed(time_s, mapped.values)
 
-    def _own_baselines(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
+    def _baselines_of(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
         """Return what an actuator's own flights say, by fault."""
         baselines = self._baselines
         if callable(baselines):

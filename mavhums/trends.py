@@ -9,7 +9,6 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.assessment import ALL, Condition, Indicator, Interval, Verdict
 from mavhums.health.baseline import Baseline
@@ -138,7 +137,7 @@ def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe:
         np.array([_error(one) for _, one in pairs]),
         newest.emergency,
     )
-    expected = _expected(baseline)
+    expected = baseline.prediction() if baseline else None
     starts = [each.flight.start.isoformat() for each, _ in pairs]
     latest = flown[-1].verdict
     return ActuatorTrend(
@@ -178,15 +177,6 @@ def _error(one: Indicator) -> float:
     if one.scatter is not None:
         return one.scatter / sqrt(one.windows)
     return (one.value.high - one.value.low) / (2 * _NORMAL_95)
-
-
-def _expected(baseline: Baseline | None) -> Interval | None:
-    """Return the 95 % prediction interval of one more flight like those of the baseline."""
-    if baseline is None:
-        return None
-    error = baseline.between * sqrt(1 + 1 / baseline.flights)
-    half = float(stdtrit(baseline.flights - 1, 0.975)) * error
-    return Interval(estimate=baseline.mean, low=baseline.mean - half, high=baseline.mean + half)
 
 
 def _change(newest: Indicator, expected: Interval | None) -> Interval | None:

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
+from scipy.special import stdtrit
 
-from mavhums.assessment import Indicator
+from mavhums.assessment import Indicator, Interval
 
 __all__ = ["Baseline", "BaselineSource", "Baselines"]
 
@@ -36,6 +37,11 @@ class Baseline:
     between: float
     windows: int
     within: float
+
+    def prediction(self) -> Interval:
+        """Return the 95 % interval in which the value of another flight lies."""
+        half = float(stdtrit(self.flights - 1, 0.975)) * self.between * (1.0 + 1.0 / self.flights) ** 0.5
+        return Interval(estimate=self.mean, low=self.mean - half, high=self.mean + half)
 
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:
