@@ -1,4 +1,4 @@
-"""An aircraft whose elevator wears a little with each flight: judge every log, keep what was found, see the trend.
+"""An aircraft whose elevator wears with each flight: judge every log, keep what was found, see the trend.
 
     python examples/wear_over_flights.py FOLDER [FLIGHTS]
 

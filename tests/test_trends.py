@@ -14,10 +14,11 @@ import pytest
 
 import mavhums
 from mavhums import cli_options
-from mavhums.assessment import Condition
+from mavhums.assessment import Condition, Interval
 from mavhums.errors import ExitCode
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
+from mavhums.history import FlightHistory, PastFlight
 from mavhums.history_files import keep_assessment, read_history
 from mavhums.trends import trend_report
 from mavhums_sim import Flight, fly, write_tlog
@@ -98,6 +99,24 @@ def test_flights_that_could_not_be_judged_count(tmp_path: Path) -> None:
     assert [point.flight for point in one.points] == list(range(1, 40, 2))
     assert one.per_flight is not None
     assert one.per_flight.estimate == pytest.approx(0.01, rel=0.02)
+
+
+def test_what_all_flights_share_makes_no_line_uncertain() -> None:
+    """The torque scale widens every interval alike, and bends no line."""
+
+    def wear(half: float) -> float:
+        flights = []
+        for day in range(20):
+            one = shown(0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day))
+            value = one.value
+            wide = Interval(estimate=value.estimate, low=value.estimate - half, high=value.estimate + half)
+            flights.append(flown(verdict(one.model_copy(update={"value": wide})), day=day))
+        history = FlightHistory(tuple(PastFlight.of(flight) for flight in flights))
+        left = trend_report(history).trends[0].flights_left
+        assert left is not None
+        return left.high - left.low
+
+    assert wear(0.1) == wear(0.004)
 
 
 def test_a_repair_is_told_by_its_date(run: Run, tmp_path: Path) -> None:

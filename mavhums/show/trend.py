@@ -63,7 +63,7 @@ def sparkline(values: Sequence[float], cells: int = _CELLS) -> str:
 
 
 def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table = Table(box=box.SIMPLE_HEAD, padding=0, pad_edge=False)
     table.title = Text(printable(f"{trends[0].quantity}, {trends[0].unit}"))
     table.title_justify = "left"
     table.add_column("actuator", overflow="fold", min_width=13)
@@ -86,12 +86,13 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
 
 
 def _signed(change: Interval | None) -> str:
-    """Write a change and half its interval, with the digits that the interval leaves."""
+    """Write a change and half its 95 % interval, which is all that is told of one that may be none."""
     if change is None:
         return "—"
     half = (change.high - change.low) / 2
     digits = int(np.clip(-np.floor(np.log10(half)), 0, 9)) if half > 0 else 3
-    return f"{change.estimate:+.{digits}f}±{half:.{digits}f}"
+    told = f"{change.estimate:+.{digits}f}" if abs(change.estimate) > half else ""
+    return f"{told}±{half:.{digits}f}"
 
 
 def _left(left: Interval | None) -> str:
@@ -105,7 +106,8 @@ def _reasons(report: TrendReport) -> list[str]:
     """Say why there are no flights left told, which flights were left out, and what was not shown."""
     groups: dict[str, list[str]] = {}
     for one in report.trends:
-        if one.reason:
+        grows = one.per_flight is not None and one.per_flight.low > 0
+        if one.reason and (grows or one.emergency is not None):
             groups.setdefault(one.reason, []).append(_title(one, report))
     lines = [f"{join(names)}: no flights left are told: {reason}." for reason, names in groups.items()]
     for one in report.trends:

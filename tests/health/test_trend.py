@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import brentq
 
+from mavhums.health.straightness import departure
 from mavhums.health.trend import MIN_FLIGHTS, REACH, Trend, fit_trend
 
 Array = NDArray[np.float64]
@@ -111,6 +112,20 @@ def test_the_interval_is_where_the_confidence_band_meets_the_limit() -> None:
     assert left.high == pytest.approx(brentq(band, 0, 200, args=(-1.0,)), rel=1e-6)
 
 
+def test_flights_that_are_like_their_neighbours_tell_less() -> None:
+    """Weather that lasts a few flights: without heed of it, seven intervals in ten hold the truth."""
+    rng = np.random.default_rng(14)
+    inside = []
+    for _ in range(500):
+        numbers, values, errors = history(rng, 30, 0.01, lambda rng, n: np.zeros(n))
+        weather = rng.standard_normal(30)
+        for k in range(1, 30):
+            weather[k] = 0.5 * weather[k - 1] + np.sqrt(0.75) * weather[k]
+        slope = fitted(numbers, values + BETWEEN * weather, errors).per_flight
+        inside.append(slope.low <= 0.01 <= slope.high)
+    assert np.mean(inside) > 0.82
+
+
 def test_a_flight_that_is_known_badly_counts_little() -> None:
     numbers = np.arange(20.0)
     values = 0.225 + 0.01 * numbers + 0.001 * np.cos(numbers * 2.4)
@@ -163,6 +178,30 @@ def test_what_is_no_line_is_not_extrapolated() -> None:
         assert trend.flights_left is None
         assert why in str(trend.reason)
         assert "no straight line may be drawn on" in str(trend.reason)
+
+
+@pytest.mark.parametrize("n", [MIN_FLIGHTS, 20, 60])
+def test_lines_are_rarely_taken_for_something_else(n: int) -> None:
+    rng = np.random.default_rng(n)
+    said = []
+    for _ in range(300):
+        numbers, values, errors = history(rng, n, 0.2 / n, heavy)
+        said.append(departure(numbers, values, 1 / (BETWEEN**2 + errors**2)))
+    assert sum(word is not None for word in said) <= 12
+
+
+@pytest.mark.parametrize("n", [MIN_FLIGHTS, 20, 60])
+def test_departures_are_seen_in_few_flights_too(n: int) -> None:
+    at = np.linspace(0, 1, n)
+    shapes = {
+        "it changed in one step": 0.1 * (at > 0.5),
+        "it grows ever faster or slower": 0.2 * at**3,
+    }
+    for word, shape in shapes.items():
+        rng = np.random.default_rng(n)
+        for _ in range(50):
+            numbers, values, errors = history(rng, n, 0.0)
+            assert departure(numbers, values + shape, 1 / (BETWEEN**2 + errors**2)) == word
 
 
 def test_the_limit_may_not_lie_too_far_ahead() -> None:
