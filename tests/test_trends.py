@@ -14,7 +14,7 @@ import pytest
 
 import mavhums
 from mavhums import cli_options
-from mavhums.assessment import Condition, Interval
+from mavhums.assessment import Assessment, Condition, Interval
 from mavhums.errors import ExitCode
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
@@ -266,6 +266,23 @@ def test_one_command_after_each_landing_keeps_the_history(run: Run, logs: list[P
     torn = run("analyse", logs[0], "--history", folder)
     assert torn.code == ExitCode.READ_WITH_LOSSES
     assert "cut.json" in torn.err
+
+
+def test_of_several_logs_each_is_held_against_those_before(
+    run: Run, logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known: list[int] = []
+
+    def judge(log: Path, *, history: FlightHistory, **_: Any) -> Assessment:
+        known.append(len(history.flights))
+        return flown(verdict(), day=len(known), name=log.stem)
+
+    monkeypatch.setattr("mavhums.analysis.analyse", judge)
+    assert run("analyse", *logs, "--history", tmp_path / "kept", "--keep").code == ExitCode.OK
+    assert known == [0, 1, 2]
+    known.clear()
+    run("analyse", *logs, "--history", tmp_path / "kept")
+    assert known == [3, 3, 3]
 
 
 def test_each_monitor_gets_the_baselines_of_its_own_actuator(
