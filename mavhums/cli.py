@@ -75,7 +75,7 @@ def analyse(
     \b
     Exit codes, the first that applies:
       2 usage    1 error    11 an emergency    10 degraded    12 undecided
-      3 read with losses    0 all normal
+      3 log or history read with losses    0 all normal
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.analysis import analyse as judge
@@ -105,16 +105,15 @@ def analyse(
                     recording=recordings.get(log),
                     progress=progress,
                 )
+            assessments.append(assessment)
+            if not as_json:
+                _show(assessment, recordings.get(log))
             if keep and history is not None:
                 keep_assessment(assessment, history)
                 flown = flown.with_flight(assessment)
         except MavhumsError as error:
             complain(error)
             failed = True
-            continue
-        assessments.append(assessment)
-        if not as_json:
-            _show(assessment, recordings.get(log))
     if as_json and assessments:
         click.echo(_json(assessments, many=len(logs) > 1))
     if open_viewer and assessments:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
 from datetime import UTC, datetime, timedelta
@@ -266,6 +267,15 @@ def test_one_command_after_each_landing_keeps_the_history(run: Run, logs: list[P
     torn = run("analyse", logs[0], "--history", folder)
     assert torn.code == ExitCode.READ_WITH_LOSSES
     assert "cut.json" in torn.err
+
+
+def test_what_cannot_be_kept_is_shown_all_the_same(run: Run, logs: list[Path], tmp_path: Path) -> None:
+    sha256 = hashlib.sha256(logs[0].read_bytes()).hexdigest()
+    (tmp_path / "folder" / f"flight-0-{sha256[:16]}.json").mkdir(parents=True)
+    outcome = run("analyse", logs[0], "--history", tmp_path / "folder", "--keep")
+    assert outcome.code == ExitCode.ERROR
+    assert "cannot write" in outcome.err
+    assert "elevator" in outcome.out
 
 
 def test_of_several_logs_each_is_held_against_those_before(

@@ -96,11 +96,6 @@ class _Line:
     departure: str | None
     freedom: int
 
-    def error(self, ahead: float = 0.0) -> float:
-        """Return the standard error of the line so many flights after the last."""
-        at = np.array([1.0, ahead])
-        return sqrt(max(float(at @ self.covariance @ at), 0.0))
-
 
 def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | None) -> Trend | None:
     """Fit a line to an indicator over flights; None of fewer than ``MIN_FLIGHTS``.
@@ -132,8 +127,10 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
     kept, line = _without_outliers(numbers, values, errors)
     t = float(stdtrit(line.freedom, 0.975))
     outlook = _outlook(line, emergency, t, REACH * float(np.ptp(numbers)))
+    if not kept[-1]:
+        outlook = "its last flight lies far off the line of the others; the next ones will tell"
     return Trend(
-        level=_interval(line.level, t * line.error()),
+        level=_interval(line.level, t * sqrt(line.covariance[0, 0])),
         per_flight=_interval(line.slope, t * sqrt(line.covariance[1, 1])),
         between=line.between,
         flights=int(np.count_nonzero(kept)),
