@@ -106,7 +106,7 @@ class TrendReport(_Contract):
             return ExitCode.EMERGENCY
         if any(shown.condition == "degraded" or shown.flights_left for shown in self.trends):
             return ExitCode.DEGRADED
-        if self.unshown or any(shown.condition == "undecided" for shown in self.trends):
+        if self.unshown or not self.trends or any(shown.condition == "undecided" for shown in self.trends):
             return ExitCode.UNDECIDED
         return ExitCode.READ_WITH_LOSSES if self.errors else ExitCode.OK
 

@@ -188,6 +188,16 @@ def test_the_exit_code_is_of_the_last_flight(
         assert "1: elevator: no flight shows" in outcome.out
 
 
+def test_an_empty_folder_says_how_to_fill_it(run: Run, tmp_path: Path) -> None:
+    outcome = run("trend", tmp_path)
+    assert outcome.code == ExitCode.UNDECIDED
+    assert outcome.out.startswith("No flights in this folder")
+    assert "--keep" in outcome.out
+    frame = mavhums.trend(tmp_path)
+    assert frame.empty
+    assert "start_utc" in frame.columns
+
+
 def test_a_broken_file_is_told_and_the_rest_is_shown(run: Run, tmp_path: Path) -> None:
     for day in range(3):
         keep_assessment(flown(verdict(shown(0.2)), day=day), tmp_path)

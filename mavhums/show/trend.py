@@ -35,6 +35,8 @@ def render_trends(report: TrendReport, console: Console) -> None:
 
 def headline(report: TrendReport) -> str:
     """Return the answer in one line: what has the fewest flights left, or that none can be told."""
+    if not report.flights:
+        return "No flights in this folder: put them there with mavhums analyse LOG --history DIR --keep"
     if not report.trends:
         return "No flight in this folder shows the size of a fault"
     gravest = report.trends[0].condition
