@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mavhums.engine import Engine
     from mavhums.errors import MavhumsError
     from mavhums.log import read_log
+    from mavhums.trends import trend
 
 __version__ = "0.1.0"
 
@@ -32,6 +33,7 @@ __all__ = [
     "load_airframe",
     "read_log",
     "record",
+    "trend",
 ]
 
 _HOMES = {
@@ -44,6 +46,7 @@ _HOMES = {
     "load_airframe": "actuator",
     "read_log": "log",
     "record": "analysis",
+    "trend": "trends",
 }
 
 

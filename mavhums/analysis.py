@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from mavhums.actuator.profile import Airframe, load_airframe
@@ -12,6 +13,8 @@ from mavhums.assessment import Assessment
 from mavhums.engine import Engine
 from mavhums.errors import MavhumsError
 from mavhums.events import Event
+from mavhums.history import FlightHistory, Since
+from mavhums.history_files import read_history
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import read_blocks
 
@@ -23,6 +26,8 @@ def analyse(
     *,
     airframe: Airframe | str | Path | None = None,
     model: Model | Sequence[Model] | str | Path | None = None,
+    history: FlightHistory | str | os.PathLike[str] | None = None,
+    since: Since | None = None,
     dialect: str | os.PathLike[str] | None = None,
     recording: str | os.PathLike[str] | None = None,
     consume: Callable[[Sequence[Event]], None] | None = None,
@@ -38,6 +43,11 @@ def analyse(
         A profile, its name or its path; if None, the one that the log names itself.
     model
         A model or its file, or several models; if None, those that ship with mavhums.
+    history
+        The flights before, or their folder (:func:`mavhums.history_files.read_history`): they give each
+        actuator its own baseline.
+    since
+        Dates from which they count, by actuator; None as the name of all others.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
     recording
@@ -53,6 +63,8 @@ def analyse(
         If the file is missing or not a telemetry log.
     ProfileError, ModelError, DialectError
         If the profile, the model or the XML cannot be used.
+    MavhumsError
+        If there is no folder for the history.
     MissingExtraError
         If a recording is wanted and rerun is not installed.
 
@@ -64,6 +76,8 @@ def analyse(
     """
     profile = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     models = _models(model)
+    if not isinstance(history, FlightHistory):
+        history = FlightHistory() if history is None else read_history(history)
     if recording is not None:
         if str(path) == "-":
             raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
@@ -78,11 +92,19 @@ def analyse(
                     consume(events)
 
             assessment = analyse(
-                path, airframe=profile, model=models, dialect=dialect, consume=both, progress=progress
+                path,
+                airframe=profile,
+                model=models,
+                history=history,
+                since=since,
+                dialect=dialect,
+                consume=both,
+                progress=progress,
             )
             recorder.close(assessment)
         return assessment
-    engine = Engine(profile, model=models, dialect=dialect)
+    baselines = partial(history.baselines, since=since)
+    engine = Engine(profile, model=models, baselines=baselines, dialect=dialect)
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, dialect=dialect):
         digest.update(block)
@@ -104,10 +126,12 @@ def record(
     *,
     airframe: Airframe | str | Path | None = None,
     model: Model | Sequence[Model] | str | Path | None = None,
+    history: FlightHistory | str | os.PathLike[str] | None = None,
+    since: Since | None = None,
 ) -> None:
     """Write the Rerun recording of an assessment, reading its log once more.
 
-    Give the ``airframe`` and the ``model`` that the assessment was made with.
+    Give the ``airframe``, the ``model`` and the ``history`` that the assessment was made with.
 
     Raises
     ------
@@ -121,7 +145,7 @@ def record(
     log = assessment.log
     if log.path is None or _sha256(log.path) != log.sha256:
         raise MavhumsError(f"{log.path}: not the log that was judged", "analyse it again")
-    analyse(log.path, airframe=airframe, model=model, recording=path)
+    analyse(log.path, airframe=airframe, model=model, history=history, since=since, recording=path)
 
 
 def _models(given: Model | Sequence[Model] | str | Path | None) -> Sequence[Model]:

@@ -116,6 +116,8 @@ class Indicator(_Contract):
         None of fewer than two.
     limit
         Value from which the actuator is degraded; None where only its own baseline can tell.
+    emergency
+        Value from which it is an emergency; None where the fault alone is none. A fault grows upwards.
     baseline
         What the actuator's own history says it is, as a 95 % prediction interval of one flight.
     """
@@ -127,6 +129,7 @@ class Indicator(_Contract):
     windows: int = Field(ge=1)
     scatter: float | None = Field(default=None, ge=0)
     limit: float | None = None
+    emergency: float | None = None
     baseline: Interval | None = None
 
 

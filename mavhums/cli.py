@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,10 @@ import click
 
 from mavhums import __version__
 from mavhums.cli_learn import precedents, study, train
-from mavhums.cli_options import AIRFRAME, DIALECT, JSON, LOG, LOGS, PATH
+from mavhums.cli_options import AIRFRAME, BASELINE_FROM, DIALECT, HISTORY, JSON, KEEP, LOG, LOGS, PATH
 from mavhums.cli_progress import reading
 from mavhums.cli_tools import export, model, profile
+from mavhums.cli_trend import complain, opened_history, trend
 from mavhums.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
@@ -31,6 +33,7 @@ def cli() -> None:
     Start here:
       mavhums analyse flight.tlog                  the verdict per actuator
       mavhums analyse flight.tlog --rrd flight.rrd the same, and a Rerun recording
+      mavhums trend flights                        each actuator over its flights
       mavhums inspect flight.tlog                  what the log holds, and what is missing
       mavhums profile new flight.tlog -o mine.toml a profile of your aircraft, to be filled in
     """
@@ -41,6 +44,9 @@ def cli() -> None:
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
 @DIALECT
+@HISTORY
+@KEEP
+@BASELINE_FROM
 @JSON
 @click.option(
     "--rrd",
@@ -54,23 +60,33 @@ def analyse(
     airframe: str | None,
     model: str | None,
     dialect: Path | None,
+    history: Path | None,
+    keep: bool,
+    dates: tuple[tuple[str | None, datetime], ...],
     as_json: bool,
     rrd: Path | None,
     open_viewer: bool,
 ) -> None:
     """Judge every actuator of each LOG (.tlog).
 
+    With --history, each actuator is also held against its own first flights; --keep makes this flight one
+    of them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
+
     \b
     Exit codes, the first that applies:
       2 usage    1 error    11 an emergency    10 degraded    12 undecided
-      3 read with losses    0 all normal
+      3 log or history read with losses    0 all normal
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.analysis import analyse as judge
+    from mavhums.history_files import keep_assessment
     from mavhums.learn import load_model, packaged_models
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")
+    if (keep or dates) and history is None:
+        raise click.UsageError(f"{'--keep' if keep else '--baseline-from'} needs --history DIR")
+    flown = opened_history(history, may_be_new=keep)
     profile = load_airframe(airframe) if airframe else None
     networks = (load_model(model),) if model else packaged_models()
     recordings = _recordings(logs, rrd)
@@ -83,22 +99,26 @@ def analyse(
                     log,
                     airframe=profile,
                     model=networks,
+                    history=flown,
+                    since=dict(dates),
                     dialect=dialect,
                     recording=recordings.get(log),
                     progress=progress,
                 )
+            assessments.append(assessment)
+            if not as_json:
+                _show(assessment, recordings.get(log))
+            if keep and history is not None:
+                keep_assessment(assessment, history)
+                flown = flown.with_flight(assessment)
         except MavhumsError as error:
-            _complain(error)
+            complain(error)
             failed = True
-            continue
-        assessments.append(assessment)
-        if not as_json:
-            _show(assessment, recordings.get(log))
     if as_json and assessments:
         click.echo(_json(assessments, many=len(logs) > 1))
     if open_viewer and assessments:
         _open([recordings[log] for log in logs if recordings[log].exists()])
-    raise SystemExit(ExitCode.ERROR if failed else _exit_code(assessments))
+    raise SystemExit(ExitCode.ERROR if failed else _exit_code(assessments, losses=bool(flown.errors)))
 
 
 @cli.command()
@@ -126,7 +146,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (train, precedents, study, export, model, profile):
+for _command in (trend, train, precedents, study, export, model, profile):
     cli.add_command(_command)
 
 
@@ -135,7 +155,7 @@ def main() -> None:
     try:
         cli.main(prog_name="mavhums", standalone_mode=False)
     except MavhumsError as error:
-        _complain(error)
+        complain(error)
         sys.exit(ExitCode.ERROR)
     except click.ClickException as error:
         error.show()
@@ -146,12 +166,6 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(ExitCode.ERROR)
-
-
-def _complain(error: MavhumsError) -> None:
-    click.echo(f"mavhums: {error.problem}", err=True)
-    if error.remedy:
-        click.echo(f"  remedy: {error.remedy}", err=True)
 
 
 def _recordings(logs: tuple[Path, ...], rrd: Path | None) -> dict[Path, Path]:
@@ -189,10 +203,12 @@ def _json(assessments: list[Assessment], *, many: bool) -> str:
     return json.dumps({"schema": SCHEMA, "assessments": objects}, indent=2, ensure_ascii=False)
 
 
-def _exit_code(assessments: list[Assessment]) -> ExitCode:
+def _exit_code(assessments: list[Assessment], *, losses: bool) -> ExitCode:
     order = (ExitCode.EMERGENCY, ExitCode.DEGRADED, ExitCode.UNDECIDED, ExitCode.READ_WITH_LOSSES)
     codes = {assessment.exit_code for assessment in assessments}
-    return next((code for code in order if code in codes), ExitCode.OK)
+    return next(
+        (code for code in order if code in codes), ExitCode.READ_WITH_LOSSES if losses else ExitCode.OK
+    )
 
 
 def _open(recordings: list[Path]) -> None:

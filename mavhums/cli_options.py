@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import click
 
-__all__ = ["AIRFRAME", "DIALECT", "JSON", "LOG", "LOGS", "PATH"]
+__all__ = ["AIRFRAME", "BASELINE_FROM", "DIALECT", "HISTORY", "JSON", "KEEP", "LOG", "LOGS", "PATH"]
 
 PATH: click.Path = click.Path(path_type=Path)
 LOG = click.argument("log", metavar="LOG", type=PATH)
@@ -20,3 +21,36 @@ DIALECT = click.option(
     "--dialect", type=PATH, metavar="FILE", help="MAVLink XML whose messages go before the ones known here."
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+HISTORY = click.option(
+    "--history",
+    type=PATH,
+    metavar="DIR",
+    help="Folder of the aircraft's earlier assessments, for each actuator's own baseline.",
+)
+KEEP = click.option("--keep", is_flag=True, help="Put the new assessment into the --history folder.")
+
+
+class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
+    """``2026-03-01`` for every actuator, or ``rudder=2026-03-01`` for one."""
+
+    name = "date"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str | None, datetime]:
+        name, _, date = str(value).rpartition("=")
+        try:
+            at = datetime.fromisoformat(date)
+        except ValueError:
+            self.fail(f"{value!r} is no date: write 2026-03-01, or rudder=2026-03-01", param, ctx)
+        return name or None, at if at.tzinfo else at.replace(tzinfo=UTC)
+
+
+BASELINE_FROM = click.option(
+    "--baseline-from",
+    "dates",
+    type=_NamedDate(),
+    multiple=True,
+    metavar="[ACTUATOR=]DATE",
+    help="Earlier flights do not count, as after a repair; of all actuators, or of one. Can be repeated.",
+)

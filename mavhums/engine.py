@@ -16,7 +16,7 @@ from mavhums.actuator.profile import Airframe, packaged_airframes
 from mavhums.actuator.tiers import tier_named
 from mavhums.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.events import AirframeNamed, Event, Notice, Samples
-from mavhums.health.baseline import Baseline, Baselines
+from mavhums.health.baseline import Baseline, BaselineSource
 from mavhums.health.monitor import Monitor
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
@@ -36,10 +36,10 @@ class Engine:
     model
         One or several, whose networks' votes are shown beside the friction. An actuator gets the first
         that is for its airframe and whose quantities its samples carry.
+    baselines
+        What the flights before say of each actuator, or what gives it of an airframe and a time.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
-    baselines
-        What the actuators' flights before say of them.
 
     Examples
     --------
@@ -54,14 +54,14 @@ class Engine:
         airframe: Airframe | None = None,
         *,
         model: Model | Sequence[Model] | None = None,
+        baselines: BaselineSource | None = None,
         dialect: str | os.PathLike[str] | None = None,
-        baselines: Baselines | None = None,
     ) -> None:
-        self._baselines = baselines or {}
         wanted = messages_for(airframe.actuators if airframe else ())
         self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect)
         self._fleet = Fleet(airframe)
         self._models = () if model is None else (model,) if isinstance(model, Model) else tuple(model)
+        self._baselines = baselines or {}
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._segments: dict[int, int] = {}
@@ -142,12 +142,21 @@ class Engine:
                 mapped.vehicle,
                 actuator,
                 self._serving(mapper.airframe),
-                baselines=self._baselines_of(mapped.vehicle, actuator.name),
+                baselines=self._baselines_of(key, mapper.airframe.name),
             )
         yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
 
     def _serving(self, airframe: Airframe) -> list[Model]:
         return [model for model in self._models if model.card.airframe == airframe.name]
+
+    def _baselines_of(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
+        """Return what an actuator's own flights say, by fault."""
+        baselines = self._baselines
+        if callable(baselines):
+            first = self._decoder.first_time_us
+            undated = first is None or self._decoder.sender_clock
+            baselines = baselines(airframe, None if undated else _utc(first or 0))
+        return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 
     def _verdicts(self, vehicle: int | None) -> Iterator[Verdict]:
         tier = self._fleet.tier(vehicle, self._decoder.counts)

@@ -203,9 +203,9 @@ def windows(
 ) -> Iterator[tuple[Outcome | None, int]]:
     """Yield the networks' outcome in each whole window of ten seconds, none overlapping, and its samples."""
     moving, seconds = moving_samples(actuator, flown)
-    count = int(flown.time_s[-1] + 0.5) // WINDOW_SLOTS * WINDOW_SLOTS
+    count = int(flown.time_s[-1] + 0.5) // WINDOW_S * WINDOW_S
     bounds = np.searchsorted(seconds, np.arange(count + 1))
     counts = count_votes(networks, moving, bounds, actuator.known_ema().gear_ratio)
-    for start in range(0, count, WINDOW_SLOTS):
-        window = counts[start : start + WINDOW_SLOTS]
-        yield outcome(networks, window), int(bounds[start + WINDOW_SLOTS] - bounds[start])
+    for start in range(0, count, WINDOW_S):
+        window = counts[start : start + WINDOW_S]
+        yield outcome(networks, window), int(bounds[start + WINDOW_S] - bounds[start])

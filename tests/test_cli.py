@@ -265,7 +265,7 @@ def test_a_reader_that_goes_away_is_no_traceback(growing_log: Path) -> None:
     assert "Traceback" not in outcome.stderr
 
 
-@pytest.mark.parametrize("command", ["analyse", "inspect", "train"])
+@pytest.mark.parametrize("command", ["analyse", "inspect", "train", "trend"])
 def test_every_command_has_help(run: Run, command: str) -> None:
     outcome = run(command, "--help")
     assert outcome.code == 0

@@ -6,15 +6,16 @@ the own baseline shows wear long before a limit for all of a type does.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 from scipy.special import stdtrit
 
 from mavhums.assessment import Indicator, Interval
 
-__all__ = ["Baseline", "Baselines"]
+__all__ = ["Baseline", "BaselineSource", "Baselines"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,11 @@ class Baseline:
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:
         """Return the baseline of several flights; None of fewer than two that show their scatter."""
-        shown = [(i.value.estimate, i.windows, i.scatter) for i in indicators if i.scatter is not None]
+        shown = [
+            (i.value.estimate, i.windows, i.scatter)
+            for i in indicators
+            if i.scatter is not None and i.windows > 1
+        ]
         if len(shown) < 2:
             return None
         values, windows, scatter = (np.array(column, dtype=np.float64) for column in zip(*shown, strict=True))
@@ -67,3 +72,6 @@ class Baseline:
 
 Baselines = Mapping[tuple[int, str, str], Baseline]
 """Baselines by vehicle, actuator and fault."""
+
+BaselineSource = Baselines | Callable[[str, datetime | None], Baselines]
+"""Baselines, or what gives them of an airframe for a flight that begins at a time, None if not known."""

@@ -215,6 +215,7 @@ class Course:
             windows=self._scatter.count,
             scatter=self._scatter.deviation,
             limit=self.detector.levels.normal,
+            emergency=self.detector.levels.emergency,
             baseline=self._drift.baseline.prediction() if self._drift else None,
         )
 

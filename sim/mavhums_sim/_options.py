@@ -164,6 +164,7 @@ _OPTIONS = (
     click.option("--links", default=1, metavar="N", help="Parallel links, 1…4."),
     click.option("--clock-offset", default=0.0, metavar="S", help="Error of the vehicle's clock."),
     click.option("--clock-drift", default=0.0, metavar="PPM", help="Growth of that error."),
+    click.option("--day", default=0.0, metavar="N", help="Begin N days after 2026-01-01, for a history."),
     click.option("--reboot", type=float, metavar="S", help="The vehicle restarts at this time."),
 )
 
@@ -250,6 +251,7 @@ def _link(options: dict[str, Any]) -> Link:
         clock_offset_s=options["clock_offset"],
         clock_drift_ppm=options["clock_drift"],
         reboot_at_s=options["reboot"],
+        day=options["day"],
         mavlink=1 if options["mavlink"] == "1" else 2,
         key=bytes.fromhex(options["key"]) if options["key"] else None,
     )

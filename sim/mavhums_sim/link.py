@@ -51,6 +51,8 @@ class Link:
         Protocol version; 1 drops what it cannot carry (ids above 255, extension fields).
     key
         32 bytes that sign every frame (MAVLink 2 only).
+    day
+        Days after 2026-01-01 at 09:00 UTC when the flight begins, so that several make a history.
 
     Raises
     ------
@@ -71,6 +73,12 @@ class Link:
     outage_s: float = 3.0
     mavlink: Literal[1, 2] = 2
     key: bytes | None = None
+    day: float = 0.0
+
+    @property
+    def start_us(self) -> int:
+        """When the flight begins, microseconds of UTC."""
+        return EPOCH_US + round(self.day * 86_400e6)
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.loss < 1.0 and 0.0 <= self.late < 1.0):
@@ -81,6 +89,8 @@ class Link:
             raise ValueError("times of a link cannot be negative")
         if not 1 <= self.links <= _MAX_LINKS:
             raise ValueError(f"there can be 1…{_MAX_LINKS} links")
+        if not 0.0 <= self.day <= 36_525.0:
+            raise ValueError("a flight begins between day 0 and a hundred years later")
         if self.mavlink not in (1, 2):
             raise ValueError("MAVLink has versions 1 and 2")
         if self.key is not None and (self.mavlink == 1 or len(self.key) != 32):
@@ -113,7 +123,7 @@ def transmit(stream: Iterable[tuple[float, Message]], link: Link, seed: int) -> 
             if received_us is not None:
                 sent += 1
                 heapq.heappush(under_way, (received_us, sent, Frame(received_us, *frame)))
-        earliest = EPOCH_US + round((time_s + link.latency_s) * 1e6) - _MAX_LINKS
+        earliest = link.start_us + round((time_s + link.latency_s) * 1e6) - _MAX_LINKS
         while under_way and under_way[0][0] < earliest:
             yield heapq.heappop(under_way)[2]
     while under_way:
@@ -150,7 +160,7 @@ class _Sender:
             if message is None:
                 return None
         if link.key is not None:
-            now = (EPOCH_US + round(time_s * 1e6) - _SIGNING_EPOCH_US) // 10
+            now = (link.start_us + round(time_s * 1e6) - _SIGNING_EPOCH_US) // 10
             self._mav.signing.timestamp = max(self._mav.signing.timestamp, now)
         data: bytes = message.pack(self._mav)
         self._mav.seq = (self._mav.seq + 1) % 256
@@ -186,7 +196,7 @@ class _Channel:
         """Return when a frame sent now is received, µs of UTC; None if it is lost."""
         link = self._link
         delay_us = link.latency_s * 1e6 + self._delay.exponential(link.jitter_s * 1e6)
-        arrival_us = EPOCH_US + round(time_s * 1e6 + delay_us)
+        arrival_us = link.start_us + round(time_s * 1e6 + delay_us)
         if link.loss and self._fades():
             return None
         if link.late and self._fate.random() < link.late:

@@ -53,6 +53,12 @@ def test_reception_never_goes_back_and_takes_its_latency(record: FlightRecord) -
     assert all(b.received_us >= a.received_us for a, b in pairwise(got))
 
 
+def test_a_flight_of_another_day_differs_in_nothing_else(record: FlightRecord) -> None:
+    today, later = frames(record, Link()), frames(record, Link(day=1.5))
+    assert [f.received_us + 36 * 3_600_000_000 for f in today] == [f.received_us for f in later]
+    assert [f.data for f in today] == [f.data for f in later]
+
+
 @pytest.mark.parametrize(("loss", "burst"), [(0.1, 1.0), (0.1, 5.0), (0.4, 3.0)])
 def test_loss_has_its_share_and_its_bursts(record: FlightRecord, loss: float, burst: float) -> None:
     got = frames(record, Link(loss=loss, burst=burst))
@@ -214,12 +220,13 @@ def test_link_holds_no_more_than_what_is_under_way() -> None:
         {"reboot_at_s": -1.0},
         {"links": 5},
         {"mavlink": 3},
+        {"day": -1.0},
         {"key": b"short"},
         {"key": KEY, "mavlink": 1},
     ],
 )
 def test_impossible_links_are_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"share|burst|negative|links|MAVLink"):
+    with pytest.raises(ValueError, match=r"share|day|burst|negative|links|MAVLink"):
         Link(**wrong)
 
 

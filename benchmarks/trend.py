@@ -1,0 +1,204 @@
+"""Whether the flights left can be believed: ``python benchmarks/trend.py [--quick]``.
+
+Synthetic histories of one indicator: a line, a standard deviation of 0.008 N·m between flights, of normal
+or heavy tails, and measurement errors of 0.0014 to 0.0036 N·m. Counts how often flights left are told, and
+how many of the intervals told hold the truth; how many histories without growth are told any; what one odd
+flight does; and what happens where the model is wrong. Then the time to read a folder of flights.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.history_files import read_history
+from mavhums.trends import trend_report
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.flights import write_wear
+
+Array = NDArray[np.float64]
+
+START, EMERGENCY, BETWEEN = 0.225, 0.875, 0.008
+
+
+def normal(rng: np.random.Generator, n: int) -> Array:
+    return rng.standard_normal(n)
+
+
+def heavy(rng: np.random.Generator, n: int) -> Array:
+    return np.asarray(rng.standard_t(5, n) / np.sqrt(5 / 3))
+
+
+def heavier(rng: np.random.Generator, n: int) -> Array:
+    return np.asarray(rng.standard_t(3, n) / np.sqrt(3))
+
+
+def one_odd(rng: np.random.Generator, n: int) -> Array:
+    scatter = rng.standard_normal(n)
+    scatter[rng.integers(n)] += rng.choice([-10.0, 10.0])
+    return scatter
+
+
+def following(rng: np.random.Generator, n: int) -> Array:
+    """Weather that lasts: each flight is half like the one before."""
+    scatter = rng.standard_normal(n)
+    for k in range(1, n):
+        scatter[k] = 0.5 * scatter[k - 1] + np.sqrt(0.75) * scatter[k]
+    return scatter
+
+
+TAILS: dict[str, Callable[[np.random.Generator, int], Array]] = {
+    "normal": normal,
+    "Student's t, 5": heavy,
+    "Student's t, 3": heavier,
+    "one flight 10 sd off": one_odd,
+    "following each other": following,
+}
+
+
+def fitted(rng: np.random.Generator, n: int, wear: Array, tails: str, limit: float) -> Trend:
+    errors = 0.002 * rng.uniform(0.7, 1.8, n)
+    values = START + wear + BETWEEN * TAILS[tails](rng, n) + errors * rng.standard_normal(n)
+    trend = fit_trend(np.arange(1.0, n + 1), values, errors, limit)
+    assert trend is not None
+    return trend
+
+
+def coverage(histories: int) -> Table:
+    """Wear has used up a part of the margin to the limit; the truth is when the line meets it."""
+    table = titled("Flights left", "scatter between flights", "flights", "wear, N·m", "told", "truth inside")
+    for tails in TAILS:
+        for n in (8, 20, 60):
+            for worn in (0.25, 0.4):
+                rng = np.random.default_rng([n, round(100 * worn), list(TAILS).index(tails)])
+                slope = worn / n
+                truth = (EMERGENCY - START) / slope - n
+                wear = slope * np.arange(1.0, n + 1)
+                told = [fitted(rng, n, wear, tails, EMERGENCY).flights_left for _ in range(histories)]
+                inside = [left.low <= truth <= left.high for left in told if left]
+                hit = f"{100 * np.mean(inside):.1f} %" if len(inside) > histories / 20 else "—"
+                table.add_row(tails, str(n), f"{worn:.2f}", share(len(inside), histories), hit)
+    return table
+
+
+def weak(histories: int) -> Table:
+    """The limit lies as far ahead as the flights reach back, so only the slope decides."""
+    table = titled("Slopes hardly to be told", "slope over its error", "flights", "told", "truth inside")
+    for ratio in (2.0, 4.0, 8.0):
+        for n in (8, 20, 60):
+            rng = np.random.default_rng([n, round(ratio)])
+            slope = ratio * np.hypot(BETWEEN, 0.0026) / np.sqrt(n * (n * n - 1) / 12)
+            wear, limit = slope * np.arange(1.0, n + 1), START + 2 * slope * n
+            told = [fitted(rng, n, wear, "normal", limit).flights_left for _ in range(histories)]
+            inside = [left.low <= n <= left.high for left in told if left]
+            hit = f"{100 * np.mean(inside):.1f} %"
+            table.add_row(f"{ratio:g}", str(n), share(len(inside), histories), hit)
+    return table
+
+
+def flat(histories: int) -> Table:
+    """Without growth; the limit lies 0.02 N·m above, so that nothing else forbids an answer, or as usual."""
+    table = titled("No growth", "scatter between flights", "flights", "told", "at any look", "usual limit")
+    for tails in TAILS:
+        for n in (8, 20, 60):
+            rng = np.random.default_rng([n, list(TAILS).index(tails)])
+            level = np.zeros(n)
+            told = sum(
+                fitted(rng, n, level, tails, START + 0.02).flights_left is not None for _ in range(histories)
+            )
+            looks = [ever(rng, n, tails, histories // 10, limit) for limit in (START + 0.02, EMERGENCY)]
+            table.add_row(tails, str(n), share(told, histories), *looks)
+    return table
+
+
+def ever(rng: np.random.Generator, n: int, tails: str, histories: int, limit: float) -> str:
+    """Return how many histories are told flights left when asked after every flight."""
+    false = 0
+    for _ in range(histories):
+        errors = 0.002 * rng.uniform(0.7, 1.8, n)
+        values = START + BETWEEN * TAILS[tails](rng, n) + errors * rng.standard_normal(n)
+        numbers = np.arange(1.0, n + 1)
+        trends = (fit_trend(numbers[:k], values[:k], errors[:k], limit) for k in range(MIN_FLIGHTS, n + 1))
+        false += any(trend is not None and trend.flights_left is not None for trend in trends)
+    return share(false, histories)
+
+
+def wrong_model(histories: int) -> Table:
+    """What is no straight line, 0.4 N·m of wear in all; no answer is the right one."""
+    table = titled("No straight line", "wear", "flights", "told")
+    for name, shape in (
+        ("a step in the middle", lambda x: x > 0.5),
+        ("ever faster, cubic", lambda x: x**3),
+        ("a line and a season", lambda x: 0.5 * x + 0.25 * np.sin(2 * np.pi * 2 * x)),
+        ("only in the last fifth", lambda x: np.clip(x - 0.8, 0, None) * 5),
+    ):
+        for n in (8, 20, 60):
+            rng = np.random.default_rng(n)
+            wear = 0.4 * shape(np.linspace(0, 1, n))
+            told = sum(
+                fitted(rng, n, wear, "normal", EMERGENCY).flights_left is not None for _ in range(histories)
+            )
+            table.add_row(name, str(n), share(told, histories))
+    return table
+
+
+def reading(console: Console) -> None:
+    table = titled("A folder of flights, two actuators each", "flights", "MB", "read, s", "trend, s")
+    for flights in (250, 1000, 4000):
+        with tempfile.TemporaryDirectory() as name, console.status("reading"):
+            folder = Path(name)
+            write_wear(folder, flights=flights, growth=(("elevator", 0.0), ("rudder", 0.0)))
+            size = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
+            begin = time.perf_counter()
+            history = read_history(folder)
+            middle = time.perf_counter()
+            trend_report(history)
+            end = time.perf_counter()
+        table.add_row(str(flights), f"{size:.1f}", f"{middle - begin:.2f}", f"{end - middle:.2f}")
+    console.print(table)
+
+
+def share(count: int, of: int) -> str:
+    return f"{100 * count / of:.1f} %"
+
+
+def titled(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
+    for column in columns:
+        table.add_column(column, justify="right" if table.columns else "left")
+    return table
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="a tenth of the histories")
+    histories = 200 if parser.parse_args().quick else 2000
+    console = Console(width=110)
+    console.print(
+        f"{histories} histories a row ('at any look': a tenth); {platform.machine()}, {os.cpu_count()} cores,"
+        f" load {os.getloadavg()[0]:.1f}, Python {platform.python_version()}\n"
+    )
+    for part in (coverage, weak, flat, wrong_model):
+        with console.status(part.__name__):
+            table = part(histories)
+        console.print(table, "")
+    reading(console)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""An aircraft whose elevator wears with each flight: judge every log, keep what was found, see the trend.
+
+    python examples/wear_over_flights.py FOLDER [FLIGHTS]
+
+It flies in the simulator, a flight a day, and leaves the logs in FOLDER/logs and the assessments in
+FOLDER/flights, so that afterwards `mavhums trend FOLDER/flights` shows the same.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+import mavhums
+from mavhums.history_files import keep_assessment, read_history
+from mavhums.show.trend import render_trends
+from mavhums.trend_report import TrendReport
+from mavhums.trends import trend_report
+from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.link import Link
+
+START_NM, WEAR_NM = 0.225, 0.015
+"""Friction of the elevator in the first flight, and what each flight adds."""
+
+
+def main(folder: str, flights: int = 20) -> TrendReport:
+    """Fly, judge and keep each flight as a maintainer would after landing; print and return the trend."""
+    logs, kept = Path(folder, "logs"), Path(folder, "flights")
+    logs.mkdir(parents=True, exist_ok=True)
+    kept.mkdir(exist_ok=True)
+    for day in track(range(flights), "flying", console=Console(stderr=True), transient=True):
+        log = logs / f"day-{day:02d}.tlog"
+        worn = START_NM + WEAR_NM * day
+        flight = Flight(seed=500 + day, duration_s=40.0, rate_hz=50.0, friction_nm={"elevator": (worn, worn)})
+        write_tlog(fly(flight), log, Link(day=float(day)))
+        keep_assessment(mavhums.analyse(log, history=kept), kept)
+    report = trend_report(read_history(kept), faults=["friction"])
+    render_trends(report, Console())
+    return report
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], *map(int, sys.argv[2:3]))

@@ -1,0 +1,245 @@
+"""Wear over flights: a straight line through one indicator, and when it will reach a limit.
+
+A flight's value is the line, plus what differs between flights (temperature, load), plus the flight's
+own measurement error. The variance between flights is estimated by Paule and Mandel's equation, the
+line by least squares weighted with both, and its intervals are those of Knapp and Hartung, Student's t
+with n − 2 degrees of freedom, widened where neighbouring flights are alike, by their lag-one
+autocorrelation ρ: (1 + ρ)/(1 − ρ) in variance. The flights left are inverse regression, Fieller's interval
+of where the line meets the limit; it is bounded because the slope must be significant.
+
+One flight in ten, and at least one, may lie far off the line of the others, by the t-test of its deleted
+residual with Bonferroni's correction; it is left out and named.
+
+The flights left are told only where the slope is above zero with 99.5 % confidence, stricter than the
+interval because the question is asked again after every flight; where nothing speaks against a straight
+line; and where the interval begins within three times the span of the flights. A repair is no straight line:
+it is for the user to name its date.
+
+References
+----------
+R. C. Paule and J. Mandel (1982), Journal of Research of the National Bureau of Standards 87:377.
+G. Knapp and J. Hartung (2003), Statistics in Medicine 22:2693.
+G. V. Bayley and J. M. Hammersley (1946), Supplement to the Journal of the Royal Statistical Society 8:184.
+E. C. Fieller (1954), Journal of the Royal Statistical Society B 16:175.
+N. R. Draper and H. Smith (1998), Applied Regression Analysis, 3rd ed., sections 3.2 and 8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import stdtr, stdtrit
+
+from mavhums.assessment import Interval
+from mavhums.health.straightness import departure
+
+__all__ = ["MIN_FLIGHTS", "REACH", "Trend", "fit_trend"]
+
+MIN_FLIGHTS = 8
+"""Fewer flights make no trend."""
+
+REACH = 3.0
+"""How many times as far ahead as the flights reach back the nearest end of the interval may lie."""
+
+_SURE = 0.995
+_OUTLYING = 0.01
+_MOST_ALIKE = 0.8
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """A straight line through the flights of one actuator.
+
+    Attributes
+    ----------
+    level
+        The line at the last flight.
+    per_flight
+        Its slope.
+    between
+        Standard deviation between flights, beyond what they are measured with.
+    flights
+        That the line was fitted to.
+    left_out
+        Places of the flights that lie too far off it, in the order of time.
+    flights_left
+        After the last one, until the line reaches the emergency limit; None where the flights do not tell.
+    reason
+        Why they do not.
+    """
+
+    level: Interval
+    per_flight: Interval
+    between: float
+    flights: int
+    left_out: tuple[int, ...]
+    flights_left: Interval | None
+    reason: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """Level at the last flight and slope, their covariance, and by how much that was widened."""
+
+    level: float
+    slope: float
+    covariance: Array
+    widening: float
+    between: float
+    deleted: Array
+    departure: str | None
+    freedom: int
+
+
+def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | None) -> Trend | None:
+    """Fit a line to an indicator over flights; None of fewer than ``MIN_FLIGHTS``.
+
+    Parameters
+    ----------
+    numbers
+        Of the flights, increasing, shape (n,); gaps are flights that could not be judged.
+    values
+        The indicator's, shape (n,), in any unit.
+    errors
+        Standard errors of measurement, shape (n,), in the same unit; errors that all flights share do not
+        belong here.
+    emergency
+        Limit that the indicator grows to; None where there is none.
+
+    Examples
+    --------
+    >>> flights = np.arange(40.0)
+    >>> noise = 0.004 * np.sin(np.arange(40) * 2.4)
+    >>> trend = fit_trend(flights, 0.225 + 0.005 * flights + noise, np.full(40, 0.002), 0.875)
+    >>> left = trend.flights_left
+    >>> round(left.low), round(left.estimate), round(left.high)
+    (89, 91, 93)
+    """
+    if len(values) < MIN_FLIGHTS:
+        return None
+    errors = np.maximum(errors, max(1e-3 * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
+    kept, line = _without_outliers(numbers, values, errors)
+    t = float(stdtrit(line.freedom, 0.975))
+    outlook = _outlook(line, emergency, t, REACH * float(np.ptp(numbers)))
+    if not kept[-1]:
+        outlook = "its last flight lies far off the line of the others; the next ones will tell"
+    return Trend(
+        level=_interval(line.level, t * sqrt(line.covariance[0, 0])),
+        per_flight=_interval(line.slope, t * sqrt(line.covariance[1, 1])),
+        between=line.between,
+        flights=int(np.count_nonzero(kept)),
+        left_out=tuple(int(place) for place in np.flatnonzero(~kept)),
+        flights_left=None if isinstance(outlook, str) else outlook,
+        reason=outlook if isinstance(outlook, str) else None,
+    )
+
+
+def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[NDArray[np.bool_], _Line]:
+    """Leave out the flight farthest off the line of the others, if it is too far, up to one in ten."""
+    kept = np.ones(len(values), dtype=np.bool_)
+    line = _fit(numbers, values, errors, numbers[-1])
+    for _ in range(max(1, len(values) // 10)):
+        n = len(line.deleted)
+        worst = int(np.argmax(np.abs(line.deleted)))
+        chance = 2 * n * float(stdtr(n - 3, -abs(line.deleted[worst])))
+        if chance > _OUTLYING:
+            break
+        kept[np.flatnonzero(kept)[worst]] = False
+        line = _fit(numbers[kept], values[kept], errors[kept], numbers[-1])
+    return kept, line
+
+
+def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
+    design = np.column_stack([np.ones_like(numbers), numbers - last])
+    between = _between(design, values, errors)
+    weights = 1 / (errors**2 + between)
+    coefficients, residuals, inverse = _weighted(design, values, weights)
+    freedom = len(values) - 2
+    scale = float(residuals @ residuals) / freedom
+    widening = _widening(residuals)
+    leverage = weights * np.einsum("ij,jk,ik->i", design, inverse, design)
+    free = np.clip(1 - leverage, 1e-9, None)
+    others = (scale * freedom - residuals**2 / free) / (freedom - 1)
+    deleted = residuals / np.sqrt(free * np.maximum(others, 1e-12 * scale + 1e-24))
+    return _Line(
+        level=float(coefficients[0]),
+        slope=float(coefficients[1]),
+        covariance=widening * scale * inverse,
+        widening=widening,
+        between=sqrt(between),
+        deleted=deleted,
+        departure=departure(numbers, values, weights),
+        freedom=freedom,
+    )
+
+
+def _widening(residuals: Array) -> float:
+    """Return by how much the variance grows because neighbouring flights are alike; 1 if they are not."""
+    total = float(residuals @ residuals)
+    alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
+    alike = min(max(alike, 0.0), _MOST_ALIKE)
+    return (1 + alike) / (1 - alike)
+
+
+def _weighted(design: Array, values: Array, weights: Array) -> tuple[Array, Array, Array]:
+    """Return the coefficients, the weighted residuals and the inverse of the normal matrix."""
+    root = np.sqrt(weights)
+    scaled = design * root[:, None]
+    inverse = np.linalg.inv(scaled.T @ scaled).astype(np.float64)
+    coefficients = np.linalg.lstsq(scaled, values * root)[0].astype(np.float64)
+    return coefficients, root * (values - design @ coefficients), inverse
+
+
+def _between(design: Array, values: Array, errors: Array) -> float:
+    """Return the variance between flights that makes the weighted squares what they are expected to be."""
+    freedom = len(values) - 2
+
+    def excess(variance: float) -> float:
+        residuals = _weighted(design, values, 1 / (errors**2 + variance))[1]
+        return float(residuals @ residuals) - freedom
+
+    if excess(0.0) <= 0:
+        return 0.0
+    plain = _weighted(design, values, np.ones_like(values))[1]
+    enough = 2 * float(plain @ plain) / freedom
+    return float(brentq(excess, 0.0, enough, xtol=1e-9 * enough, rtol=1e-6))
+
+
+def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> Interval | str:
+    """Return the flights left, or why they are not told."""
+    if emergency is not None and line.level >= emergency:
+        return "it has reached the emergency limit"
+    slope_error = float(stdtrit(line.freedom, _SURE)) * sqrt(line.covariance[1, 1])
+    grows = line.slope > slope_error / sqrt(line.widening)
+    if grows and line.departure:
+        return f"{line.departure}, so no straight line may be drawn on"
+    if line.slope <= slope_error:
+        return "it does not grow beyond what differs between flights"
+    if emergency is None:
+        return "it grows, but has no emergency limit"
+    left = _flights_left(line, emergency, t)
+    if left.low > reach:
+        return f"it grows, but its limit is over {REACH:g} times as far ahead as these flights reach back"
+    return left
+
+
+def _flights_left(line: _Line, limit: float, t: float) -> Interval:
+    """Return Fieller's interval, the roots of (level + slope·x − limit)² = t²·variance of the line at x."""
+    missing = limit - line.level
+    (v_level, v_both), (_, v_slope) = line.covariance * t**2
+    square = line.slope**2 - v_slope
+    linear = -line.slope * missing - v_both
+    constant = missing**2 - v_level
+    root = sqrt(max(linear**2 - square * constant, 0.0))
+    low, high = (-linear - root) / square, (-linear + root) / square
+    return Interval(estimate=missing / line.slope, low=max(low, 0.0), high=high)
+
+
+def _interval(estimate: float, half: float) -> Interval:
+    return Interval(estimate=estimate, low=estimate - half, high=estimate + half)

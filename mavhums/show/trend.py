@@ -1,0 +1,135 @@
+"""The trend over flights on a terminal: a line per actuator, the worst first, and below it why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from mavhums.assessment import Interval
+from mavhums.show._words import COLOURS, join, printable
+from mavhums.trend_report import ActuatorTrend, TrendReport
+
+__all__ = ["render_trends", "sparkline"]
+
+_BARS = "▁▂▃▄▅▆▇█"
+_CELLS = 8
+
+
+def render_trends(report: TrendReport, console: Console) -> None:
+    """Print a report for a person; a table for each fault, the one with the worst actuator first."""
+    flights = f"{report.flights} flight{'s' if report.flights != 1 else ''}"
+    console.print(Text(printable(headline(report)), style="bold"), Text(f"({flights})", style="dim"))
+    for fault in dict.fromkeys(one.fault for one in report.trends):
+        shown = [one for one in report.trends if one.fault == fault]
+        console.print(_table(shown, report))
+    for line in _reasons(report):
+        console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+    console.print(Text(f"{report.notice[:1].upper()}{report.notice[1:]}.", style="dim"))
+
+
+def headline(report: TrendReport) -> str:
+    """Return the answer in one line: what has the fewest flights left, or that none can be told."""
+    if not report.flights:
+        return "No flights in this folder: put them there with mavhums analyse LOG --history DIR --keep"
+    if not report.trends:
+        return "No flight in this folder shows the size of a fault"
+    gravest = report.trends[0].condition
+    if gravest in ("emergency", "degraded"):
+        names = dict.fromkeys(_name(one, report) for one in report.trends if one.condition == gravest)
+        return f"{join(names)}: {gravest.upper()} in the last flight"
+    told = [one for one in report.trends if one.flights_left]
+    if told:
+        first = min(told, key=lambda one: one.flights_left.low if one.flights_left else 0.0)
+        return f"{_name(first, report)}: {_left(first.flights_left)} flights left until the emergency limit"
+    return "No actuator is seen to wear towards an emergency limit"
+
+
+def sparkline(values: Sequence[float], cells: int = _CELLS) -> str:
+    """Draw values from the least to the greatest; of more than ``cells``, the means of neighbours.
+
+    Examples
+    --------
+    >>> sparkline([0.2, 0.2, 0.3, 0.6])
+    '▁▁▃█'
+    """
+    means = [part.mean() for part in np.array_split(np.asarray(values), min(cells, len(values)))]
+    least, most = min(means), max(means)
+    step = (most - least) / (len(_BARS) - 1) or 1.0
+    return "".join(_BARS[round((mean - least) / step)] for mean in means)
+
+
+def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=0, pad_edge=False)
+    table.title = Text(printable(f"{trends[0].quantity}, {trends[0].unit}"))
+    table.title_justify = "left"
+    table.add_column("actuator", overflow="fold", min_width=13)
+    table.add_column("last\nflight", no_wrap=True)
+    table.add_column("over the\nflights", no_wrap=True)
+    for heading in ("since\nbaseline", "per\nflight", "flights\nleft"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for one in trends:
+        red, green, blue = COLOURS[one.condition]
+        values = [point.value.estimate for point in one.points]
+        table.add_row(
+            Text(printable(_name(one, report))),
+            Text(one.condition, style=f"rgb({red},{green},{blue})"),
+            f"{sparkline(values)} {values[-1]:.3g}",
+            _signed(one.change),
+            _signed(one.per_flight),
+            _left(one.flights_left),
+        )
+    return table
+
+
+def _signed(change: Interval | None) -> str:
+    """Write a change and half its 95 % interval, which is all that is told of one that may be none."""
+    if change is None:
+        return "—"
+    half = (change.high - change.low) / 2
+    digits = int(np.clip(-np.floor(np.log10(half)), 0, 9)) if half > 0 else 3
+    told = f"{change.estimate:+.{digits}f}" if abs(change.estimate) > half else ""
+    return f"{told}±{half:.{digits}f}"
+
+
+def _left(left: Interval | None) -> str:
+    """Write the flights left; a part of a flight is none."""
+    if left is None:
+        return "—"
+    return f"{left.estimate:,.0f} ({np.floor(left.low):,.0f}–{np.ceil(left.high):,.0f})"
+
+
+def _reasons(report: TrendReport) -> list[str]:
+    """Say why there are no flights left told, which flights were left out, and what was not shown."""
+    groups: dict[str, list[str]] = {}
+    for one in report.trends:
+        grows = one.per_flight is not None and one.per_flight.low > 0
+        if one.reason and (grows or one.emergency is not None):
+            groups.setdefault(one.reason, []).append(_title(one, report))
+    lines = [f"{join(names)}: no flights left are told: {reason}." for reason, names in groups.items()]
+    for one in report.trends:
+        if one.left_out:
+            flown = join(start[:16].replace("T", " ") for start in one.left_out)
+            lines.append(f"{_title(one, report)}: left out of the line, too far off it: {flown} UTC.")
+    if report.unshown:
+        lines.append(f"{join(report.unshown)}: no flight shows any fault's size; `mavhums analyse` says why.")
+    return lines
+
+
+def _title(one: ActuatorTrend, report: TrendReport) -> str:
+    several = len({other.fault for other in report.trends}) > 1
+    return f"{_name(one, report)} ({one.fault})" if several else _name(one, report)
+
+
+def _name(one: ActuatorTrend, report: TrendReport) -> str:
+    name = one.actuator
+    if len({other.vehicle for other in report.trends}) > 1:
+        name = f"{one.vehicle}: {name}"
+    if len({other.airframe for other in report.trends}) > 1:
+        name = f"{name} [{one.airframe}]"
+    return name

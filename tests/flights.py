@@ -1,0 +1,92 @@
+"""Assessments of flights that nobody flew, for what reads many of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from mavhums.assessment import (
+    Assessment,
+    Condition,
+    Indicator,
+    Interval,
+    LogSummary,
+    Losses,
+    Suspect,
+    Verdict,
+)
+from mavhums.history_files import keep_assessment
+
+START = datetime(2026, 3, 1, 9, tzinfo=UTC)
+
+
+def shown(value: float, *, fault: str = "friction", error: float = 0.002, windows: int = 10) -> Indicator:
+    return Indicator(
+        fault=fault,
+        quantity="Coulomb friction" if fault == "friction" else fault,
+        unit="N·m",
+        value=Interval(estimate=value, low=value - 2 * error, high=value + 2 * error),
+        windows=windows,
+        scatter=error * windows**0.5,
+        limit=0.375,
+        emergency=0.875 if fault == "friction" else None,
+    )
+
+
+def verdict(
+    *indicators: Indicator,
+    actuator: str = "elevator",
+    vehicle: int | None = 1,
+    condition: Condition = "normal",
+    suspect: str | None = None,
+) -> Verdict:
+    return Verdict(
+        vehicle=vehicle,
+        actuator=actuator,
+        condition=condition,
+        worst=condition,
+        suspects=(Suspect(fault=suspect, confidence=0.9),) if suspect else (),
+        indicators=indicators,
+    )
+
+
+def flown(
+    *verdicts: Verdict, day: float = 0, name: str | None = None, airframe: str | None = "paper"
+) -> Assessment:
+    """Return the assessment of a flight of ten minutes, so many days after the first of March."""
+    name = name or f"flight-{day:g}"
+    return Assessment(
+        log=LogSummary(
+            path=f"{name}.tlog",
+            sha256=hashlib.sha256(name.encode()).hexdigest(),
+            start_utc=(START + timedelta(days=day)).isoformat(),
+            duration_s=600.0,
+            vehicles=(1,),
+            losses=Losses(),
+        ),
+        airframe=airframe,
+        model=None,
+        verdicts=verdicts,
+    )
+
+
+def write_wear(
+    folder: Path,
+    *,
+    flights: int = 40,
+    growth: Sequence[tuple[str, float]] = (("elevator", 0.005), ("rudder", 0.0)),
+    seed: int = 1,
+) -> None:
+    """Write flights in which actuators' friction grows by so much, N·m, each time."""
+    rng = np.random.default_rng(seed)
+    for day in range(flights):
+        verdicts = []
+        for actuator, slope in growth:
+            value = 0.225 + slope * day + 0.006 * rng.standard_normal()
+            condition: Condition = "normal" if value < 0.375 else "degraded"
+            verdicts.append(verdict(shown(value), actuator=actuator, condition=condition))
+        keep_assessment(flown(*verdicts, day=day), folder)
