@@ -17,7 +17,7 @@ from mavhums.health.decision import FALSE_ALARMS, SEVERITY, half_width
 from mavhums.health.detector import Estimates, Seen, detectors_for
 from mavhums.health.fits import Fits
 from mavhums.health.motion import Motion, motion
-from mavhums.health.slots import SlotCutter, Slots
+from mavhums.health.slots import SHAFT, SlotCutter, Slots
 from mavhums.health.votes import Classifier, count_votes, vote_share
 from mavhums.health.windows import WINDOW_SLOTS, Windows
 from mavhums.quantities import column
@@ -25,7 +25,8 @@ from mavhums.quantities import column
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 
 WINDOW_S = 10.0
-_V2, _V3 = column("V2"), column("V3")
+_ABSURD = 1e9
+_V2, _V3, _V7 = (column(key) for key in ("V2", "V3", "V7"))
 
 Array = NDArray[np.float64]
 
@@ -114,11 +115,15 @@ class Monitor:
 
         ``measured`` (n, 12) tells what a sensor gave from what was derived; all if omitted. The rotor's
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
-        of the supply bus, where an ESC there measures it.
+        of the supply bus, where an ESC there measures it. What no actuator can reach counts as missing.
         """
-        values = np.column_stack([values, np.full(time_s.size, np.nan) if bus_v is None else bus_v])
-        if measured is not None and not (both := measured[:, _V2] & measured[:, _V3]).all():
-            values[~both, _V2] = np.nan
+        values = np.column_stack(
+            [values, np.full(time_s.size, np.nan) if bus_v is None else bus_v, values[:, _V3]]
+        )
+        values[~(np.abs(values) < _ABSURD)] = np.nan
+        if measured is not None:
+            values[~(measured[:, _V2] & measured[:, _V3]), _V2] = np.nan
+            values[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan
         yield from self._judge(self._cutter.feed(time_s, values))
 
     def finish(self) -> Iterator[Window | ConditionChanged | Indication]:

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.health.slots import GUARD_S, Slots
+from mavhums.health.slots import BUS, GUARD_S, Slots
 from mavhums.quantities import KEYS, column
 
 __all__ = ["Motion", "motion"]
 
 _PERIODS = 2.5
 _V7 = column("V7")
-_BUS = len(KEYS)
 
 Array = NDArray[np.float64]
 
@@ -64,5 +63,5 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     moving = fast & lasting & (span < _PERIODS / actuator.min_rate_hz)
     own = slots.judged
     return Motion(
-        moving[own], speed[own], acceleration[own], slots.values[own, :_BUS], slots.values[own, _BUS]
+        moving[own], speed[own], acceleration[own], slots.values[own, : len(KEYS)], slots.values[own, BUS]
     )

@@ -12,8 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GUARD_S", "SlotCutter", "Slots"]
+from mavhums.quantities import KEYS
 
+__all__ = ["BUS", "COLUMNS", "GUARD_S", "SHAFT", "SlotCutter", "Slots"]
+
+BUS, SHAFT = len(KEYS), len(KEYS) + 1
+COLUMNS = len(KEYS) + 2
 GUARD_S = 0.06
 _LATENESS_S = 0.25
 
@@ -34,7 +38,8 @@ class Slots:
     judged
         Which of the samples these slots judge; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, 13), increasing in time: V1…V12 and the voltage of the supply bus.
+        Shapes (n,) and (n, 14), increasing in time: V1…V12, the voltage of the supply bus, and the
+        output shaft's angle where it does not rest on a sign that was derived.
     """
 
     index: NDArray[np.int64]
@@ -76,11 +81,11 @@ class SlotCutter:
         self._times: list[Array] = []
         self._values: list[Array] = []
         self._closed = -np.inf
-        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, 13))
+        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, COLUMNS))
         self._pending: tuple[Array, Array] = self._before
 
     def feed(self, time_s: Array, values: Array) -> Slots | None:
-        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 13)."""
+        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 14)."""
         if time_s.size == 0:
             return None
         latest = np.maximum.accumulate(np.concatenate([[self.latest_s], time_s]))

@@ -128,7 +128,7 @@ def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str,
         return f"{', '.join(missing)} not measured, so the torque balance is open", TO_BE_JUDGED
     coverage = findings.coverage
     if coverage.windows == 0:
-        return f"less than {WINDOW_S} s of telemetry", "record the whole flight"
+        return f"less than {WINDOW_S:g} s of telemetry", "record the whole flight"
     if coverage.decidable == 0:
         share = f"{100 * coverage.moving_fraction:.0f} %"
         return (
