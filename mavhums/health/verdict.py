@@ -6,7 +6,17 @@ from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
-from mavhums.assessment import ALL, Condition, Coverage, Evidence, Indicator, Interval, Since, Suspect, Verdict
+from mavhums.assessment import (
+    ALL,
+    Condition,
+    Coverage,
+    Evidence,
+    Indicator,
+    Interval,
+    Since,
+    Suspect,
+    Verdict,
+)
 from mavhums.health.monitor import WINDOW_S, Findings
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]

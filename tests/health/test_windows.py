@@ -19,11 +19,15 @@ def naive(index: list[int], slots: int, empty: float) -> list[list[float]]:
 
 
 @given(gaps, st.integers(1, 12), st.sampled_from([0.0, -1.0]), st.data())
-def test_windows_are_those_of_a_dictionary(gap: list[int], slots: int, empty: float, data: st.DataObject) -> None:
+def test_windows_are_those_of_a_dictionary(
+    gap: list[int], slots: int, empty: float, data: st.DataObject
+) -> None:
     index = np.cumsum(gap) + data.draw(st.integers(-5, 10**9))
     sums = np.arange(1.0, len(gap) + 1.0)[:, None]
     windows = Windows(1, slots, empty)
-    bounds = [0, *sorted(data.draw(st.sets(st.integers(1, len(gap) - 1)))), len(gap)] if len(gap) > 1 else [0, 1]
+    bounds = (
+        [0, *sorted(data.draw(st.sets(st.integers(1, len(gap) - 1)))), len(gap)] if len(gap) > 1 else [0, 1]
+    )
     found = [
         windows.feed(index[a:b], sums[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True) if b > a
     ]
