@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,13 @@ from mavhums.assessment import Assessment, Verdict, json_schema
 from mavhums.engine import Engine
 from mavhums.errors import ExitCode
 from mavhums.events import AirframeNamed, ConditionChanged, Notice, Samples, Window
+from mavhums.health.baseline import Baseline
 from mavhums.learn import Model, default_model, packaged_models
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
+from mavhums_sim.conditions import Condition
 from mavhums_sim.telemetry import messages
 from tests.conftest import real_logs
+from tests.logs import write_log
 from tests.strategies import START_US, blocks, cuts
 
 
@@ -97,9 +101,10 @@ def test_growing_friction_is_followed_through_both_limits(growing_log: Path, mod
         "degraded",
         "emergency",
     ]
-    # 0.2 N·m grows by 0.025 N·m each second: 0.375 at 7 s and 0.875 at 27 s.
+    # 0.2 N·m grows by 0.025 N·m each second: 0.375 at 7 s and 0.875 at 27 s. That it is above the first is
+    # sure only once the whole interval is; that it may have reached the second, once its upper end has.
     degraded, emergency = elevator.evidence[1], elevator.evidence[2]
-    assert degraded.start_s == pytest.approx(7.0, abs=4.0)
+    assert 7.0 <= degraded.start_s <= 15.0
     assert emergency.start_s == pytest.approx(27.0, abs=4.0)
     assert elevator.since is not None
     assert elevator.since.flight_time_s == emergency.start_s
@@ -470,3 +475,66 @@ def test_a_bus_side_esc_is_undecided_with_its_reason() -> None:
     assert "supply bus" in str(elevator.reason)
     assert "V6" in elevator.provenance
     assert "V5" not in elevator.provenance
+
+
+def servo_log(
+    path: Path, shaft: Callable[[float], float], *, seconds: float = 40.0, rate_hz: float = 10.0
+) -> Path:
+    """A servo that is commanded ±20° and reports command and angle as NAMED_VALUE_FLOAT; nothing else."""
+    sent: list[Any] = [v2.MAVLink_attitude_message(0, *[0.0] * 6)]
+    for k in range(round(seconds * rate_hz)):
+        command = 20.0 * math.sin(0.9 * k / rate_hz)
+        for name, value in ((b"S1Cmd", command), (b"S1Pos", shaft(k / rate_hz))):
+            sent.append(v2.MAVLink_named_value_float_message(round(1000 * k / rate_hz), name, value))
+    return write_log(path, sent, step_us=round(1e6 / rate_hz / 2))
+
+
+CSRV = Path(__file__).parents[1] / "examples" / "profiles" / "csrv.toml"
+
+
+def test_a_servo_of_unknown_constants_that_follows_is_undecided(tmp_path: Path) -> None:
+    log = servo_log(tmp_path / "follows.tlog", lambda s: 20.0 * math.sin(0.9 * (s - 0.2)))
+    aileron = of(mavhums.analyse(log, airframe=CSRV), "aileron_1")
+    assert (aileron.condition, aileron.worst, aileron.evidence) == ("undecided", "undecided", ())
+    assert "the profile has no [actuators.ema], no [actuators.limits]" in str(aileron.reason)
+    assert aileron.remedy
+
+
+def test_a_jam_is_found_although_the_servos_constants_are_unknown(tmp_path: Path) -> None:
+    """It jams at 20 s: from then on three quarters of a period and more pass at the same angle."""
+    log = servo_log(tmp_path / "jams.tlog", lambda s: 20.0 * math.sin(0.9 * (min(s, 20.0) - 0.2)))
+    assessment = mavhums.analyse(log, airframe=CSRV)
+    aileron = of(assessment, "aileron_1")
+    assert (aileron.condition, aileron.worst) == ("emergency", "emergency")
+    assert [suspect.fault for suspect in aileron.suspects] == ["jam"]
+    assert aileron.since is not None
+    assert aileron.since.flight_time_s == pytest.approx(20.0, abs=4.0)
+    assert assessment.exit_code == ExitCode.EMERGENCY
+    assert {v.worst for v in assessment.verdicts if v.actuator != "aileron_1"} == {"undecided"}
+
+
+def test_the_supplys_sag_is_seen_by_an_esc_at_the_bus() -> None:
+    sag = {"elevator": (Condition.constant("supply_sag", 6.0),)}
+    flight = Flight(
+        seed=25, duration_s=30.0, rate_hz=25.0, tiers=("esc-signed", "pwm"), esc_side="bus", conditions=sag
+    )
+    paper = load_airframe("paper")
+    sides = [actuator.model_copy(update={"esc_side": "bus"}) for actuator in paper.actuators]
+    airframe = paper.model_copy(update={"actuators": tuple(sides)})
+    assessment = judge_records((data for _, data in packed(fly(flight))), airframe=airframe)
+    elevator = of(assessment, "elevator")
+    assert (elevator.condition, [s.fault for s in elevator.suspects]) == ("degraded", ["supply_sag"])
+    (indicator,) = [i for i in elevator.indicators if i.fault == "supply_sag"]
+    assert indicator.value.estimate == pytest.approx(6.0, abs=0.3)
+    assert of(assessment, "rudder").worst == "undecided"
+
+
+def test_baselines_reach_the_actuator_that_they_are_of(growing_record: FlightRecord) -> None:
+    own = Baseline(mean=0.10, flights=10, between=0.002, windows=100, within=0.01)
+    baselines = {(1, "rudder", "friction"): own, (2, "aileron_left", "friction"): own}
+    assessment = judge_records((data for _, data in packed(growing_record)), baselines=baselines)
+    rudder = of(assessment, "rudder")
+    assert rudder.condition == "degraded"
+    assert "friction_drift" in [e.kind for e in rudder.evidence]
+    assert next(i for i in rudder.indicators if i.fault == "friction").baseline is not None
+    assert of(assessment, "aileron_left").condition == "normal"

@@ -42,9 +42,10 @@ def test_the_demonstration_judges_every_actuator_right(
         vote = elevator["p_emergency"]
         assert vote < 0.1 if friction < 0.5 else vote > 0.9
     growing = next(v for v in assessments[-1]["verdicts"] if v["actuator"] == "elevator")
-    # 0.225 N·m grows by 0.00775 N·m each second: 0.375 at 19.4 s and 0.875 at 83.9 s.
+    # 0.225 N·m grows by 0.00775 N·m each second: 0.375 at 19.4 s and 0.875 at 83.9 s. To be sure of one,
+    # at one false alarm per 100 h, the estimate must lie 0.08 N·m above it: 10 s later.
     starts = [e["start_s"] for e in growing["evidence"] if e["kind"] == "friction"]
-    assert starts[1] == pytest.approx(19.4, abs=6.0)
+    assert 19.4 <= starts[1] <= 19.4 + 10.0
     assert starts[2] == pytest.approx(83.9, abs=6.0)
 
 

@@ -24,6 +24,7 @@ from mavhums.quantities import KEYS, column
 
 __all__ = ["Mapped", "Mapper", "messages_for"]
 
+_SIGNED = [column(key) for key in ("V4", "V5", "V7")]
 _TRUST = tuple(tier.name for tier in TIERS)
 
 
@@ -109,6 +110,9 @@ class Mapper:
             for aligned in track.aligner.feed(readings, final=final):
                 track.note(aligned)
                 values = track.deriver.complete(aligned)
+                measured = aligned.origin >= 0
+                if not aligned.signed:  # a magnitude's sign is derived
+                    measured[:, _SIGNED] = False
                 at_bus = track.actuator.esc_side == "bus" and aligned.tier.startswith("esc")
                 out.append(
                     Mapped(
@@ -116,7 +120,7 @@ class Mapper:
                         track.actuator,
                         aligned.utc_us,
                         values,
-                        aligned.origin >= 0,
+                        measured,
                         aligned.values[:, column("V4")] if at_bus else None,
                     )
                 )

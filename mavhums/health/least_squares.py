@@ -93,7 +93,8 @@ class Fit:
     @cached_property
     def coefficients(self) -> Array:
         """Shape (W, p)."""
-        right = self._right(self._total) + self._weights * self._prior.mean
+        ridge = self._ridge(self._total, self._weights)
+        right = self._right(self._total) + ridge * self._prior.mean
         coefficients: Array = np.matvec(self._inverse, right)
         return coefficients
 
@@ -142,7 +143,8 @@ class Fit:
         W, S, m = self._sums.shape
         left = (self._total[:, None] - self._sums).reshape(W * S, m)
         weights = np.repeat(self._weights, S, axis=0)
-        solved = _solve(self._matrix(left, weights), self._right(left) + weights * self._prior.mean)
+        right = self._right(left) + self._ridge(left, weights) * self._prior.mean
+        solved = _solve(self._matrix(left, weights), right)
         return solved.reshape(W, S, -1)
 
     @cached_property
@@ -159,8 +161,15 @@ class Fit:
         p = self._prior.mean.size
         matrix: Array = sums[:, 2 + p + _triangle(p).square].reshape(-1, p, p)
         diagonal = np.arange(p)
-        matrix[:, diagonal, diagonal] += weights + _WEAK * (1.0 + matrix[:, diagonal, diagonal])
+        matrix[:, diagonal, diagonal] += self._ridge(sums, weights)
         return matrix
+
+    def _ridge(self, sums: Array, weights: Array | float) -> Array:
+        """Return what holds each term to its prior mean, shape (W, p): the prior, and hardly more."""
+        p = self._prior.mean.size
+        squares = sums[:, 2 + p + _triangle(p).square[:: p + 1]]
+        ridge: Array = weights + _WEAK * (squares + np.equal(weights, 0.0))
+        return ridge
 
 
 class _Triangle(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,7 +116,7 @@ class Monitor:
 
         ``measured`` (n, 12) tells what a sensor gave from what was derived; all if omitted. The rotor's
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
-        of the supply bus, where an ESC there measures it.
+        of the supply bus, where an ESC there measures it. What no actuator can reach counts as missing.
         """
         yield from self._judge(self._cutter.feed(time_s, widen(values, measured, bus_v)))
 
@@ -209,7 +209,9 @@ class Monitor:
             if self._condition == before:
                 continue
             holding = [
-                (c.since_s, name, c.rule) for name, c in self._shown.items() if c.condition == self._condition
+                (c.since_s, name, c.rule)
+                for name, c in self._shown.items()
+                if c.condition == self._condition and name in self._deciding()
             ]
             since_s, why, rule = min(holding, default=(end_s, fault, change.rule))
             self._since_s = None if self._condition == "undecided" else since_s
@@ -243,6 +245,10 @@ class Monitor:
         if SEVERITY[gravest] > SEVERITY["normal"]:
             return gravest
         return self._shown["friction"].condition if "friction" in self._shown else "undecided"
+
+    def _deciding(self) -> Collection[str]:
+        """Return the faults that can make the condition what it is: only the friction makes it normal."""
+        return {"friction"} if self._condition == "normal" else self._shown.keys()
 
     def _network_evidence(self) -> Iterator[Evidence]:
         if self._vote is None:

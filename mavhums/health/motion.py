@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.health.slots import GUARD_S, Slots
+from mavhums.health.slots import APART, BUS, GUARD_S, Slots
 from mavhums.quantities import KEYS, column
 
 __all__ = ["Motion", "motion"]
 
 _PERIODS = 2.5
 _V7 = column("V7")
-_BUS, _APART = len(KEYS), len(KEYS) + 1
 
 Array = NDArray[np.float64]
 
@@ -77,7 +76,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
         speed[own],
         acceleration[own],
         around[own],
-        values[:, :_BUS],
-        values[:, _BUS],
-        values[:, _APART] > 0,
+        values[:, : len(KEYS)],
+        values[:, BUS],
+        values[:, APART] > 0,
     )

@@ -12,13 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.quantities import column
+from mavhums.quantities import KEYS, column
 
-__all__ = ["GUARD_S", "SlotCutter", "Slots", "widen"]
+__all__ = ["APART", "BUS", "COLUMNS", "GUARD_S", "SHAFT", "SlotCutter", "Slots", "widen"]
 
+BUS, SHAFT, APART = (len(KEYS) + k for k in range(3))
+COLUMNS = len(KEYS) + 3
 GUARD_S = 0.06
 _LATENESS_S = 0.25
-_V2, _V3 = column("V2"), column("V3")
+_ABSURD = 1e9
+_V2, _V3, _V7 = (column(key) for key in ("V2", "V3", "V7"))
 
 Array = NDArray[np.float64]
 
@@ -37,8 +40,7 @@ class Slots:
     judged
         Which of the samples these slots judge; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, 14), increasing in time: V1…V12, the voltage of the supply bus, and 1 where
-        V2 and V3 were measured each by a sensor of its own.
+        Shapes (n,) and (n, 15), increasing in time; the columns are those of :func:`widen`.
     """
 
     index: NDArray[np.int64]
@@ -58,13 +60,32 @@ class Slots:
 
 
 def widen(values: Array, measured: NDArray[np.bool_] | None = None, bus_v: Array | None = None) -> Array:
-    """Return V1…V12 (n, 12) with the bus voltage and whether V2 and V3 were measured apart, shape (n, 14).
+    """Return V1…V12 with what only some of health needs beside them, shape (n, ``COLUMNS``).
 
-    Without ``measured`` (n, 12) all were; without ``bus_v`` (n,) the voltage is NaN.
+    Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle where it does not rest
+    on a sign that was derived; ``APART`` is 1 where V2 and V3 were measured each by a sensor of its own. What
+    is not finite, or absurd, is NaN.
+
+    Parameters
+    ----------
+    values
+        Shape (n, 12).
+    measured
+        Which of them were measured and not derived, shape (n, 12); all if omitted.
+    bus_v
+        Shape (n,); NaN if omitted.
     """
-    bus = np.full(len(values), np.nan) if bus_v is None else bus_v
-    apart = np.ones(len(values)) if measured is None else measured[:, _V2] & measured[:, _V3]
-    return np.column_stack([values, bus, apart])
+    wide = np.full((len(values), COLUMNS), np.nan)
+    wide[:, : len(KEYS)] = values
+    wide[:, SHAFT] = values[:, _V3]
+    wide[:, APART] = 1.0
+    if bus_v is not None:
+        wide[:, BUS] = bus_v
+    if measured is not None:
+        wide[:, APART] = measured[:, _V2] & measured[:, _V3]
+        wide[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan
+    wide[~(np.abs(wide) < _ABSURD)] = np.nan
+    return wide
 
 
 class SlotCutter:
@@ -90,11 +111,11 @@ class SlotCutter:
         self._times: list[Array] = []
         self._values: list[Array] = []
         self._closed = -np.inf
-        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, 14))
+        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, COLUMNS))
         self._pending: tuple[Array, Array] = self._before
 
     def feed(self, time_s: Array, values: Array) -> Slots | None:
-        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 14)."""
+        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 15)."""
         if time_s.size == 0:
             return None
         latest = np.maximum.accumulate(np.concatenate([[self.latest_s], time_s]))

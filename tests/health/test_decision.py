@@ -1,90 +1,100 @@
-"""The sequential decision."""
+"""The sequential decision: what intervals show, and what several of them change."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
-from mavhums.actuator.profile import Limits
-from mavhums.assessment import Interval
-from mavhums.health.decision import CONFIRM, Change, Decision, classify, rule
+from mavhums.assessment import Condition
+from mavhums.health.decision import CONFIRM, Decision, half_width, shown_by, tail_of
+from mavhums.health.detector import Estimates, Levels
 
-LIMITS = Limits(normal=0.375, emergency=0.875)
-NORMAL = Interval(estimate=0.3, low=0.28, high=0.32)
-DEGRADED = Interval(estimate=0.5, low=0.48, high=0.52)
-EMERGENCY = Interval(estimate=1.0, low=0.98, high=1.02)
+LEVELS = Levels(0.375, 0.875)
+NOTHING, NORMAL, DEGRADED, EMERGENCY = -1, 0, 1, 2
 
 
-def follow(windows: Sequence[Interval | None]) -> tuple[Decision, list[Change]]:
-    decision = Decision(LIMITS)
-    changes = [decision.feed(window, float(k), float(k + 10)) for k, window in enumerate(windows)]
-    return decision, [change for change in changes if change]
+def follow(shown: Sequence[int]) -> tuple[Decision, list[tuple[Condition, float | None, float]]]:
+    """The decision after all windows, and each change: to what, since when, and at which window's end."""
+    decision = Decision(LEVELS)
+    changes: list[tuple[Condition, float | None, float]] = []
+    for k, severity in enumerate(shown):
+        if decision.feed(severity, float(k), float(k + 10)):
+            changes.append((decision.condition, decision.since_s, k + 10.0))
+    return decision, changes
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "condition"),
+    ("low", "high", "severity"),
     [
-        (0.2, 0.3, "normal"),
-        (0.37, 0.5, "normal"),
-        (0.375, 0.5, "normal"),
-        (0.38, 0.87, "degraded"),
-        (0.38, 0.875, "emergency"),
-        (0.3, 0.9, "normal"),
-        (0.9, 1.1, "emergency"),
+        (0.2, 0.3, NORMAL),
+        (0.37, 0.5, NORMAL),
+        (0.375, 0.5, NORMAL),
+        (0.38, 0.87, DEGRADED),
+        (0.38, 0.875, EMERGENCY),
+        (0.3, 0.9, NOTHING),
+        (0.9, 1.1, EMERGENCY),
+        (np.nan, np.nan, NOTHING),
     ],
 )
-def test_the_rule_of_the_interval(low: float, high: float, condition: str) -> None:
-    interval = Interval(estimate=(low + high) / 2, low=low, high=high)
-    assert classify(interval, LIMITS) == condition
+def test_the_rule_of_the_interval(low: float, high: float, severity: int) -> None:
+    assert shown_by(np.array([low]), np.array([high]), LEVELS).tolist() == [severity]
+
+
+@pytest.mark.parametrize(
+    ("levels", "severities"),
+    [(Levels(0.375), [NORMAL, DEGRADED, DEGRADED]), (Levels(), [NOTHING, NOTHING, NOTHING])],
+)
+def test_a_limit_that_is_absent_is_never_passed(levels: Levels, severities: list[int]) -> None:
+    low, high = np.array([0.2, 0.5, 9.0]), np.array([0.3, 0.6, 9.9])
+    assert shown_by(low, high, levels).tolist() == severities
+
+
+def test_intervals_are_as_wide_as_the_false_alarm_rate_asks() -> None:
+    """Of 36,000 windows of 10 s in 100 h, as many may lie beyond the interval as alarms are allowed."""
+    estimates = Estimates(np.zeros(2), np.array([0.1, 0.1]), np.array([9.0, 45.0]))
+    for alarms in (0.1, 1.0, 10.0):
+        half = half_width(estimates, tail=tail_of(alarms))
+        beyond = stats.t.sf(half / 0.1, df=[9.0, 45.0])
+        assert beyond * 36_000 == pytest.approx([alarms, alarms], rel=1e-6)
 
 
 def test_the_first_condition_counts_from_the_first_window() -> None:
     decision, changes = follow([EMERGENCY] * CONFIRM)
-    assert changes == [Change("undecided", "emergency", 0.0, CONFIRM + 9.0)]
-    assert decision.worst == "emergency"
+    assert changes == [("emergency", 0.0, CONFIRM + 9.0)]
+    assert decision.since_s == 0.0
 
 
 def test_a_change_counts_from_the_middle_of_the_window_that_showed_it() -> None:
-    decision, changes = follow([NORMAL] * 20 + [DEGRADED] * 10 + [EMERGENCY] * 10)
-    assert [(change.after, change.since_s) for change in changes] == [
-        ("normal", 0.0),
-        ("degraded", 25.0),
-        ("emergency", 35.0),
-    ]
-    assert decision.condition == decision.worst == "emergency"
+    _, changes = follow([NORMAL] * 20 + [DEGRADED] * 10 + [EMERGENCY] * 10)
+    assert [change[:2] for change in changes] == [("normal", 0.0), ("degraded", 25.0), ("emergency", 35.0)]
 
 
-def test_the_worst_is_remembered() -> None:
-    decision, _ = follow([EMERGENCY] * 10 + [NORMAL] * 10)
-    assert (decision.condition, decision.worst) == ("normal", "emergency")
+def test_undecided_has_no_since() -> None:
+    decision, changes = follow([NOTHING] * 50 + [DEGRADED] * (CONFIRM - 1))
+    assert (decision.condition, decision.since_s, changes) == ("undecided", None, [])
 
 
 @given(st.lists(st.integers(1, CONFIRM - 1), max_size=10))
 def test_fewer_windows_than_confirm_change_nothing(runs: list[int]) -> None:
-    windows: list[Interval | None] = [NORMAL] * CONFIRM
+    shown = [NORMAL] * CONFIRM
     for run in runs:
-        windows += [DEGRADED] * run + [NORMAL]
-    decision, changes = follow(windows)
+        shown += [DEGRADED] * run + [NORMAL]
+    decision, changes = follow(shown)
     assert len(changes) == 1
     assert decision.condition == "normal"
 
 
 @given(st.lists(st.sampled_from([NORMAL, DEGRADED, EMERGENCY]), max_size=40), st.data())
-def test_undecidable_windows_change_nothing(windows: list[Interval | None], data: st.DataObject) -> None:
-    decision, changes = follow(windows)
-    padded: list[Interval | None] = []
-    for window in windows:
-        padded += [None] * data.draw(st.integers(0, 2)) + [window]
+def test_windows_that_show_nothing_change_nothing(shown: list[int], data: st.DataObject) -> None:
+    decision, changes = follow(shown)
+    padded: list[int] = []
+    for severity in shown:
+        padded += [NOTHING] * data.draw(st.integers(0, 2)) + [severity]
     held, held_changes = follow(padded)
     assert held.condition == decision.condition
-    assert [change.after for change in held_changes] == [change.after for change in changes]
-
-
-def test_rules_name_the_limit() -> None:
-    assert "0.875" in rule("emergency", LIMITS)
-    assert "0.375" in rule("degraded", LIMITS)
-    assert "0.375" in rule("normal", LIMITS)
-    assert rule("undecided", LIMITS)
+    assert [change[0] for change in held_changes] == [change[0] for change in changes]

@@ -1,79 +1,161 @@
-"""One actuator through a flight, on samples made by the simulator and by hand."""
+"""One actuator through a flight: windows, changes, the actuator's own baseline, and what is said of them."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.actuator import load_airframe
-from mavhums.events import ConditionChanged, Window
-from mavhums.health import Monitor
-from mavhums.health.monitor import Findings
+from mavhums.assessment import Indicator
+from mavhums.events import ConditionChanged, Event, Indication, Window
+from mavhums.health.baseline import Baseline
 from mavhums.learn import default_model
 from mavhums_sim import Flight, fly
+from mavhums_sim.conditions import Condition
+from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
+from tests.strategies import cuts
 
-ACTUATOR = load_airframe("paper").actuators[2]
 Array = NDArray[np.float64]
 
 
-def flown(
-    friction: tuple[float, float], *, seconds: float = 30.0, rate_hz: float = 100.0
-) -> tuple[Array, Array]:
-    flight = Flight(seed=41, duration_s=seconds, rate_hz=rate_hz, friction_nm={"elevator": friction})
-    record = fly(flight).actuators["elevator"]
-    return record.time_s, record.values
+def data_sheet(friction: float, *, seconds: float = 30.0, rate_hz: float = 100.0) -> Telemetry:
+    """The elevator of the paper's single-mass model."""
+    flight = Flight(
+        seed=41, duration_s=seconds, rate_hz=rate_hz, friction_nm={"elevator": (friction, friction)}
+    )
+    return telemetry(fly(flight))
 
 
-def watch(time_s: Array, values: Array) -> tuple[list[Window], Findings]:
-    monitor = Monitor(1, ACTUATOR)
-    events = [*monitor.feed(time_s, values), *monitor.finish()]
-    return [event for event in events if isinstance(event, Window)], monitor.findings()
+def windows_of(events: Iterable[Event]) -> list[Window]:
+    return [event for event in events if isinstance(event, Window)]
+
+
+def plain(events: Iterable[Event]) -> list[object]:
+    """Events that can be compared; indications in one list per fault."""
+    out: list[object] = [e for e in events if not isinstance(e, Indication)]
+    shown: dict[str, list[tuple[float, ...]]] = {}
+    for e in events:
+        if isinstance(e, Indication):
+            rows = np.stack([e.end_s, e.value, e.low, e.high], axis=1).round(9)
+            shown.setdefault(e.fault, []).extend(map(tuple, rows.tolist()))
+    return [*out, shown]
 
 
 @pytest.mark.parametrize("rate_hz", [100.0, 50.0, 25.0])
 def test_friction_is_found_at_any_rate(rate_hz: float) -> None:
-    windows, findings = watch(*flown((0.3, 0.3), rate_hz=rate_hz))
-    assert len(windows) == 21
-    assert findings.condition == "normal"
+    events, findings = watch(data_sheet(0.3, rate_hz=rate_hz))
+    assert len(windows_of(events)) == 21
+    assert findings.condition == findings.worst == "normal"
+    assert findings.suspects == ()
     assert findings.friction is not None
     assert findings.friction.estimate == pytest.approx(0.3, abs=0.02)
 
 
+@given(data=st.data())
+@settings(max_examples=10, deadline=None)
+def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:
+    seen = telemetry(flown(Condition.step("friction", 0.4, 15.0), rate_hz=25.0, seconds=30.0))
+    places = data.draw(cuts(seen.time_s.size))
+    bounds = [0, *places, seen.time_s.size]
+    blocks = [seen.between(a, b) for a, b in itertools.pairwise(bounds)]
+    events, findings = watch_blocks(blocks)
+    expected, whole = watch(seen)
+    assert findings.condition == whole.condition
+    assert findings.since_s == whole.since_s
+    assert [(e.kind, e.start_s, e.end_s) for e in findings.evidence] == [
+        (e.kind, e.start_s, e.end_s) for e in whole.evidence
+    ]
+    assert [w.end_s for w in windows_of(events)] == [w.end_s for w in windows_of(expected)]
+    for one, other in zip(windows_of(events), windows_of(expected), strict=True):
+        assert one.condition == other.condition
+        assert (one.friction_nm is None) == (other.friction_nm is None)
+        if one.friction_nm and other.friction_nm:
+            assert one.friction_nm.estimate == pytest.approx(other.friction_nm.estimate, rel=1e-9)
+
+
+def test_windows_of_a_second_slide_by_a_tenth() -> None:
+    events, findings = watch(
+        telemetry(flown(Condition.constant("friction", 1.0), rate_hz=100.0)), window_s=1.0
+    )
+    windows = windows_of(events)
+    assert len(windows) == pytest.approx(391, abs=2)
+    assert np.diff([w.end_s for w in windows]) == pytest.approx(0.1)
+    assert {round(w.end_s - w.start_s, 9) for w in windows} == {1.0}
+    assert findings.condition == "emergency"
+    assert findings.coverage.decidable > 200
+
+
 def test_what_is_found_is_held_through_standstill() -> None:
-    time_s, values = flown((1.0, 1.0))
-    still = time_s > 18.0
-    values[still, 6] = 0.0
-    windows, findings = watch(time_s, values)
-    assert windows[-1].friction_nm is None
-    assert windows[-1].condition == "emergency"
+    seen = data_sheet(1.0)
+    seen.values[seen.time_s > 18.0, 6] = 0.0
+    events, findings = watch(seen)
+    assert windows_of(events)[-1].friction_nm is None
+    assert windows_of(events)[-1].condition == "emergency"
     assert findings.condition == "emergency"
     assert findings.coverage.decidable < findings.coverage.windows
     assert findings.friction is not None
 
 
 def test_seconds_without_samples_end_no_window_twice() -> None:
-    time_s, values = flown((0.3, 0.3))
-    there = (time_s < 12.0) | (time_s > 16.0)
-    windows, findings = watch(time_s[there], values[there])
-    ends = [window.end_s for window in windows]
+    seen = data_sheet(0.3)
+    there = (seen.time_s < 12.0) | (seen.time_s > 16.0)
+    events, findings = watch(Telemetry(seen.time_s[there], seen.values[there]))
+    ends = [window.end_s for window in windows_of(events)]
     assert ends == sorted(set(ends))
     assert findings.condition == "normal"
 
 
-def test_a_lone_sample_is_no_second() -> None:
-    _, findings = watch(np.array([0.5]), np.zeros((1, 12)))
+def test_late_samples_are_counted() -> None:
+    seen = data_sheet(0.3)
+    late = Telemetry(seen.time_s[:10], seen.values[:10])
+    _, findings = watch_blocks([seen, late])
+    assert findings.coverage.late == 10
+
+
+def test_a_lone_sample_is_no_window() -> None:
+    _, findings = watch(Telemetry(np.array([0.5]), np.zeros((1, 12))))
     assert findings.coverage.windows == 0
-    assert findings.condition == "undecided"
+    assert (findings.condition, findings.since_s) == ("undecided", None)
     assert findings.last_s == 0.5
 
 
 def test_an_interval_wider_than_the_limits_are_apart_decides_nothing() -> None:
-    time_s, values = flown((0.3, 0.3))
-    values[:, 7] += np.random.default_rng(0).normal(0.0, 0.05, time_s.size)
-    windows, findings = watch(time_s, values)
+    seen = data_sheet(0.3)
+    seen.values[:, 4] += np.random.default_rng(0).normal(0.0, 0.8, seen.time_s.size)
+    events, findings = watch(seen)
+    windows = windows_of(events)
     assert findings.coverage.decidable < len(windows)
-    assert all(w.friction_nm is None or w.friction_nm.high - w.friction_nm.low <= 0.5 for w in windows)
+    assert all(w.friction_nm is None or w.friction_nm.high - w.friction_nm.low <= 0.6 for w in windows)
+
+
+def test_a_change_says_what_changed_it_and_since_when() -> None:
+    record = flown(Condition.step("backlash", 0.3, 40.0), rate_hz=25.0, seconds=80.0)
+    events, findings = watch(telemetry(record))
+    first, last = [e for e in events if isinstance(e, ConditionChanged)]
+    assert (first.after, first.fault, first.since_s) == ("normal", "friction", 0.0)
+    assert (last.before, last.after, last.fault) == ("normal", "degraded", "backlash")
+    assert last.since_s == findings.since_s == pytest.approx(40.0, abs=10.0)
+    assert "backlash above 0.15 °" in last.rule
+    assert "1 false alarm per 100 h" in last.rule
+    assert last.time_s >= 40.0
+
+
+def test_an_indication_is_a_95_percent_interval_of_every_window_that_shows_the_fault() -> None:
+    events, findings = watch(telemetry(flown(rate_hz=25.0)))
+    windows = [w for w in windows_of(events) if w.friction_nm]
+    shown = [e for e in events if isinstance(e, Indication) and e.fault == "friction"]
+    assert np.concatenate([e.end_s for e in shown]).tolist() == [w.end_s for w in windows]
+    low = np.concatenate([e.low for e in shown])
+    assert low.tolist() == [w.friction_nm.low for w in windows if w.friction_nm]
+    friction = next(i for i in findings.indicators if i.fault == "friction")
+    assert friction.value.low < friction.value.estimate < friction.value.high
+    assert friction.windows == 4
+    assert (friction.limit, friction.baseline) == (0.375, None)
 
 
 def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said() -> None:
@@ -89,20 +171,65 @@ def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said() 
         def probability(self, share: float) -> float:
             return share
 
-    time_s, values = flown((0.225, 0.225))
     for judge, disagrees in ((network, False), (Contrary(), True)):
-        monitor = Monitor(1, ACTUATOR, [judge])
-        changes = [e for e in monitor.feed(time_s, values) if isinstance(e, ConditionChanged)]
-        findings = monitor.findings()
-        assert [change.after for change in changes] == ["normal"]
-        assert (findings.condition, findings.network) == ("normal", 0)
+        events, findings = watch(data_sheet(0.225), networks=[judge])
+        assert [e.after for e in events if isinstance(e, ConditionChanged)] == ["normal"]
         vote = next(e for e in findings.evidence if e.kind == "network")
         assert ("disagrees" in vote.rule) == disagrees
         assert (vote.value > 0.5) == disagrees
 
 
 def test_the_suspect_is_friction_with_its_probability() -> None:
-    _, findings = watch(*flown((0.6, 0.6)))
+    _, findings = watch(data_sheet(0.6))
     assert [suspect.fault for suspect in findings.suspects] == ["friction"]
     assert findings.suspects[0].confidence > 0.99
-    assert watch(*flown((0.3, 0.3)))[1].suspects == ()
+
+
+def history(seeds: Iterable[int]) -> Baseline:
+    """The friction of one aircraft's elevator over several healthy flights."""
+    found: list[Indicator] = []
+    for seed in seeds:
+        _, findings = watch(telemetry(flown(rate_hz=25.0, seconds=100.0, seed=seed)))
+        found += [indicator for indicator in findings.indicators if indicator.fault == "friction"]
+    baseline = Baseline.of(found)
+    assert baseline is not None
+    return baseline
+
+
+@pytest.fixture(scope="module")
+def own() -> dict[str, Baseline]:
+    return {"friction": history(range(300, 308))}
+
+
+def test_wear_far_below_the_limit_is_a_drift_from_the_own_baseline(own: dict[str, Baseline]) -> None:
+    worn = telemetry(flown(Condition.constant("friction", 0.05), rate_hz=25.0, seconds=100.0, seed=401))
+    assert watch(worn)[1].worst == "normal"
+    events, findings = watch(worn, baselines=own)
+    assert findings.condition == findings.worst == "degraded"
+    assert [suspect.fault for suspect in findings.suspects] == ["friction"]
+    assert findings.suspects[0].confidence > 0.99
+    drift = next(e for e in findings.evidence if e.kind == "friction_drift")
+    assert drift.limit == own["friction"].mean
+    assert drift.value - own["friction"].mean == pytest.approx(0.05, abs=0.02)
+    assert "from its own baseline" in drift.rule
+    assert "over 8 flights" in drift.rule
+    assert findings.since_s == drift.start_s
+    change = [e for e in events if isinstance(e, ConditionChanged)][-1]
+    assert (change.after, change.fault, change.rule) == ("degraded", "friction", drift.rule)
+    friction = next(i for i in findings.indicators if i.fault == "friction")
+    assert friction.baseline == own["friction"].prediction()
+
+
+def test_a_healthy_flight_stays_at_its_baseline(own: dict[str, Baseline]) -> None:
+    for seed in range(402, 406):
+        healthy = telemetry(flown(rate_hz=25.0, seconds=100.0, seed=seed))
+        _, findings = watch(healthy, actuator_of(), baselines=own)
+        assert findings.worst == "normal"
+        assert not [e for e in findings.evidence if e.kind.endswith("_drift")]
+
+
+def test_an_emergency_is_more_than_a_drift(own: dict[str, Baseline]) -> None:
+    bad = telemetry(flown(Condition.constant("friction", 1.0), rate_hz=25.0))
+    _, findings = watch(bad, baselines=own)
+    assert findings.condition == "emergency"
+    assert {"friction", "friction_drift"} <= {e.kind for e in findings.evidence}

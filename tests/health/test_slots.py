@@ -1,66 +1,104 @@
-"""Slots of one second: every sample once, whatever the blocks."""
+"""Slots: every sample once, in the slot that confirms it, whatever the blocks."""
 
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.health.slots import Slot, SlotCutter
+from mavhums.health.slots import COLUMNS, GUARD_S, SlotCutter, Slots
 
 Array = NDArray[np.float64]
 
 
-def cut(times: Array, bounds: list[int]) -> tuple[list[Slot], int]:
-    cutter = SlotCutter()
-    values = np.repeat(times[:, None], 12, axis=1)
-    slots: list[Slot] = []
-    for a, b in zip([0, *bounds], [*bounds, len(times)], strict=True):
-        slots += list(cutter.feed(times[a:b], values[a:b]))
-    slots += list(cutter.finish())
-    return slots, cutter.late
+def cut(times: Array, bounds: list[int], slot_s: float = 1.0) -> tuple[list[Slots], SlotCutter]:
+    cutter = SlotCutter(slot_s)
+    values = np.repeat(times[:, None], COLUMNS, axis=1)
+    ends = [min(bound, len(times)) for bound in bounds]
+    found = [cutter.feed(times[a:b], values[a:b]) for a, b in zip([0, *ends], [*ends, None], strict=True)]
+    return [slots for slots in [*found, cutter.finish()] if slots is not None], cutter
 
 
-times = st.lists(st.integers(-2_000, 30_000), max_size=60).map(lambda ms: np.array(ms, dtype=float) / 1000)
-
-
-@given(times, st.lists(st.integers(0, 60), max_size=6).map(sorted))
-def test_where_blocks_end_does_not_matter(at: Array, bounds: list[int]) -> None:
-    expected, late = cut(at, [])
-    slots, same_late = cut(at, [min(bound, len(at)) for bound in bounds])
-    assert late == same_late
-    assert [slot.index for slot in slots] == [slot.index for slot in expected]
-    for one, other in zip(slots, expected, strict=True):
-        assert np.array_equal(one.time_s, other.time_s)
-        assert np.array_equal(one.values, other.values)
-
-
-@given(times)
-def test_every_sample_in_time_is_in_its_slot_once(at: Array) -> None:
-    slots, late = cut(at, [])
-    own = [slot.time_s[np.floor(slot.time_s) == slot.index] for slot in slots]
-    together = np.concatenate(own) if own else np.empty(0)
-    assert np.array_equal(together, np.unique(together))
-    if late == 0:
-        assert np.array_equal(together, np.unique(at))
-    for slot in slots:
-        assert np.array_equal(slot.values[:, 0], slot.time_s)
-        assert (np.diff(slot.time_s) > 0).all()
-
-
-def test_reordering_within_the_allowance_is_mended() -> None:
-    at = np.array([0.1, 0.5, 1.05, 0.9, 1.2, 2.5])
-    slots, late = cut(at, [1, 2, 3, 4, 5])
-    assert late == 0
-    assert [slot.time_s.tolist() for slot in slots] == [
-        [0.1, 0.5, 0.9],
-        [0.5, 0.9, 1.05, 1.2],
-        [1.05, 1.2, 2.5],
+def judged(parts: list[Slots]) -> list[tuple[int, float]]:
+    """Every judged sample, with the slot in which it counts."""
+    return [
+        (int(number), float(time_s))
+        for part in parts
+        for number, own in zip(
+            part.index, np.split(part.time_s[part.judged], part.start[1:].tolist()), strict=True
+        )
+        for time_s in own
     ]
 
 
+def confirmed(at: Array, slot_s: float = 1.0) -> list[tuple[int, float]]:
+    """The rule, one sample after the other; the last ones are never confirmed."""
+    at = np.unique(at)
+    out = []
+    for time_s in at:
+        later = [other for other in at if other >= time_s + GUARD_S]
+        if later:
+            out.append((int(np.floor(later[0] / slot_s)), float(time_s)))
+    return out
+
+
+times = st.lists(st.integers(-2_000, 30_000), max_size=60).map(lambda ms: np.array(ms, dtype=float) / 1000)
+steps = st.lists(st.sampled_from([1, 10, 40, 100, 100, 100, 400, 3_000]), max_size=80)
+steady = steps.map(lambda ms: np.cumsum(np.array(ms, dtype=float)) / 1000)
+bounds = st.lists(st.integers(0, 80), max_size=6).map(sorted)
+
+
+@given(st.one_of(times, steady), bounds, st.sampled_from([0.1, 0.5, 1.0]))
+@example(np.arange(200) / 10.0, [3, 77, 78], 1.0)
+def test_where_blocks_end_does_not_matter(at: Array, cuts: list[int], slot_s: float) -> None:
+    expected, whole = cut(at, [], slot_s)
+    found, cutter = cut(at, cuts, slot_s)
+    assert cutter.late == whole.late
+    assert cutter.latest_s == whole.latest_s
+    assert judged(found) == judged(expected)
+
+
+@given(steady, bounds)
+def test_a_sample_counts_where_it_is_confirmed(at: Array, cuts: list[int]) -> None:
+    parts, cutter = cut(at, cuts)
+    assert cutter.late == 0
+    assert judged(parts) == confirmed(at)
+
+
+@given(st.one_of(times, steady), bounds)
+def test_every_judged_sample_has_its_own_values_and_its_neighbours(at: Array, cuts: list[int]) -> None:
+    parts, cutter = cut(at, cuts)
+    together = [time_s for _, time_s in judged(parts)]
+    assert together == sorted(set(together))
+    assert len(together) >= len(np.unique(at)) - cutter.late - np.sum(at > cutter.latest_s - GUARD_S - 1e-9)
+    all_times = np.unique(at)
+    for part in parts:
+        assert np.array_equal(part.values[:, 0], part.time_s)
+        assert (np.diff(part.time_s) > 0).all()
+        assert int(part.count().sum()) == len(part.time_s[part.judged])
+        if cutter.late:
+            continue
+        first = part.time_s[part.judged][0]
+        near = all_times[(all_times > first - GUARD_S) & (all_times < first)]
+        assert set(near) <= set(part.time_s)
+
+
+def test_reordering_within_the_allowance_is_mended() -> None:
+    parts, cutter = cut(np.array([0.1, 0.5, 1.05, 0.9, 1.2, 2.5]), [1, 2, 3, 4, 5])
+    assert cutter.late == 0
+    assert judged(parts) == [(0, 0.1), (0, 0.5), (1, 0.9), (1, 1.05), (2, 1.2)]
+
+
 def test_what_comes_after_its_slot_was_closed_is_counted() -> None:
-    slots, late = cut(np.array([0.1, 1.3, 0.2, 1.4]), [])
-    assert late == 1
-    assert 0.2 not in np.concatenate([slot.time_s for slot in slots])
+    parts, cutter = cut(np.array([0.1, 1.3, 0.2, 1.4, 0.3]), [])
+    assert cutter.late == 2
+    assert 0.2 not in [time_s for _, time_s in judged(parts)]
+
+
+def test_sums_are_over_each_slot() -> None:
+    (slots,), _ = cut(np.array([0.1, 0.2, 0.3, 0.9, 1.0, 1.1]), [])
+    columns = np.array([[1.0], [2.0], [4.0], [8.0], [16.0]])
+    assert slots.index.tolist() == [0, 1]
+    assert slots.sums(columns)[:, 0].tolist() == [7.0, 24.0]
+    assert slots.count().tolist() == [3, 2]

@@ -1,6 +1,7 @@
 """A surface that is commanded and does not move: jammed, disconnected or without power.
 
-It takes the command and the output shaft's angle, and none of the actuator's constants.
+It takes the command and the output shaft's angle, and none of the actuator's constants. An angle that
+was integrated from a speed whose sign the command gave is no witness.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Actuator
 from mavhums.health.detector import Estimates, Levels, Seen
 from mavhums.health.least_squares import Fit
+from mavhums.health.slots import SHAFT
 from mavhums.health.windows import Windows
 from mavhums.quantities import column
 
 __all__ = ["Detector"]
 
-_V1, _V3 = column("V1"), column("V3")
+_V1 = column("V1")
 _STANDS = 0.9
 _LEAST_COMMAND_DEG = 4.0
 _LASTING_S = 3.0
@@ -59,8 +61,8 @@ class Detector:
             [
                 np.maximum.reduceat(own[:, _V1], start),
                 -np.minimum.reduceat(own[:, _V1], start),
-                np.maximum.reduceat(own[:, _V3], start),
-                -np.minimum.reduceat(own[:, _V3], start),
+                np.maximum.reduceat(own[:, SHAFT], start),
+                -np.minimum.reduceat(own[:, SHAFT], start),
             ],
             axis=1,
         )

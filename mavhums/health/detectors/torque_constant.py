@@ -16,6 +16,7 @@ __all__ = ["Detector", "relative_constant"]
 
 _CURRENT, _BACK_EMF = 0, 1
 _WIDEST = 0.05
+_CONTRADICTION = 0.5
 
 Array = NDArray[np.float64]
 
@@ -34,12 +35,16 @@ class Detector(EquationDetector):
         self.levels = Levels(actuator.limits.torque_constant_loss if actuator.limits else None)
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
-        """Return the loss; undecidable where the shaft moves too little to show the back-EMF."""
+        """Return the loss; undecidable where the shaft moves too little to show the back-EMF.
+
+        A loss or gain of half contradicts the data sheet: this motor is not the profile's.
+        """
         ema = self.actuator.known_ema()
         fit, nominal = fits["voltage"], ema.torque_constant * ema.gear_ratio
         error = np.hypot(fit.errors[:, _BACK_EMF], fit.attenuation(_CURRENT)[:, _BACK_EMF]) / nominal
-        shown = fit.spread & (error < _WIDEST)
-        return Estimates.of(1.0 - fit.coefficients[:, _BACK_EMF] / nominal, error, fit.freedom, shown)
+        loss = 1.0 - fit.coefficients[:, _BACK_EMF] / nominal
+        shown = fit.spread & (error < _WIDEST) & (np.abs(loss) < _CONTRADICTION)
+        return Estimates.of(loss, error, fit.freedom, shown)
 
 
 def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:

@@ -1,0 +1,101 @@
+"""Simulated flights for the health room, each flown once a session, and what a monitor makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import Actuator
+from mavhums.events import Event
+from mavhums.health import Monitor
+from mavhums.health.monitor import Findings
+from mavhums.quantities import column
+from mavhums_sim import Flight, FlightRecord, Gearbox, fly
+from mavhums_sim.conditions import Condition
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.sensors import EscSide
+
+Array = NDArray[np.float64]
+TWO_MASSES = EmaParameters.from_data_sheet(gearbox=Gearbox())
+SURFACES = ("aileron_left", "aileron_right", "elevator", "rudder")
+ESC_KEYS = ("V1", "V4", "V5", "V7")
+
+
+def actuator_of(surface: str = "elevator", *, esc_side: EscSide = "motor") -> Actuator:
+    """Return the paper's actuator on a surface."""
+    actuators = load_airframe("paper").actuators
+    return next(a for a in actuators if a.name == surface).model_copy(update={"esc_side": esc_side})
+
+
+@cache
+def flown(
+    *conditions: Condition,
+    cyclogram: str = "gusts",
+    rate_hz: float = 50.0,
+    seconds: float = 40.0,
+    seed: int = 900,
+    individuals: int | None = 77,
+    esc_side: EscSide = "motor",
+) -> FlightRecord:
+    """Fly two-mass individuals; the conditions are the elevator's."""
+    return fly(
+        Flight(
+            seed=seed,
+            duration_s=seconds,
+            rate_hz=rate_hz,
+            parameters=TWO_MASSES,
+            cyclogram=cyclogram,
+            individuals=individuals,
+            conditions={"elevator": conditions},
+            esc_side=esc_side,
+        )
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Telemetry:
+    """What a monitor is fed: shapes (n,), (n, 12) and, from an ESC at the bus, (n,)."""
+
+    time_s: Array
+    values: Array
+    bus_v: Array | None = None
+
+    def between(self, a: int, b: int) -> Telemetry:
+        """Return some of the samples."""
+        bus_v = None if self.bus_v is None else self.bus_v[a:b]
+        return Telemetry(self.time_s[a:b], self.values[a:b], bus_v)
+
+
+def telemetry(record: FlightRecord, surface: str = "elevator", *, esc: bool = False) -> Telemetry:
+    """Return what the log says of a surface: all quantities, or those that an ESC gives."""
+    own = record.actuators[surface]
+    values = own.values.copy()
+    if esc:
+        there = [column(key) for key in ESC_KEYS]
+        values[:, [k for k in range(12) if k not in there]] = np.nan
+    return Telemetry(own.time_s, values, own.esc[:, 0] if record.flight.esc_side == "bus" else None)
+
+
+def watch(seen: Telemetry, actuator: Actuator | None = None, **options: Any) -> tuple[list[Event], Findings]:
+    """Feed a monitor in one block; return its events and findings."""
+    return watch_blocks([seen], actuator, **options)
+
+
+def watch_blocks(
+    blocks: list[Telemetry], actuator: Actuator | None = None, **options: Any
+) -> tuple[list[Event], Findings]:
+    """Feed a monitor block by block."""
+    networks = options.pop("networks", ())
+    measured = options.pop("measured", None)
+    monitor = Monitor(1, actuator or actuator_of(), networks, **options)
+    events: list[Event] = []
+    for block in blocks:
+        gave = None if measured is None else np.tile(measured, (block.time_s.size, 1))
+        events.extend(monitor.feed(block.time_s, block.values, gave, block.bus_v))
+    events.extend(monitor.finish())
+    return events, monitor.findings()

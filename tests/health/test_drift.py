@@ -1,0 +1,134 @@
+"""The actuator's own baseline, and the drift from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from mavhums.assessment import Indicator, Interval
+from mavhums.health.baseline import Baseline
+from mavhums.health.drift import Drift, Shift
+
+BASELINE = Baseline(mean=0.22, flights=12, between=0.003, windows=120, within=0.008)
+Array = NDArray[np.float64]
+
+
+def indicator(value: float, windows: int, scatter: float | None) -> Indicator:
+    interval = Interval(estimate=value, low=value - 0.01, high=value + 0.01)
+    return Indicator(
+        fault="friction",
+        quantity="Coulomb friction",
+        unit="N·m",
+        value=interval,
+        windows=windows,
+        scatter=scatter,
+    )
+
+
+def follow(
+    values: Array, baseline: Baseline = BASELINE, **options: bool | float
+) -> tuple[Drift, list[Shift]]:
+    drift = Drift(baseline, **options)  # type: ignore[arg-type]
+    return drift, [drift.feed(float(v), baseline.within, 10.0 * k) for k, v in enumerate(values)]
+
+
+def test_a_baseline_is_the_flights_mean_and_scatter() -> None:
+    baseline = Baseline.of([indicator(0.20, 5, 0.01), indicator(0.22, 9, 0.02), indicator(0.27, 11, 0.03)])
+    assert baseline is not None
+    assert baseline.mean == pytest.approx(0.23)
+    assert baseline.between == pytest.approx(np.std([0.20, 0.22, 0.27], ddof=1))
+    assert (baseline.flights, baseline.windows) == (3, 25)
+    assert baseline.within == pytest.approx(np.sqrt((4 * 1e-4 + 8 * 4e-4 + 10 * 9e-4) / 22))
+
+
+def test_one_flight_or_one_window_is_no_baseline() -> None:
+    assert Baseline.of([]) is None
+    assert Baseline.of([indicator(0.2, 5, 0.01)]) is None
+    assert Baseline.of([indicator(0.2, 5, 0.01), indicator(0.2, 1, None)]) is None
+
+
+def test_the_prediction_is_a_students_interval() -> None:
+    interval = BASELINE.prediction()
+    half = stats.t.ppf(0.975, 11) * 0.003 * np.sqrt(1 + 1 / 12)
+    assert (interval.low, interval.estimate, interval.high) == pytest.approx((0.22 - half, 0.22, 0.22 + half))
+
+
+def test_a_prediction_holds_the_next_flight_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(1)
+    inside = 0
+    for _ in range(2000):
+        *past, following = rng.normal(0.22, 0.003, 7).tolist()
+        baseline = Baseline.of([indicator(value, 10, 0.008) for value in past])
+        assert baseline is not None
+        inside += baseline.prediction().low <= following <= baseline.prediction().high
+    assert 0.935 <= inside / 2000 <= 0.965
+
+
+def test_flights_differ_by_what_their_windows_do_not_explain() -> None:
+    """Each flight's mean of ten windows already scatters by within²/10."""
+    between, mean_of_flight = 0.003**2, 0.008**2 / 10
+    assert BASELINE.flight_variance == pytest.approx(between - mean_of_flight + between / 12)
+    quiet = replace(BASELINE, between=0.001)
+    assert quiet.flight_variance == pytest.approx(0.001**2 / 12)
+
+
+def test_the_baseline_itself_is_no_drift() -> None:
+    drift, shifts = follow(np.random.default_rng(2).normal(0.22, 0.008, 500))
+    assert drift.alarm is None
+    assert max(shift.ratio for shift in shifts) < 1.0
+
+
+def test_a_shift_alarms_once_with_its_size_and_its_beginning() -> None:
+    rng = np.random.default_rng(3)
+    values = np.concatenate([rng.normal(0.22, 0.008, 20), rng.normal(0.27, 0.008, 20)])
+    drift, shifts = follow(values)
+    assert drift.alarm is not None
+    first = next(shift for shift in shifts if shift.ratio >= 1.0)
+    assert drift.alarm == first
+    assert drift.alarm.value == pytest.approx(0.05, abs=0.02)
+    assert drift.alarm.since_s == pytest.approx(200.0, abs=20.0)
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_a_fall_alarms_only_where_both_sides_count(two_sided: bool) -> None:
+    drift, _ = follow(np.full(20, 0.17), two_sided=two_sided)
+    assert (drift.alarm is not None) == two_sided
+    if drift.alarm:
+        assert drift.alarm.value == pytest.approx(-0.05)
+
+
+def test_a_rarer_alarm_takes_more_evidence() -> None:
+    seldom = follow(np.full(5, 0.25), false_alarms=0.01)[1][-1].ratio
+    often = follow(np.full(5, 0.25), false_alarms=10.0)[1][-1].ratio
+    assert seldom < often
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+def test_false_alarms_are_as_rare_as_promised(heavy: bool) -> None:
+    """Healthy flights of 100 s whose windows have Student's t4 or normal scatter; baselines of ten flights.
+
+    The rate is asked for 1000 times as high, so that it can be counted: 1000 alarms in 100 h, that is one
+    in 36 windows.
+    """
+    rng = np.random.default_rng(4)
+    between, within, flights, rate = 0.003, 0.008, 10, 1000.0
+    alarms = windows = 0
+    for _ in range(300):
+        past = np.full((flights, 10), 0.22) + between * rng.standard_normal((flights, 1))
+        past += within * scatter(rng, (flights, 10), heavy)
+        known = Baseline.of([indicator(float(f.mean()), 10, float(f.std(ddof=1))) for f in past])
+        assert known is not None
+        now = 0.22 + between * rng.standard_normal() + within * scatter(rng, (10,), heavy)
+        alarms += follow(now, known, false_alarms=rate)[0].alarm is not None
+        windows += 10
+    promised = rate / 36_000 * windows
+    assert alarms <= promised + 3 * np.sqrt(promised)
+    assert alarms >= 0.05 * promised
+
+
+def scatter(rng: np.random.Generator, shape: tuple[int, ...], heavy: bool) -> Array:
+    return rng.standard_t(4, shape) / np.sqrt(2.0) if heavy else rng.standard_normal(shape)
