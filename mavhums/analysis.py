@@ -14,6 +14,7 @@ from mavhums.errors import MavhumsError
 from mavhums.events import Event
 from mavhums.learn import Model, default_model, load_model
 from mavhums.log import read_blocks
+from mavhums.log.signing import load_key
 
 __all__ = ["analyse", "record"]
 
@@ -24,6 +25,7 @@ def analyse(
     airframe: Airframe | str | Path | None = None,
     model: Model | str | Path | None = None,
     dialect: str | os.PathLike[str] | None = None,
+    key: bytes | str | os.PathLike[str] | None = None,
     recording: str | os.PathLike[str] | None = None,
     consume: Callable[[Sequence[Event]], None] | None = None,
     progress: Callable[[int], None] | None = None,
@@ -40,6 +42,8 @@ def analyse(
         A model or its file; if None, the one that ships with mavhums.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
+    key
+        A MAVLink 2 signing key of 32 bytes, or its file: only frames signed with it count.
     recording
         Where to write a Rerun recording on the way.
     consume
@@ -51,8 +55,8 @@ def analyse(
     ------
     UnreadableLogError
         If the file is missing or not a telemetry log.
-    ProfileError, ModelError, DialectError
-        If the profile, the model or the XML cannot be used.
+    ProfileError, ModelError, DialectError, KeyFileError
+        If the profile, the model, the XML or the key cannot be used.
     MissingExtraError
         If a recording is wanted and rerun is not installed.
 
@@ -65,12 +69,14 @@ def analyse(
     profile = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     if not isinstance(model, Model):
         model = default_model() if model is None else load_model(model)
+    if key is not None and not isinstance(key, bytes):
+        key = load_key(key)
     if recording is not None:
         if str(path) == "-":
             raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
         from mavhums.show import Recorder
 
-        identity = f"{Path(path).name}-{_sha256(path)[:16]}"
+        identity = f"{Path(path).name}-{_sha256(path, dialect)[:16]}"
         with Recorder(recording, recording_id=identity) as recorder:
 
             def both(events: Sequence[Event]) -> None:
@@ -79,11 +85,17 @@ def analyse(
                     consume(events)
 
             assessment = analyse(
-                path, airframe=profile, model=model, dialect=dialect, consume=both, progress=progress
+                path,
+                airframe=profile,
+                model=model,
+                dialect=dialect,
+                key=key,
+                consume=both,
+                progress=progress,
             )
             recorder.close(assessment)
         return assessment
-    engine = Engine(profile, model=model, dialect=dialect)
+    engine = Engine(profile, model=model, dialect=dialect, key=key)
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, dialect=dialect):
         digest.update(block)
@@ -105,10 +117,12 @@ def record(
     *,
     airframe: Airframe | str | Path | None = None,
     model: Model | str | Path | None = None,
+    dialect: str | os.PathLike[str] | None = None,
+    key: bytes | str | os.PathLike[str] | None = None,
 ) -> None:
     """Write the Rerun recording of an assessment, reading its log once more.
 
-    Give the ``airframe`` and the ``model`` that the assessment was made with.
+    Give the ``airframe``, ``model``, ``dialect`` and ``key`` that the assessment was made with.
 
     Raises
     ------
@@ -120,13 +134,13 @@ def record(
     >>> record(analyse("flight.tlog"), "flight.rrd")
     """
     log = assessment.log
-    if log.path is None or _sha256(log.path) != log.sha256:
+    if log.path is None or _sha256(log.path, dialect) != log.sha256:
         raise MavhumsError(f"{log.path}: not the log that was judged", "analyse it again")
-    analyse(log.path, airframe=airframe, model=model, recording=path)
+    analyse(log.path, airframe=airframe, model=model, dialect=dialect, key=key, recording=path)
 
 
-def _sha256(path: str | os.PathLike[str]) -> str:
+def _sha256(path: str | os.PathLike[str], dialect: str | os.PathLike[str] | None) -> str:
     digest = hashlib.sha256()
-    for block in read_blocks(Path(path)):
+    for block in read_blocks(path, dialect=dialect):
         digest.update(block)
     return digest.hexdigest()

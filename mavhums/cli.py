@@ -11,7 +11,7 @@ import click
 
 from mavhums import __version__
 from mavhums.cli_learn import precedents, study, train
-from mavhums.cli_options import AIRFRAME, DIALECT, JSON, LOG, LOGS, PATH
+from mavhums.cli_options import AIRFRAME, DIALECT, JSON, KEY, LOG, LOGS, PATH
 from mavhums.cli_progress import reading
 from mavhums.cli_tools import export, model, profile
 from mavhums.errors import ExitCode, MavhumsError
@@ -41,6 +41,7 @@ def cli() -> None:
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")
 @DIALECT
+@KEY
 @JSON
 @click.option(
     "--rrd",
@@ -54,6 +55,7 @@ def analyse(
     airframe: str | None,
     model: str | None,
     dialect: Path | None,
+    key: Path | None,
     as_json: bool,
     rrd: Path | None,
     open_viewer: bool,
@@ -68,11 +70,13 @@ def analyse(
     from mavhums.actuator.profile import load_airframe
     from mavhums.analysis import analyse as judge
     from mavhums.learn import default_model, load_model
+    from mavhums.log.signing import load_key
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")
     profile = load_airframe(airframe) if airframe else None
     network = load_model(model) if model else default_model()
+    secret = load_key(key) if key else None
     recordings = _recordings(logs, rrd)
     assessments: list[Assessment] = []
     failed = False
@@ -84,6 +88,7 @@ def analyse(
                     airframe=profile,
                     model=network,
                     dialect=dialect,
+                    key=secret,
                     recording=recordings.get(log),
                     progress=progress,
                 )

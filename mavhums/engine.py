@@ -36,6 +36,8 @@ class Engine:
         Whose network's votes are shown beside the friction, where its card names the airframe.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
+    key
+        32 bytes; only frames signed with it count. If None, signatures are not looked at.
 
     Examples
     --------
@@ -51,9 +53,10 @@ class Engine:
         *,
         model: Model | None = None,
         dialect: str | os.PathLike[str] | None = None,
+        key: bytes | None = None,
     ) -> None:
         wanted = messages_for(airframe.actuators if airframe else ())
-        self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect)
+        self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect, key=key)
         self._fleet = Fleet(airframe)
         self._model = model
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 __all__ = ["Slot", "SlotCutter"]
 
-_LATENESS_S = 0.25
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slot:
@@ -41,6 +39,11 @@ class Slot:
 class SlotCutter:
     """Collects samples and yields each slot once nothing more is expected for it.
 
+    Parameters
+    ----------
+    lateness_s
+        How long after its end a slot still waits for what was overtaken.
+
     Attributes
     ----------
     late
@@ -49,8 +52,9 @@ class SlotCutter:
         Flight time of the latest sample; minus infinity before the first.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, lateness_s: float = 0.0) -> None:
         self.late = 0
+        self._lateness_s = lateness_s
         self._times: list[NDArray[np.float64]] = []
         self._values: list[NDArray[np.float64]] = []
         self.latest_s = -np.inf
@@ -62,12 +66,12 @@ class SlotCutter:
         if time_s.size == 0:
             return
         latest = np.maximum.accumulate(np.concatenate([[self.latest_s], time_s]))
-        in_time = time_s >= np.floor(latest[:-1] - _LATENESS_S)
+        in_time = time_s >= np.floor(latest[:-1] - self._lateness_s)
         self.late += int(np.count_nonzero(~in_time))
         self._times.append(time_s[in_time])
         self._values.append(values[in_time])
         self.latest_s = float(latest[-1])
-        horizon = np.floor(self.latest_s - _LATENESS_S)
+        horizon = np.floor(self.latest_s - self._lateness_s)
         if horizon > self._closed:
             self._closed = horizon
             yield from self._close(horizon)

@@ -179,6 +179,9 @@ def losses(lost: Losses) -> str:
         (lost.implausible_times, "implausible time", "implausible times"),
         (lost.cut_end_bytes, "byte of a frame cut off at the end", "bytes of a frame cut off at the end"),
         (lost.padded_frames, "frame in doubt", "frames in doubt"),
+        (lost.unsigned_frames, "unsigned frame", "unsigned frames"),
+        (lost.bad_signatures, "frame with a wrong signature", "frames with a wrong signature"),
+        (lost.replayed_frames, "replayed frame", "replayed frames"),
         (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]

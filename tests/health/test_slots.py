@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def cut(times: Array, bounds: list[int]) -> tuple[list[Slot], int]:
-    cutter = SlotCutter()
+    cutter = SlotCutter(lateness_s=0.25)
     values = np.repeat(times[:, None], 12, axis=1)
     slots: list[Slot] = []
     for a, b in zip([0, *bounds], [*bounds, len(times)], strict=True):
