@@ -11,6 +11,7 @@ import click
 
 from mavhums import __version__
 from mavhums.cli_learn import precedents, study, train
+from mavhums.cli_live import live
 from mavhums.cli_options import AIRFRAME, DIALECT, JSON, KEY, LOG, LOGS, PATH
 from mavhums.cli_progress import reading
 from mavhums.cli_tools import export, model, profile
@@ -31,6 +32,7 @@ def cli() -> None:
     Start here:
       mavhums analyse flight.tlog                  the verdict per actuator
       mavhums analyse flight.tlog --rrd flight.rrd the same, and a Rerun recording
+      mavhums live udpin:14550                     the same verdicts while it flies
       mavhums inspect flight.tlog                  what the log holds, and what is missing
       mavhums profile new flight.tlog -o mine.toml a profile of your aircraft, to be filled in
     """
@@ -131,7 +133,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (train, precedents, study, export, model, profile):
+for _command in (live, train, precedents, study, export, model, profile):
     cli.add_command(_command)
 
 

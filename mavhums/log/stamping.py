@@ -105,6 +105,11 @@ class Stamper:
             counts.replayed_frames = self._guard.replayed
         return counts
 
+    @property
+    def frames(self) -> int:
+        """Number of frames that became records."""
+        return self._counts.frames
+
     def heard_since(self, time_us: int) -> list[Hashable]:
         """Return the senders of which a frame counted since a time, microseconds of UTC."""
         return [sender for sender, latest in self._heard.items() if latest >= time_us]
