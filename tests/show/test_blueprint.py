@@ -11,6 +11,7 @@ from mavhums.quantities import KEYS
 pytest.importorskip("rerun", reason="layouts need the extra 'viewer'")
 
 from mavhums.show import layout
+from mavhums.show.blueprint import Lane
 
 New = Callable[..., Verdict]
 Assess = Callable[..., Assessment]
@@ -25,9 +26,15 @@ def names(part: Any) -> Iterator[str]:
             yield from names(child)
 
 
+def lane(verdict: Verdict, present: frozenset[str]) -> Lane:
+    root = f"/vehicle_1/{verdict.actuator}"
+    return Lane(root, verdict.actuator, verdict.condition, verdict.worst, present)
+
+
 def tree(assessment: Assessment, **present: frozenset[str]) -> list[str]:
-    paths = {f"/vehicle_1/{actuator}": keys for actuator, keys in present.items()}
-    return list(names(layout(assessment, paths).root_container))
+    ranked = [verdict for verdict in assessment.ranked() if verdict.actuator in present]
+    lanes = [lane(verdict, present[verdict.actuator]) for verdict in ranked]
+    return list(names(layout(lanes).root_container))
 
 
 def test_the_answer_comes_first_then_the_worst_actuator(assessment: Assessment) -> None:
@@ -64,7 +71,7 @@ def test_a_tab_says_what_was_worse(new_verdict: New, new_assessment: Assess) -> 
     assert "elevator: normal, was emergency" in tree(new_assessment(verdict), elevator=ALL)
 
 
-def test_many_actuators_leave_room_below(assessment: Assessment) -> None:
-    paths = {f"/vehicle_1/servo_{number}": ALL for number in range(32)}
-    left: Any = next(iter(layout(assessment, paths).root_container.contents))
+def test_many_actuators_leave_room_below() -> None:
+    lanes = [Lane(f"/vehicle_1/servo_{k}", f"servo_{k}", "normal", "normal", ALL) for k in range(32)]
+    left: Any = next(iter(layout(lanes).root_container.contents))
     assert left.row_shares[0] == pytest.approx(0.4)
