@@ -7,7 +7,8 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from mavhums.assessment import Assessment
+    from mavhums.live.session import Session
+    from mavhums.live.viewer import Drawn
 
 __all__ = ["live"]
 
@@ -26,7 +29,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 
 
 @click.command(epilog="Not an airworthiness decision; validated in simulation only.")
-@click.argument("urls", nargs=-1, required=True, metavar="URL...")
+@click.argument("urls", nargs=-1, metavar="URL...")
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")
 @DIALECT
@@ -45,6 +48,16 @@ _LEVELS = ("debug", "info", "warning", "error")
     default=194,
     show_default=True,
     help="Component id of the alerts' sender.",
+)
+@click.option(
+    "--viewer",
+    is_flag=False,
+    flag_value="window",
+    metavar="[MODE]",
+    help="Follow in a Rerun viewer: window (default), browser, web (serve a page), serve, or the URL of one.",
+)
+@click.option(
+    "--rrd", type=PATH, metavar="OUT", help="Write a Rerun recording as well; it appears at the end."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event, a line each.")
 @click.option(
@@ -79,6 +92,12 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
 
     Ctrl-C and SIGTERM end the session and print the verdicts. Exit codes are those of analyse.
     """
+    if options["viewer"] and ":" in options["viewer"] and "://" not in options["viewer"]:
+        options |= {"urls": (options["viewer"], *options["urls"]), "viewer": "window"}
+    if not options["urls"]:
+        raise click.UsageError("name a link, for example udpin:14550")
+    if options["record"] and options["rrd"] and options["record"] == options["rrd"]:
+        raise click.UsageError("--record and --rrd name the same file")
     level = "info" if verbose and log_level == "warning" else log_level
     with _told_to_stop(duration) as stop:
         assessment = _follow(options, level, stop, as_json=as_json)
@@ -89,14 +108,45 @@ def _follow(options: dict[str, Any], level: str, stop: Callable[[], bool], *, as
     """Run a session with what shows it, and print its verdicts."""
     from rich.console import Console
 
-    from mavhums.live.lines import JsonLines, PlainLines
     from mavhums.live.setup import Options, prepare
-    from mavhums.show import render
 
     console = Console()
     watched = console.is_terminal and not as_json
     _log(level, console if watched else None)
-    session = prepare(Options(**options))
+    with ExitStack() as exits:
+        drawn = _drawn(options.pop("viewer"), options.pop("rrd"), exits)
+        session = prepare(Options(**options), drawn)
+        return _show_until_end(session, options, stop, console, watched=watched, as_json=as_json)
+
+
+def _drawn(viewer: str | None, rrd: Path | None, exits: ExitStack) -> list[Drawn]:
+    """Open a viewer and a recording, where they are wanted."""
+    if viewer is None and rrd is None:
+        return []
+    from mavhums.live.viewer import Drawn
+    from mavhums.show import LiveViewer, Recorder
+
+    name = f"live-{time.time_ns():x}"
+    if viewer is None and rrd is not None:
+        return [Drawn(exits.enter_context(Recorder(rrd, recording_id=name)))]
+    live_viewer = exits.enter_context(LiveViewer(viewer or "window", recording_id=name, recording=rrd))
+    if viewer != "window":
+        click.echo(f"viewer: {live_viewer.url}", err=True)
+    return [Drawn(live_viewer)]
+
+
+def _show_until_end(
+    session: Session,
+    options: dict[str, Any],
+    stop: Callable[[], bool],
+    console: Console,
+    *,
+    watched: bool,
+    as_json: bool,
+) -> Assessment:
+    from mavhums.live.lines import JsonLines, PlainLines
+    from mavhums.show import render
+
     names = [str(link.address) for link in session.links]
     if as_json:
         lines = JsonLines(click.echo, session.clock.now_us, session.watch)

@@ -163,7 +163,6 @@ class LinkStatus(_Contract):
     bytes: int
     frames: int
     unknown_frames: int
-    padded_frames: int
     bytes_skipped: int
     bad_crc_frames: int
     unsigned_frames: int

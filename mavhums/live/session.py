@@ -152,7 +152,7 @@ class Session:
             self._announce(self._alerts.tick(status.actuators, now_us))
         for change in stale:
             what = f"silent for {change.age_s:.1f} s" if change.stale else "heard again"
-            _LOG.warning("vehicle %d, %s: %s", change.vehicle, change.actuator, what)
+            _LOG.info("vehicle %d, %s: %s", change.vehicle, change.actuator, what)
         for sink in self.sinks:
             sink.tick(status, stale)
 
@@ -189,8 +189,7 @@ class Session:
         faults = self._faults(events)
         for event in events:
             if isinstance(event, ConditionChanged):
-                level = logging.INFO if event.after == "normal" else logging.WARNING
-                _LOG.log(level, "%s: %s → %s: %s", event.actuator, event.before, event.after, event.rule)
+                _LOG.info("%s: %s → %s: %s", event.actuator, event.before, event.after, event.rule)
             elif isinstance(event, Notice):
                 _LOG.info("vehicle %s: %r", event.vehicle, event.text)
         for sink in self.sinks:

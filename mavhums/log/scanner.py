@@ -61,6 +61,8 @@ class FrameScanner:
         Whose messages are known.
     stamp
         Bytes of time stamp before each frame: 8, or 0 for frames back to back.
+    mend
+        Whether frames with a bad CRC are tried with the zeros that some senders trim.
 
     Attributes
     ----------
@@ -70,8 +72,10 @@ class FrameScanner:
         Offset and size of the first thousand damaged regions.
     """
 
-    def __init__(self, dialect: Dialect, *, stamp: int = 8) -> None:
+    def __init__(self, dialect: Dialect, *, stamp: int = 8, mend: bool = True) -> None:
         self._ids, self._seeds, self._largest = _by_row(dialect)
+        if not mend:
+            self._largest = np.zeros_like(self._largest)
         self.bad_crc = np.zeros(self._seeds.size, dtype=np.int64)
         self.regions: list[tuple[int, int]] = []
         self._stamp = stamp
