@@ -208,9 +208,10 @@ def memory(hours: float) -> Iterator[Row]:
     settled = np.array([sample for sample in samples if sample[0] >= hours / 5])
     slope = np.polyfit(settled[:, 0], settled[:, 1], 1)[0]
     verdict = ", ".join(f"{v.actuator} {v.condition}" for v in live.close().verdicts)
+    grown = f"{settled[0, 1]:.0f} → {settled[-1, 1]:.0f} MB, {slope:+.2f} MB per flight hour"
     yield (
         f"{hours:g} h of flight, 4 actuators at 50 Hz, {len(minute) * hours * 60 / 1e6:.1f} million messages",
-        f"{settled[0, 1]:.0f} → {settled[-1, 1]:.0f} MB, {slope:+.2f} MB per flight hour; {spent:.0f} s of CPU",
+        f"{grown}; {spent:.0f} s of CPU",
         "no slope",
     )
     yield ("its verdicts", verdict, "")

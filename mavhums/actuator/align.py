@@ -25,6 +25,7 @@ __all__ = ["SETTLE_S", "Aligned", "Aligner", "Series"]
 SETTLE_S = 0.25
 _MAX_SPAN_US = 2_000_000
 _KEEP_US = 3_000_000
+_LAZY_US = 1_000_000
 _SLOPE_US = 80_000
 _NEVER = 2**62
 _CLOCK_ORDER = tuple(column(key) for key in ("V5", "V7", "V3", "V1"))
@@ -87,7 +88,9 @@ class Series:
         return later
 
     def forget_before(self, time_us: int) -> None:
-        """Drop what is older than ``time_us``."""
+        """Drop what is older than ``time_us``, some time later."""
+        if self.time_us.size == 0 or self.time_us[0] > time_us - _LAZY_US:
+            return
         start = int(np.searchsorted(self.time_us, time_us))
         if start:
             self.time_us, self.frame = self.time_us[start:], self.frame[start:]
@@ -165,7 +168,8 @@ class Aligner:
         settler = np.searchsorted(time_us, time_us + round(SETTLE_S * 1e6))
         limit = np.append(frame, _NEVER)[settler]
         for series in self.sources:
-            limit = np.minimum(limit, series.reached(time_us + _KEEP_US))
+            if time_us.size and series.latest_us >= time_us[0] + _KEEP_US:
+                limit = np.minimum(limit, series.reached(time_us + _KEEP_US))
         for a, b in pairwise(_runs(clock)):
             complete = self._completed(time_us[a:b], frame[a:b], int(clock[a]))
             sources_known = time_us[a:b] >= self._known_from_us
@@ -180,12 +184,13 @@ class Aligner:
 
         Such a source had spoken before the sample, and gives what the sample lacks or is trusted more.
         """
-        lacking = np.isnan(self.sources[clock].at(time_us, np.full(time_us.size, _NEVER)))
+        own = self.sources[clock]
+        lacking = np.isnan(own.values[np.searchsorted(own.time_us, time_us)])
         complete = frame
         for k, series in enumerate(self.sources):
-            if k == clock:
+            better = self._trust[series.tier] < self._trust[own.tier]
+            if k == clock or not (better or lacking[:, series.columns].any()):
                 continue
-            better = self._trust[series.tier] < self._trust[self.sources[clock].tier]
             adds = lacking[:, series.columns].any(axis=1) | better
             adds &= frame > series.first_frame
             complete = np.where(adds, np.maximum(complete, series.reached(time_us)), complete)
@@ -194,7 +199,7 @@ class Aligner:
     def _enqueue(self, readings: list[Reading]) -> None:
         """Add readings to their series, and the clock's to the samples that are due."""
         known = {series.source: k for k, series in enumerate(self.sources)}
-        added: dict[int, NDArray[np.int64]] = {}
+        added: dict[int, tuple[Reading, NDArray[np.bool_]]] = {}
         reigns = [(self._clock, -1)]
         for reading in sorted(readings, key=lambda reading: int(reading.frame[0])):
             k = known.get(reading.source)
@@ -206,15 +211,16 @@ class Aligner:
                 if self._clock < 0 or self._rank(k) < self._rank(self._clock):
                     self._clock = k
                     reigns.append((k, int(reading.frame[0])))
-            later = self.sources[k].add(reading)
-            added[k] = np.stack([reading.utc_us[later], reading.frame[later], np.full(later.sum(), k)])
+            added[k] = reading, self.sources[k].add(reading)
         for (k, start), (_, end) in pairwise([*reigns, (-1, _NEVER)]):
             if k in added:
-                rows = (added[k][1] >= start) & (added[k][1] < end)
-                rows &= added[k][0] > self._latest_due_us
-                self._due = np.concatenate([self._due, added[k][:, rows]], axis=1)
+                reading, rows = added[k]
+                rows = rows & (reading.frame >= start) & (reading.frame < end)
+                rows &= reading.utc_us > self._latest_due_us
                 if rows.any():
-                    self._latest_due_us = int(self._due[0, -1])
+                    due = np.stack([reading.utc_us[rows], reading.frame[rows], np.full(rows.sum(), k)])
+                    self._due = np.concatenate([self._due, due], axis=1)
+                    self._latest_due_us = int(due[0, -1])
 
     def _rank(self, source: int) -> tuple[int, int]:
         series = self.sources[source]
@@ -241,6 +247,8 @@ class Aligner:
         origin = np.full(values.shape, -1, dtype=np.int8)
         for k in sorted(range(len(self.sources)), key=lambda k: self._trust[self.sources[k].tier]):
             if signed and not self.sources[k].signed:
+                continue
+            if not np.isnan(values[:, self.sources[k].columns]).any():
                 continue
             found = self.sources[k].at(time_us, limit)
             better = np.isnan(values) & np.isfinite(found)

@@ -53,8 +53,9 @@ class _Track:
         self.tier = aligned.tier
         missing = len(self.aligner.sources) - len(self.used)
         self.used = np.pad(self.used, ((0, missing), (0, 0)))
-        for k in range(len(self.used)):
-            self.used[k] += np.count_nonzero(aligned.origin == k, axis=0)
+        place = (aligned.origin.astype(np.int64) + 1) * len(KEYS) + np.arange(len(KEYS))
+        counts = np.bincount(place.ravel(), minlength=(len(self.used) + 1) * len(KEYS))
+        self.used += counts.reshape(-1, len(KEYS))[1:]
 
 
 class Mapper:
