@@ -14,8 +14,8 @@ from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
 from mavhums.live.clock import ReceiveClock
 from mavhums.live.links import Link, open_link
-from mavhums.live.newest import NewestKept
 from mavhums.live.recorder import TlogRecorder
+from mavhums.live.seen import Seen
 from mavhums.live.session import Session, Sink
 from mavhums.log.dialect import load_dialect
 from mavhums.log.signing import Guard, load_key
@@ -57,8 +57,8 @@ def prepare(options: Options, sinks: Sequence[Sink] = ()) -> Session:
     profile = load_airframe(options.airframe) if options.airframe else None
     model = load_model(options.model) if options.model else default_model()
     key = load_key(options.key) if options.key else None
-    newest = NewestKept(options.key) if options.key else None
-    guard = Guard(key, newest=newest.load()) if key and newest else None
+    seen = Seen(options.key) if options.key else None
+    guard = Guard(key, latest=seen.load()) if key and seen else None
     _warm_up(options.dialect, model)
     recorder = TlogRecorder(options.record) if options.record else None
     clock = ReceiveClock()
@@ -92,7 +92,7 @@ def prepare(options: Options, sinks: Sequence[Sink] = ()) -> Session:
         recorder=recorder,
         alerts=alerts,
         greet=(lambda now_us: greeter.heartbeat(_UNKNOWN_VEHICLE, now_us)) if greeter else None,
-        remember=(lambda: newest.save(guard.newest)) if newest and guard else None,
+        remember=(lambda: seen.save(guard.latest)) if seen and guard else None,
         sinks=sinks,
         clock=clock,
     )

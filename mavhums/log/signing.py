@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -90,23 +91,25 @@ class Guard:
     ----------
     key
         32 bytes.
-    newest
-        Time stamp of the newest frame that was ever admitted; 0 if that is not known.
+    latest
+        Time stamp of the newest frame that was admitted before, by link, system and component.
 
     Attributes
     ----------
+    latest
+        The same, so far.
     newest
-        Time stamp of the newest frame so far.
+        The greatest of them; 0 if there is none.
     unsigned, bad, replayed
         Number of frames refused: without a signature, with a wrong one, and with one whose time
         stamp is not newer than what was admitted before.
     """
 
-    def __init__(self, key: bytes, *, newest: int = 0) -> None:
-        self.newest = newest
+    def __init__(self, key: bytes, *, latest: Mapping[tuple[int, int, int], int] | None = None) -> None:
+        self.latest = dict(latest or {})
+        self.newest = max(self.latest.values(), default=0)
         self.unsigned = self.bad = self.replayed = 0
         self._keyed = hashlib.sha256(key)
-        self._latest: dict[tuple[int, int, int], int] = {}
 
     def admit(self, batch: Batch) -> NDArray[np.bool_]:
         """Return which of a batch's rows are admitted, shape (n,)."""
@@ -130,10 +133,10 @@ class Guard:
             return False
         stream = (frame[-SIGNATURE], system, component)
         ticks = int.from_bytes(frame[1 - SIGNATURE : -_DIGEST_BYTES], "little")
-        latest = self._latest.get(stream, self.newest - TICKS_PER_MINUTE - 1)
+        latest = self.latest.get(stream, self.newest - TICKS_PER_MINUTE - 1)
         if ticks <= latest:
             self.replayed += 1
             return False
-        self._latest[stream] = ticks
+        self.latest[stream] = ticks
         self.newest = max(self.newest, ticks)
         return True

@@ -55,12 +55,14 @@ class Shown:
 class Rig:
     """A session on a clock of its own: pieces in, verdicts out, held against its recording."""
 
-    def __init__(self, folder: Path, *, key: bytes | None = None, newest: int = 0) -> None:
+    def __init__(
+        self, folder: Path, *, key: bytes | None = None, latest: dict[tuple[int, int, int], int] | None = None
+    ) -> None:
         self.now_us = self.wall_us = EPOCH_US
         self.shown = Shown()
         self.said: list[bytes] = []
         self.key = key
-        self.guard = Guard(key, newest=newest) if key else None
+        self.guard = Guard(key, latest=latest) if key else None
         self.stamper = Stamper(load_dialect(), self.guard)
         self.recorder = TlogRecorder(folder / "live.tlog")
         self.clock = ReceiveClock(lambda: self.wall_us * 1000, lambda: self.now_us * 1000)

@@ -271,7 +271,7 @@ def test_a_session_of_yesterday_is_not_accepted(make_rig: MakeRig, worn: FlightR
     """Its frames are older than the newest of former sessions, by more than a minute."""
     true = pieces(worn, Link(key=KEY))
     newest = int.from_bytes(true[-1].data[-12:-6], "little") + 2 * 60 * 100_000
-    rig = make_rig(key=KEY, newest=newest)
+    rig = make_rig(key=KEY, latest={(0, 1, 2): newest})
     rig.hear(true)
     assert rig.session.close().verdicts[0].reason == "no vehicle speaks in this log"
     assert rig.stamper.counts.replayed_frames == len(true)
