@@ -45,7 +45,7 @@ def text_of(actuator: str, condition: Condition, fault: str) -> str:
     'rudder DEGRADED: backlash, inspect after landing'
     """
     name = actuator.encode("ascii", "replace").decode()
-    finding = fault.replace("_", " ")
+    finding = fault.replace("_", " ").encode("ascii", "replace").decode()
     for action in _ACTIONS[condition]:
         text = f"{name} {condition.upper()}: {finding}, {action}"
         if len(text) <= TEXT_LENGTH:
