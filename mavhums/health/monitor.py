@@ -22,6 +22,7 @@ from mavhums.health.votes import Classifier, Votes, count_votes, vote_share
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 
 WINDOW_S = 10
+_EPISODES_KEPT = 100
 _T_95 = float(stdtrit(WINDOW_S - 1, 0.975))
 
 
@@ -61,6 +62,8 @@ class Findings:
 
 class Monitor:
     """Judges one actuator of one vehicle.
+
+    Of more than a hundred stays in one condition the first and the latest fifty are evidence.
 
     Parameters
     ----------
@@ -183,6 +186,8 @@ class Monitor:
             if self._episodes:
                 self._episodes[-1].end_s = change.since_s
             self._episodes.append(_Episode(change.after, change.since_s, end_s, estimate))
+            if len(self._episodes) > _EPISODES_KEPT:
+                del self._episodes[_EPISODES_KEPT // 2]
         elif self._episodes:
             episode = self._episodes[-1]
             episode.end_s, episode.peak = end_s, max(episode.peak, estimate)

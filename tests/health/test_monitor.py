@@ -103,3 +103,19 @@ def test_the_suspect_is_friction_with_its_probability() -> None:
     assert [suspect.fault for suspect in findings.suspects] == ["friction"]
     assert findings.suspects[0].confidence > 0.99
     assert watch(*flown((0.3, 0.3)))[1].suspects == ()
+
+
+def test_a_condition_that_flaps_for_hours_fills_no_memory() -> None:
+    """Worn and sound by turns of 25 s: the first and the latest stays are told."""
+    turns = [flown((friction, friction), seconds=25.0, rate_hz=20.0) for friction in (0.225, 1.0)]
+    monitor = Monitor(1, ACTUATOR)
+    changes = 0
+    for k in range(130):
+        time_s, values = turns[k % 2]
+        events = monitor.feed(time_s + 25.0 * k, values)
+        changes += sum(isinstance(event, ConditionChanged) for event in events)
+    stays = [evidence for evidence in monitor.findings().evidence if evidence.kind == "friction"]
+    assert changes > 120
+    assert len(stays) == 100
+    assert stays[0].start_s == 0.0
+    assert stays[-1].end_s > 25.0 * 129
