@@ -25,6 +25,8 @@ def analyse(
     model: Model | str | Path | None = None,
     dialect: str | os.PathLike[str] | None = None,
     recording: str | os.PathLike[str] | None = None,
+    position: bool = True,
+    vehicle_states: bool = False,
     consume: Callable[[Sequence[Event]], None] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Assessment:
@@ -42,6 +44,10 @@ def analyse(
         A MAVLink XML file whose definitions go before the shipped ones.
     recording
         Where to write a Rerun recording on the way.
+    position
+        Whether the recording may say where the aircraft was.
+    vehicle_states
+        Whether ``consume`` gets attitude, position and flight mode as well.
     consume
         Called with the engine's events after each block.
     progress
@@ -71,7 +77,7 @@ def analyse(
         from mavhums.show import Recorder
 
         identity = f"{Path(path).name}-{_sha256(path)[:16]}"
-        with Recorder(recording, recording_id=identity) as recorder:
+        with Recorder(recording, recording_id=identity, position=position) as recorder:
 
             def both(events: Sequence[Event]) -> None:
                 recorder.consume(events)
@@ -79,11 +85,17 @@ def analyse(
                     consume(events)
 
             assessment = analyse(
-                path, airframe=profile, model=model, dialect=dialect, consume=both, progress=progress
+                path,
+                airframe=profile,
+                model=model,
+                dialect=dialect,
+                vehicle_states=True,
+                consume=both,
+                progress=progress,
             )
             recorder.close(assessment)
         return assessment
-    engine = Engine(profile, model=model, dialect=dialect)
+    engine = Engine(profile, model=model, dialect=dialect, vehicle_states=vehicle_states)
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, dialect=dialect):
         digest.update(block)

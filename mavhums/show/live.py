@@ -46,6 +46,8 @@ class LiveViewer:
         What tells this flight from others.
     recording
         Where to write a recording as well; as with :class:`Recorder`, it appears when it is closed.
+    position
+        Whether to show where the aircraft is.
     memory_limit
         Of the viewer's window, as ``"2GB"``: beyond it the oldest data are dropped. A browser has its own.
 
@@ -75,6 +77,7 @@ class LiveViewer:
         *,
         recording_id: str,
         recording: str | os.PathLike[str] | None = None,
+        position: bool = True,
         memory_limit: str = "2GB",
     ) -> None:
         try:
@@ -89,8 +92,10 @@ class LiveViewer:
         self._viewer = viewer
         self._memory_limit = memory_limit
         self._stream: rr.RecordingStream = open_stream(recording_id)
-        self._scene: Scene = Scene(self._stream)
-        self._recorder = Recorder(recording, recording_id=recording_id) if recording is not None else None
+        self._scene: Scene = Scene(self._stream, live=True, position=position)
+        self._recorder = (
+            None if recording is None else Recorder(recording, recording_id=recording_id, position=position)
+        )
         self._process: subprocess.Popen[bytes] | None = None
         self._exits = ExitStack()
         self._flushed_s = 0.0

@@ -35,6 +35,8 @@ class Recorder:
         The recording to write; an older one is replaced.
     recording_id
         What tells this flight from others; the same flight keeps the same.
+    position
+        Whether the recording may say where the aircraft was.
 
     Raises
     ------
@@ -48,7 +50,7 @@ class Recorder:
     ...     recorder.close(engine.assessment())
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, recording_id: str) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, recording_id: str, position: bool = True) -> None:
         try:
             from mavhums.show._scene import Scene
             from mavhums.show._stream import open_stream
@@ -57,7 +59,7 @@ class Recorder:
         self._path = Path(path)
         self._temporary = self._path.with_name(f".{self._path.name}.{token_hex(4)}.part")
         self._stream: rr.RecordingStream = open_stream(recording_id)
-        self._scene: Scene = Scene(self._stream)
+        self._scene: Scene = Scene(self._stream, live=False, position=position)
 
     def __enter__(self) -> Self:
         try:
