@@ -7,7 +7,6 @@ from typing import Final, NamedTuple
 
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.blueprint.components import PlayStateLike
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
 from mavhums.assessment import Condition
@@ -112,16 +111,16 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
         rrb.Horizontal(
             rrb.Vertical(conditions, below, row_shares=[share, 1 - share]), report, column_shares=[3, 1]
         ),
-        *panels("following" if live else None),
+        *panels(),
         auto_views=False,
         auto_layout=False,
     )
 
 
-def panels(play_state: PlayStateLike | None = None) -> tuple[rrb.BlueprintPart, ...]:
-    """Return the viewer's own panels, out of the way."""
+def panels() -> tuple[rrb.BlueprintPart, ...]:
+    """Return the viewer's own panels, out of the way, with the cursor at the end: what it has come to."""
     return (
-        rrb.TimePanel(timeline=TIMELINE, play_state=play_state, state="collapsed"),
+        rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
     )

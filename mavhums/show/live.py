@@ -11,17 +11,12 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 from mavhums.assessment import Assessment
-from mavhums.errors import MavhumsError, MissingExtraError
+from mavhums.errors import MavhumsError
 from mavhums.events import Event
-from mavhums.show.recording import Recorder
-
-if TYPE_CHECKING:
-    import rerun as rr
-
-    from mavhums.show._scene import Scene
+from mavhums.show.recording import Recorder, draw, end
 
 __all__ = ["LiveViewer"]
 
@@ -80,19 +75,13 @@ class LiveViewer:
         position: bool = True,
         memory_limit: str = "2GB",
     ) -> None:
-        try:
-            from mavhums.show._scene import Scene
-            from mavhums.show._stream import open_stream
-        except ImportError as error:
-            raise MissingExtraError("the live viewer", "viewer") from error
         if viewer not in ("window", "browser", "web", "serve") and "://" not in viewer:
             remedy = "one of window, browser, web, serve, or a rerun+http:// URL"
             raise MavhumsError(f"no viewer {viewer!r}", remedy)
         self.url = ""
         self._viewer = viewer
         self._memory_limit = memory_limit
-        self._stream: rr.RecordingStream = open_stream(recording_id)
-        self._scene: Scene = Scene(self._stream, live=True, position=position)
+        self._stream, self._scene = draw(recording_id, live=True, position=position)
         self._recorder = (
             None if recording is None else Recorder(recording, recording_id=recording_id, position=position)
         )
@@ -141,11 +130,7 @@ class LiveViewer:
 
     def close(self, assessment: Assessment) -> None:
         """Draw the end of the flight and its report, and publish the recording."""
-        from mavhums.show._stream import describe
-
-        blueprint = self._scene.finish(assessment)
-        describe(self._stream, assessment, "live")
-        self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        end(self._stream, self._scene, assessment, "live")
         self._stream.flush(timeout_sec=2.0)
         if self._recorder:
             self._recorder.close(assessment)
