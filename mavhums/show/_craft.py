@@ -78,7 +78,7 @@ class Surface:
         self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: _Place, *, named: bool
     ):
         self._stream, self._path = stream, path
-        self._posed_s = -np.inf
+        self._tick = -1.0
         begin, end = place.span
         hinge = rr.Transform3D(
             translation=(place.x, 0, place.z),
@@ -95,12 +95,18 @@ class Surface:
         stream.log(path, box, static=True)
 
     def move(self, time_s: _Floats, values: _Floats) -> None:
-        """Turn it by V3, or V1 where the log has no V3; positive is trailing edge down or to the left."""
+        """Turn it by V3, or V1 where the log has no V3; positive is trailing edge down or to the left.
+
+        A pose every 40 ms is more than the eye can use.
+        """
         measured = np.isfinite(values[:, _V3]).any()
         angle = values[:, _V3 if measured else _V1]
-        rows = _spaced(time_s, np.isfinite(angle), self._posed_s)
+        rows = np.flatnonzero(np.isfinite(angle))
         if rows.size:
-            self._posed_s = float(time_s[rows[-1]])
+            ticks = np.floor(time_s[rows] / _STEP_S)
+            rows = rows[np.diff(ticks, prepend=self._tick) != 0]
+            self._tick = float(ticks[-1])
+        if rows.size:
             turns = [rr.RotationAxisAngle((0, 1, 0), degrees=-degrees) for degrees in angle[rows].tolist()]
             content = rr.Transform3D.columns(rotation_axis_angle=turns)
             send(self._stream, self._path, time_s[rows], content)
@@ -160,21 +166,24 @@ class Craft:
         send(self._stream, f"{self.root}/body", time_s, rr.Transform3D.columns(quaternion=turns))
 
 
+def _words(actuator: Actuator) -> str:
+    return f"{actuator.surface} {actuator.name}".lower()
+
+
 def _kind(actuator: Actuator) -> str:
-    text = f"{actuator.surface} {actuator.name}".lower()
-    return next((kind for kind, _ in _PLACES if re.search(kind, text)), "")
+    return next((kind for kind, _ in _PLACES if re.search(kind, _words(actuator))), "")
 
 
 def _places(actuators: Sequence[Actuator]) -> list[_Place]:
     """Give each actuator its place; those that would share one share its span."""
     slots: list[tuple[str, int]] = []
+    sideless: list[str] = []
     for actuator in actuators:
-        text = f"{actuator.surface} {actuator.name}".lower()
-        kind = _kind(actuator)
+        text, kind = _words(actuator), _kind(actuator)
         side = 1 if _LEFT.search(text) else -1 if _RIGHT.search(text) else 0
         if side == 0 and kind in _SIDED:
-            taken = [other for other, _ in slots].count(kind)
-            side = -1 if taken % 2 else 1
+            side = -1 if sideless.count(kind) % 2 else 1
+            sideless.append(kind)
         slots.append((kind, side))
     return [
         _slot(kind, side, slots[:k].count((kind, side)), slots.count((kind, side)))
@@ -192,12 +201,3 @@ def _slot(kind: str, side: int, number: int, of: int) -> _Place:
     step = (end - begin) / of
     span = (sign * (begin + number * step), sign * (begin + (number + 1) * step))
     return place._replace(span=span, roll=sign * place.roll if kind == _V_TAIL else place.roll)
-
-
-def _spaced(time_s: _Floats, usable: NDArray[np.bool_], after_s: float) -> NDArray[np.int64]:
-    """Return rows that are usable and no closer together than the eye can tell."""
-    rows = np.flatnonzero(usable & (time_s >= after_s + _STEP_S))
-    if rows.size == 0:
-        return rows
-    ticks = np.floor(time_s[rows] / _STEP_S)
-    return np.asarray(rows[np.append(True, np.diff(ticks) > 0)])

@@ -60,3 +60,7 @@ def _import(path: Path, recording_id: str | None) -> None:
             path, airframe=os.environ.get(_AIRFRAME), vehicle_states=True, consume=recorder.consume
         )
         recorder.close(assessment)
+
+
+if __name__ == "__main__":
+    main()
