@@ -27,6 +27,8 @@ def analyse(
     dialect: str | os.PathLike[str] | None = None,
     key: bytes | str | os.PathLike[str] | None = None,
     recording: str | os.PathLike[str] | None = None,
+    position: bool = True,
+    vehicle_states: bool = False,
     consume: Callable[[Sequence[Event]], None] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Assessment:
@@ -46,6 +48,10 @@ def analyse(
         A MAVLink 2 signing key of 32 bytes, or its file: only frames signed with it count.
     recording
         Where to write a Rerun recording on the way.
+    position
+        Whether the recording may say where the aircraft was.
+    vehicle_states
+        Whether ``consume`` gets attitude, position and flight mode as well.
     consume
         Called with the engine's events after each block.
     progress
@@ -77,7 +83,7 @@ def analyse(
         from mavhums.show import Recorder
 
         identity = f"{Path(path).name}-{_sha256(path, dialect)[:16]}"
-        with Recorder(recording, recording_id=identity) as recorder:
+        with Recorder(recording, recording_id=identity, position=position) as recorder:
 
             def both(events: Sequence[Event]) -> None:
                 recorder.consume(events)
@@ -90,12 +96,13 @@ def analyse(
                 model=model,
                 dialect=dialect,
                 key=key,
+                vehicle_states=True,
                 consume=both,
                 progress=progress,
             )
             recorder.close(assessment)
         return assessment
-    engine = Engine(profile, model=model, dialect=dialect, key=key)
+    engine = Engine(profile, model=model, dialect=dialect, key=key, vehicle_states=vehicle_states)
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, dialect=dialect):
         digest.update(block)

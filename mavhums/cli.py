@@ -51,6 +51,7 @@ def cli() -> None:
     metavar="OUT",
     help="Write a Rerun recording; with several logs, OUT is a folder.",
 )
+@click.option("--no-position", is_flag=True, help="Leave out of the recording where the aircraft was.")
 @click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
 def analyse(
     logs: tuple[Path, ...],
@@ -60,6 +61,7 @@ def analyse(
     key: Path | None,
     as_json: bool,
     rrd: Path | None,
+    no_position: bool,
     open_viewer: bool,
 ) -> None:
     """Judge every actuator of each LOG (.tlog).
@@ -92,6 +94,7 @@ def analyse(
                     dialect=dialect,
                     key=secret,
                     recording=recordings.get(log),
+                    position=not no_position,
                     progress=progress,
                 )
         except MavhumsError as error:

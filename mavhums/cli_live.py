@@ -59,6 +59,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 @click.option(
     "--rrd", type=PATH, metavar="OUT", help="Write a Rerun recording as well; it appears at the end."
 )
+@click.option("--no-position", is_flag=True, help="Draw nothing of where the aircraft is.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event, a line each.")
 @click.option(
     "--duration",
@@ -114,22 +115,27 @@ def _follow(options: dict[str, Any], level: str, stop: Callable[[], bool], *, as
     watched = console.is_terminal and not as_json
     _log(level, console if watched else None)
     with ExitStack() as exits:
-        drawn = _drawn(options.pop("viewer"), options.pop("rrd"), exits)
-        session = prepare(Options(**options), drawn)
+        drawing = [options.pop(name) for name in ("viewer", "rrd", "no_position")]
+        wanted = Options(**options)
+        drawn = _drawn(*drawing, exits)
+        session = prepare(wanted, drawn, vehicle_states=bool(drawn))
         return _show_until_end(session, options, stop, console, watched=watched, as_json=as_json)
 
 
-def _drawn(viewer: str | None, rrd: Path | None, exits: ExitStack) -> list[Drawn]:
+def _drawn(viewer: str | None, rrd: Path | None, no_position: bool, exits: ExitStack) -> list[Drawn]:
     """Open a viewer and a recording, where they are wanted."""
     if viewer is None and rrd is None:
         return []
     from mavhums.live.viewer import Drawn
     from mavhums.show import LiveViewer, Recorder
 
+    position = not no_position
     name = f"live-{time.time_ns():x}"
     if viewer is None and rrd is not None:
-        return [Drawn(exits.enter_context(Recorder(rrd, recording_id=name)))]
-    live_viewer = exits.enter_context(LiveViewer(viewer or "window", recording_id=name, recording=rrd))
+        return [Drawn(exits.enter_context(Recorder(rrd, recording_id=name, position=position)))]
+    live_viewer = exits.enter_context(
+        LiveViewer(viewer or "window", recording_id=name, recording=rrd, position=position)
+    )
     if viewer != "window":
         click.echo(f"viewer: {live_viewer.url}", err=True)
     return [Drawn(live_viewer)]

@@ -31,7 +31,13 @@ _HEARTBEAT = bytes.fromhex("fe09000101000000000006080004039043")
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """The options of ``mavhums live``, by their names there."""
+    """The options of ``mavhums live``, by their names there.
+
+    Raises
+    ------
+    AddressError
+        If a URL has none of the forms.
+    """
 
     urls: Sequence[str]
     airframe: str | None = None
@@ -43,9 +49,13 @@ class Options:
     alerts_to: str | None = None
     component: int = COMPONENT
 
+    def __post_init__(self) -> None:
+        for url in (*self.urls, *filter(None, [self.alerts_to])):
+            Address.parse(url)
 
-def prepare(options: Options, sinks: Sequence[Sink] = ()) -> Session:
-    """Return a session that listens already.
+
+def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: bool = False) -> Session:
+    """Return a session that listens already; ``vehicle_states`` as of :class:`mavhums.Engine`.
 
     Raises
     ------
@@ -86,7 +96,7 @@ def prepare(options: Options, sinks: Sequence[Sink] = ()) -> Session:
     alerts = voice(ground_links, _UNKNOWN_VEHICLE if callers and not ground else None) if speaks else None
     greeter = voice(callers, None) if callers and (ground or not speaks) else None
     return Session(
-        Engine(profile, model=model, dialect=options.dialect),
+        Engine(profile, model=model, dialect=options.dialect, vehicle_states=vehicle_states),
         stamper,
         links,
         recorder=recorder,

@@ -9,7 +9,11 @@ from mavhums.assessment import ALL, Assessment, Condition, Evidence, Interval, L
 
 __all__ = [
     "ADVICE",
+    "BLUE",
     "COLOURS",
+    "PALE_BLUE",
+    "STALE",
+    "STALE_COLOUR",
     "advice",
     "clock",
     "finding",
@@ -30,6 +34,11 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "undecided": (153, 153, 153),
 }
 """One colour per condition, of Okabe and Ito's palette, told apart by the colour-blind too."""
+
+STALE: Final = "stale"
+STALE_COLOUR: Final = (60, 60, 66)
+BLUE: Final = (86, 180, 233)
+PALE_BLUE: Final = (60, 110, 145)
 
 ADVICE: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log, so that the trend over flights can be followed",

@@ -11,20 +11,20 @@ from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMa
 
 from mavhums.assessment import Condition
 from mavhums.quantities import QUANTITIES
+from mavhums.show._signals import ARCHETYPE
 from mavhums.show._stream import TIMELINE
-from mavhums.show._tracks import ARCHETYPE
 
-__all__ = ["Lane", "layout", "whole_flight"]
+__all__ = ["Lane", "Surroundings", "layout", "panels", "whole_flight"]
 
 _PLOTS: Final = (
     ("angle", ("V1", "V3")),
-    ("current", ("V5",)),
-    ("voltage", ("V4",)),
+    ("supply current", ("V5",)),
+    ("supply voltage", ("V4",)),
     ("power", ("V6", "V9", "V12")),
     ("rotor speed", ("V7",)),
     ("rotor torque", ("V8",)),
-    ("output shaft speed", ("V10",)),
-    ("output shaft torque", ("V11",)),
+    ("output speed", ("V10",)),
+    ("output torque", ("V11",)),
     ("rotor rotation", ("V2",)),
 )
 _COLOURS = ((86, 180, 233), (240, 228, 66), (204, 121, 167))
@@ -61,13 +61,33 @@ class _Axes(NamedTuple):
     evidence: rrb.TimeAxis
 
 
-def layout(lanes: Sequence[Lane], *, live: bool = False) -> rrb.Blueprint:
+class Surroundings(NamedTuple):
+    """What there is beside the actuators.
+
+    Attributes
+    ----------
+    modes
+        Entity paths of flight modes.
+    airframe
+        Entity path of the airframe to be shown; None without a profile.
+    positions
+        Entity paths of positions.
+    """
+
+    modes: tuple[str, ...] = ()
+    airframe: str | None = None
+    positions: tuple[str, ...] = ()
+
+
+def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: bool = False) -> rrb.Blueprint:
     """Return the layout in which a recording opens.
 
     Parameters
     ----------
     lanes
         The actuators, the worst first.
+    around
+        What there is beside them.
     live
         Whether the views follow the newest data instead of showing the whole flight.
     """
@@ -75,24 +95,65 @@ def layout(lanes: Sequence[Lane], *, live: bool = False) -> rrb.Blueprint:
         _Axes(_latest(_LIVE_SIGNALS_S), _latest(_LIVE_EVIDENCE_S)) if live else _Axes(*[whole_flight()] * 2)
     )
     tabs = [_actuator(lane, axes) for lane in lanes if lane.present]
-    events = rrb.TextLogView(origin="/events", name="Events")
+    around = around or Surroundings()
+    middle = _vehicle(around)
+    below = rrb.Horizontal(rrb.Tabs(*tabs, active_tab=0), middle, column_shares=[5, 3]) if tabs else middle
+    rows = len(lanes) + len(around.modes)
+    share = min(0.075 + 0.0385 * rows, 0.5)
     conditions = rrb.StateTimelineView(
         origin="/",
-        contents=[lane.root for lane in lanes],
+        contents=[*around.modes, *(lane.root for lane in lanes)],
         name="Condition of every actuator",
         time_view=whole_flight(),
     )
-    share = min(0.06 + 0.04 * len(lanes), 0.4)
     report = rrb.TextDocumentView(origin="/report", name="Report")
-    left = rrb.Vertical(conditions, rrb.Tabs(*tabs, events, active_tab=0), row_shares=[share, 1 - share])
     return rrb.Blueprint(
-        rrb.Horizontal(left, report, column_shares=[2, 1]),
-        rrb.TimePanel(timeline=TIMELINE, play_state="following" if live else "paused", state="collapsed"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
+        rrb.Horizontal(
+            rrb.Vertical(conditions, below, row_shares=[share, 1 - share]), report, column_shares=[3, 1]
+        ),
+        *panels(),
         auto_views=False,
         auto_layout=False,
     )
+
+
+def panels() -> tuple[rrb.BlueprintPart, ...]:
+    """Return the viewer's own panels, out of the way, with the cursor at the end: what it has come to."""
+    return (
+        rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+    )
+
+
+def _vehicle(around: Surroundings) -> rrb.Container:
+    """Return the middle: the airframe as it flies, where it was, and what happened."""
+    columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
+    events = rrb.TextLogView(origin="/events", name="Events: click one to go there", columns=columns)
+    views: list[rrb.View] = []
+    if around.airframe:
+        behind = rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=(-1.75, 0.55, 1.15),
+            look_target=(-0.2, 0, 0),
+            eye_up=(0, 0, 1),
+        )
+        below = rr.components.Plane3D.XY.with_distance(-0.7)
+        ground = rrb.LineGrid3D(visible=True, spacing=0.5, plane=below, color=(90, 94, 104, 160))
+        views.append(
+            rrb.Spatial3DView(
+                origin=around.airframe,
+                name="Airframe, seen from behind",
+                eye_controls=behind,
+                background=(24, 26, 32),
+                line_grid=ground,
+            )
+        )
+    if around.positions:
+        contents = [f"{path}/**" for path in around.positions]
+        views.append(rrb.MapView(origin="/", contents=contents, name="Where it was"))
+    shares = [*([3] if around.airframe else []), *([2] if around.positions else []), 2]
+    return rrb.Vertical(*views, events, row_shares=shares)
 
 
 def _tab(lane: Lane) -> str:
@@ -107,7 +168,7 @@ def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
         contents = [f"{root}/friction", f"{root}/limits"]
         answer.append(_plot("Friction, N·m, against its limits", contents, axes.evidence))
     if "network" in keys:
-        title = "Network: probability of emergency"
+        title = "Network: P(emergency)"
         answer.append(_plot(title, [f"{root}/network"], axes.evidence, legend=False, span=(-0.05, 1.05)))
     groups = [(subject, [key for key in members if key in keys]) for subject, members in _PLOTS]
     signals = [_signals(root, subject, found, axes.signals) for subject, found in groups if found]
@@ -125,11 +186,7 @@ def _signals(root: str, subject: str, keys: list[str], axis: rrb.TimeAxis) -> rr
         rr.SeriesLines(names=_short(key), colors=colour, widths=1.0).visualizer(mappings=[_source(key)])
         for key, colour in zip(keys, _COLOURS, strict=False)
     ]
-    first = _QUANTITIES[keys[0]]
-    if len(keys) == 1:
-        title = f"{first.key} {first.name}, {first.unit}"
-    else:
-        title = f"{', '.join(_short(key) for key in keys)} {subject}, {first.unit}"
+    title = f"{', '.join(keys)} {subject}, {_QUANTITIES[keys[0]].unit}"
     return _plot(title, [path], axis, legend=len(keys) > 1, overrides={path: lines})
 
 

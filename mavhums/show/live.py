@@ -11,17 +11,12 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 from mavhums.assessment import Assessment
-from mavhums.errors import MavhumsError, MissingExtraError
+from mavhums.errors import MavhumsError
 from mavhums.events import Event
-from mavhums.show.recording import Recorder
-
-if TYPE_CHECKING:
-    import rerun as rr
-
-    from mavhums.show._scene import Scene
+from mavhums.show.recording import Recorder, draw, end
 
 __all__ = ["LiveViewer"]
 
@@ -46,6 +41,8 @@ class LiveViewer:
         What tells this flight from others.
     recording
         Where to write a recording as well; as with :class:`Recorder`, it appears when it is closed.
+    position
+        Whether to show where the aircraft is.
     memory_limit
         Of the viewer's window, as ``"2GB"``: beyond it the oldest data are dropped. A browser has its own.
 
@@ -75,22 +72,19 @@ class LiveViewer:
         *,
         recording_id: str,
         recording: str | os.PathLike[str] | None = None,
+        position: bool = True,
         memory_limit: str = "2GB",
     ) -> None:
-        try:
-            from mavhums.show._scene import Scene
-            from mavhums.show._stream import open_stream
-        except ImportError as error:
-            raise MissingExtraError("the live viewer", "viewer") from error
         if viewer not in ("window", "browser", "web", "serve") and "://" not in viewer:
             remedy = "one of window, browser, web, serve, or a rerun+http:// URL"
             raise MavhumsError(f"no viewer {viewer!r}", remedy)
         self.url = ""
         self._viewer = viewer
         self._memory_limit = memory_limit
-        self._stream: rr.RecordingStream = open_stream(recording_id)
-        self._scene: Scene = Scene(self._stream)
-        self._recorder = Recorder(recording, recording_id=recording_id) if recording is not None else None
+        self._stream, self._scene = draw(recording_id, live=True, position=position)
+        self._recorder = (
+            None if recording is None else Recorder(recording, recording_id=recording_id, position=position)
+        )
         self._process: subprocess.Popen[bytes] | None = None
         self._exits = ExitStack()
         self._flushed_s = 0.0
@@ -136,11 +130,7 @@ class LiveViewer:
 
     def close(self, assessment: Assessment) -> None:
         """Draw the end of the flight and its report, and publish the recording."""
-        from mavhums.show._stream import describe
-
-        blueprint = self._scene.finish(assessment)
-        describe(self._stream, assessment, "live")
-        self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        end(self._stream, self._scene, assessment, "live")
         self._stream.flush(timeout_sec=2.0)
         if self._recorder:
             self._recorder.close(assessment)

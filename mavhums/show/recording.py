@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from mavhums.show._scene import Scene
 
-__all__ = ["Recorder"]
+__all__ = ["PipedRecorder", "Recorder"]
 
 _FOOTER, _FOOTER_SIZE = b"RRF2FOOT", 12
 
@@ -35,6 +35,8 @@ class Recorder:
         The recording to write; an older one is replaced.
     recording_id
         What tells this flight from others; the same flight keeps the same.
+    position
+        Whether the recording may say where the aircraft was.
 
     Raises
     ------
@@ -48,16 +50,10 @@ class Recorder:
     ...     recorder.close(engine.assessment())
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, recording_id: str) -> None:
-        try:
-            from mavhums.show._scene import Scene
-            from mavhums.show._stream import open_stream
-        except ImportError as error:
-            raise MissingExtraError("writing a recording", "viewer") from error
+    def __init__(self, path: str | os.PathLike[str], *, recording_id: str, position: bool = True) -> None:
         self._path = Path(path)
         self._temporary = self._path.with_name(f".{self._path.name}.{token_hex(4)}.part")
-        self._stream: rr.RecordingStream = open_stream(recording_id)
-        self._scene: Scene = Scene(self._stream)
+        self._stream, self._scene = draw(recording_id, position=position)
 
     def __enter__(self) -> Self:
         try:
@@ -81,12 +77,7 @@ class Recorder:
 
     def close(self, assessment: Assessment) -> None:
         """Write the report, the properties and the layout, and put the recording in its place."""
-        from mavhums.show._stream import describe
-
-        blueprint = self._scene.finish(assessment)
-        path = assessment.log.path
-        describe(self._stream, assessment, Path(path).name if path else self._path.stem)
-        self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        end(self._stream, self._scene, assessment, self._path.stem)
         self._publish()
 
     def _publish(self) -> None:
@@ -101,3 +92,69 @@ class Recorder:
             self._temporary.replace(self._path)
         except (OSError, RuntimeError) as error:
             raise MavhumsError(f"cannot write {self._path}: {error}", "is the disk full?") from error
+
+
+class PipedRecorder:
+    """Writes the engine's events as a recording to the standard output, for a viewer that reads it.
+
+    Parameters
+    ----------
+    recording_id
+        What tells this flight from others.
+
+    Raises
+    ------
+    MissingExtraError
+        If rerun is not installed.
+    """
+
+    def __init__(self, *, recording_id: str) -> None:
+        self._stream, self._scene = draw(recording_id)
+
+    def __enter__(self) -> Self:
+        self._stream.stdout()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stream.disconnect()
+
+    def consume(self, events: Iterable[Event]) -> None:
+        """Take what the engine reports, in its order."""
+        self._scene.consume(events)
+
+    def close(self, assessment: Assessment) -> None:
+        """Write the report, the properties and the layout."""
+        end(self._stream, self._scene, assessment, "flight")
+        self._stream.flush()
+
+
+def draw(recording_id: str, *, live: bool = False, position: bool = True) -> tuple[rr.RecordingStream, Scene]:
+    """Return a stream that leads nowhere yet, and the scene that draws on it.
+
+    Raises
+    ------
+    MissingExtraError
+        If rerun is not installed.
+    """
+    try:
+        from mavhums.show._scene import Scene
+        from mavhums.show._stream import open_stream
+    except ImportError as error:
+        raise MissingExtraError("a recording or a live view", "viewer") from error
+    stream = open_stream(recording_id)
+    return stream, Scene(stream, live=live, position=position)
+
+
+def end(stream: rr.RecordingStream, scene: Scene, assessment: Assessment, name: str) -> None:
+    """Draw the end of a flight, its report, its properties and the layout of the whole."""
+    from mavhums.show._stream import describe
+
+    blueprint = scene.finish(assessment)
+    path = assessment.log.path
+    describe(stream, assessment, Path(path).name if path else name)
+    stream.send_blueprint(blueprint, make_active=True, make_default=True)

@@ -225,3 +225,33 @@ def test_a_pipe_that_closes_ends_it(tmp_path: Path) -> None:
     begin = time.monotonic()
     os.system(f"{' '.join(arguments)} 2>/dev/null | head -n 2 >/dev/null")
     assert time.monotonic() - begin < 15
+
+
+def test_a_viewer_follows_and_a_recording_stays(tmp_path: Path, worn_pieces: list[Piece]) -> None:
+    pytest.importorskip("rerun")
+    port, drawn = free_port(), tmp_path / "live.rrd"
+    arguments = command("live", f"udpin:{port}", "--json", "--viewer", "serve", "--rrd", drawn)
+    with running(tmp_path, "live", *arguments) as live:
+        listen(live)
+        assert "viewer: rerun+http://127.0.0.1:" in live.output
+        send(port, worn_pieces)
+        live.wait_for(lambda: frames_heard(live) == len(worn_pieces))
+        live.stop()
+    assert "nothing is drawn any more" not in live.output
+    assert drawn.read_bytes().startswith(b"RRF2")
+
+
+def test_the_word_after_viewer_may_be_the_link(run: Run) -> None:
+    outcome = run("live", "--viewer", "nonesuch", "udpin:0", "--duration", "0.1")
+    assert outcome.code == 1
+    assert "no viewer 'nonesuch'" in outcome.err
+    outcome = run("live", "--viewer", "udpin:999999", "--duration", "0.1")
+    assert "is no address of a link" in outcome.err
+
+
+def test_a_recording_alone(run: Run, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    drawn = tmp_path / "live.rrd"
+    assert run("live", "udpin:0", "--duration", "0.2", "--rrd", drawn).code == 12
+    assert drawn.read_bytes().startswith(b"RRF2")
+    assert run("live", "udpin:0", "--rrd", drawn, "--record", drawn).code == 2

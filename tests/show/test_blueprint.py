@@ -11,10 +11,11 @@ from mavhums.quantities import KEYS
 pytest.importorskip("rerun", reason="layouts need the extra 'viewer'")
 
 from mavhums.show import layout
-from mavhums.show.blueprint import Lane
+from mavhums.show.blueprint import Lane, Surroundings
 
 New = Callable[..., Verdict]
 Assess = Callable[..., Assessment]
+EVENTS = "Events: click one to go there"
 ALL = frozenset({*KEYS, "friction", "network"})
 
 
@@ -43,9 +44,9 @@ def test_the_answer_comes_first_then_the_worst_actuator(assessment: Assessment) 
         "Condition of every actuator",
         "elevator: emergency",
         "Friction, N·m, against its limits",
-        "Network: probability of emergency",
+        "Network: P(emergency)",
     ]
-    assert found.index("rudder: undecided") < found.index("aileron_left: normal") < found.index("Events")
+    assert found.index("rudder: undecided") < found.index("aileron_left: normal") < found.index(EVENTS)
     assert found[-1] == "Report"
 
 
@@ -53,17 +54,17 @@ def test_all_twelve_quantities_are_named_with_their_units(assessment: Assessment
     titles = [name for name in tree(assessment, elevator=ALL) if name.startswith("V")]
     shown = " ".join(titles).replace(",", "").split()
     assert sorted(key for key in KEYS if key in shown) == sorted(KEYS)
-    assert "V1 input, V3 output angle, °" in titles
-    assert "V6 supply, V9 rotor, V12 output power, W" in titles
+    assert "V1, V3 angle, °" in titles
+    assert "V6, V9, V12 power, W" in titles
     assert "V5 supply current, A" in titles
 
 
 def test_what_is_absent_gets_no_plot(assessment: Assessment) -> None:
     found = tree(assessment, elevator=frozenset({"V3", "friction"}), rudder=frozenset())
-    assert "V3 output shaft angle, °" in found
+    assert "V3 angle, °" in found
     assert not [name for name in found if name.startswith("Network") or name.startswith("rudder")]
     only = tree(assessment, elevator=frozenset({"network"}))
-    assert only[1:4] == ["elevator: emergency", "Network: probability of emergency", "Events"]
+    assert only[1:] == ["elevator: emergency", "Network: P(emergency)", EVENTS, "Report"]
 
 
 def test_a_tab_says_what_was_worse(new_verdict: New, new_assessment: Assess) -> None:
@@ -74,4 +75,13 @@ def test_a_tab_says_what_was_worse(new_verdict: New, new_assessment: Assess) -> 
 def test_many_actuators_leave_room_below() -> None:
     lanes = [Lane(f"/vehicle_1/servo_{k}", f"servo_{k}", "normal", "normal", ALL) for k in range(32)]
     left: Any = next(iter(layout(lanes).root_container.contents))
-    assert left.row_shares[0] == pytest.approx(0.4)
+    assert left.row_shares[0] == pytest.approx(0.5)
+
+
+def test_beside_the_actuators_stand_modes_airframe_and_map() -> None:
+    one = Lane("/vehicle_1/elevator", "elevator", "normal", "normal", ALL)
+    around = Surroundings(("/flight_mode/vehicle_1",), "/airframe/vehicle_1", ("/position/vehicle_1",))
+    found = list(names(layout([one], around).root_container))
+    assert found[-4:] == ["Airframe, seen from behind", "Where it was", EVENTS, "Report"]
+    bare = list(names(layout([one]).root_container))
+    assert not {"Airframe, seen from behind", "Where it was"} & set(bare)
