@@ -115,9 +115,9 @@ def _follow(options: dict[str, Any], level: str, stop: Callable[[], bool], *, as
     watched = console.is_terminal and not as_json
     _log(level, console if watched else None)
     with ExitStack() as exits:
-        drawing = [options.pop(name) for name in ("viewer", "rrd", "no_position")]
+        viewer, rrd, no_position = (options.pop(name) for name in ("viewer", "rrd", "no_position"))
         wanted = Options(**options)
-        drawn = _drawn(*drawing, exits)
+        drawn = _drawn(viewer, rrd, no_position, exits)
         session = prepare(wanted, drawn, vehicle_states=bool(drawn))
         return _show_until_end(session, options, stop, console, watched=watched, as_json=as_json)
 
