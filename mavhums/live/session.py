@@ -205,14 +205,24 @@ class Session:
                 sink.announce(alerts)
 
     def _faults(self, events: Sequence[Event]) -> dict[tuple[int, str], str]:
-        """Return what the actuators are suspected of whose condition changed."""
-        if not any(isinstance(event, ConditionChanged) for event in events):
+        """Return what is wrong with actuators that have just got worse, as the event or the verdict says."""
+        worse = [
+            e for e in events if isinstance(e, ConditionChanged) and e.after in ("degraded", "emergency")
+        ]
+        if not worse:
             return {}
-        return {
+        suspects = {
             (verdict.vehicle, verdict.actuator): max(verdict.suspects, key=lambda s: s.confidence).fault
             for verdict in self._engine.assessment().verdicts
-            if verdict.vehicle is not None and verdict.suspects
+            if verdict.suspects
         }
+        found = {}
+        for event in worse:
+            key = (event.vehicle, event.actuator)
+            fault = getattr(event, "fault", None) or suspects.get(key)
+            if fault:
+                found[key] = fault
+        return found
 
     def _wait(self, pending: Sequence[Piece]) -> None:
         """Wait for something to arrive, or for what is pending to be due."""
