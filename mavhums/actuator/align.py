@@ -78,13 +78,17 @@ class Series:
 
     def add(self, reading: Reading) -> NDArray[np.bool_]:
         """Append what is later than all before, and return which rows that were."""
-        before = np.maximum.accumulate(np.concatenate([[self.latest_us], reading.utc_us]))
-        later = reading.utc_us > before[:-1]
-        self.latest_us = int(before[-1])
-        self.late += int(np.count_nonzero(~later))
-        self.time_us = np.concatenate([self.time_us, reading.utc_us[later]])
-        self.frame = np.concatenate([self.frame, reading.frame[later]])
-        self.values = np.concatenate([self.values, reading.values[later]])
+        utc_us, frame, values = reading.utc_us, reading.frame, reading.values
+        before = np.concatenate([[self.latest_us], utc_us[:-1]])
+        later = utc_us > before
+        if not later.all():
+            later = utc_us > np.maximum.accumulate(before)
+            utc_us, frame, values = utc_us[later], frame[later], values[later]
+            self.late += int(np.count_nonzero(~later))
+        self.latest_us = max(self.latest_us, int(reading.utc_us.max()))
+        self.time_us = np.concatenate([self.time_us, utc_us])
+        self.frame = np.concatenate([self.frame, frame])
+        self.values = np.concatenate([self.values, values])
         return later
 
     def forget_before(self, time_us: int) -> None:

@@ -156,16 +156,7 @@ class Stamper:
         """Pack frames as records, in the order of their arrival, and leave out what is not admitted."""
         if not found:
             return b""
-        rows = np.concatenate([part.batch.rows for part in found])
-        data = np.concatenate([part.batch.data for part in found])
-        bases = np.cumsum([0, *(part.batch.data.size for part in found[:-1])])
-        starts = np.concatenate(
-            [p.batch.rows["offset"] - p.batch.base + GUARD + b for p, b in zip(found, bases, strict=True)]
-        )
-        order = np.argsort(np.concatenate([part.arrival for part in found]), kind="stable")
-        rows, starts = rows[order], starts[order]
-        time_us = np.concatenate([part.time_us for part in found])[order]
-        owner = np.repeat(np.arange(len(found)), [part.batch.rows.size for part in found])[order]
+        rows, data, starts, time_us, owner = _in_order(found)
         if self._guard:
             rows["offset"] = starts
             admitted = self._guard.admit(Batch(data, GUARD, 0, rows))
@@ -199,6 +190,32 @@ class _Stream:
         ends = self._fed + np.cumsum([len(piece) for piece in pieces])
         self._fed = int(ends[-1])
         return batch, np.searchsorted(ends, batch.rows["offset"] + frame_sizes(batch.rows))
+
+
+def _in_order(
+    found: Sequence[_Found],
+) -> tuple[NDArray[np.void], NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the frames of all senders in the order of their arrival.
+
+    Their rows, the buffer they lie in and where they begin there, their times, and whose they are.
+    """
+    if len(found) == 1:
+        one = found[0].batch
+        owner = np.zeros(one.rows.size, dtype=np.int64)
+        return one.rows, one.data, one.rows["offset"] - one.base + GUARD, found[0].time_us, owner
+    sizes = [part.batch.rows.size for part in found]
+    bases = np.cumsum([0, *(part.batch.data.size for part in found[:-1])])
+    starts = np.concatenate(
+        [p.batch.rows["offset"] - p.batch.base + GUARD + b for p, b in zip(found, bases, strict=True)]
+    )
+    order = np.argsort(np.concatenate([part.arrival for part in found]), kind="stable")
+    return (
+        np.concatenate([part.batch.rows for part in found])[order],
+        np.concatenate([part.batch.data for part in found]),
+        starts[order],
+        np.concatenate([part.time_us for part in found])[order],
+        np.repeat(np.arange(len(found)), sizes)[order],
+    )
 
 
 def _add_losses(counts: Counts, stream: _Stream) -> None:
