@@ -36,10 +36,13 @@ class Link(Protocol):
         Where it is.
     dropped
         Datagrams that the kernel dropped because nobody fetched them in time.
+    stamped
+        Whether the kernel tells when each piece was received.
     """
 
     address: Address
     dropped: int
+    stamped: bool
 
     def fileno(self) -> int:
         """Return what ``select`` waits on; -1 while there is nothing to wait on."""
@@ -85,7 +88,7 @@ class UdpLink:
         self._listens = address.kind == "udpin"
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        _enlarge(self._socket)
+        self.stamped = _enlarge(self._socket)
         try:
             (self._socket.bind if self._listens else self._socket.connect)(target)
         except OSError as error:
@@ -144,7 +147,7 @@ class TcpLink:
 
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         self._family, self._target = _resolve(address, socket.SOCK_STREAM)
-        self.address, self.dropped = address, 0
+        self.address, self.dropped, self.stamped = address, 0, False
         self._clock = clock
         self._socket: socket.socket | None = None
         self._connections, self._retry_us, self._told = 0, 0, False
@@ -219,11 +222,15 @@ def _resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressF
     return family, (str(target[0]), int(target[1]), *target[2:])
 
 
-def _enlarge(link: socket.socket) -> None:
-    """Ask for a large receive buffer, for times of reception, and for the number of what is dropped."""
+def _enlarge(link: socket.socket) -> bool:
+    """Ask for a large receive buffer, for times of reception, and for the number of what is dropped.
+
+    Return whether the times will be told.
+    """
     link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
     if sys.platform != "linux":
-        return
+        return False
     for option, value in ((_SO_RCVBUFFORCE, _BUFFER), (_SO_TIMESTAMPNS, 1), (_SO_RXQ_OVFL, 1)):
         with contextlib.suppress(OSError):  # the first is for root alone
             link.setsockopt(socket.SOL_SOCKET, option, value)
+    return True

@@ -26,7 +26,7 @@ class SerialLink:
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         if find_spec("serial") is None:
             raise MissingExtraError("a serial link", "serial")
-        self.address, self.dropped = address, 0
+        self.address, self.dropped, self.stamped = address, 0, False
         self._clock = clock
         self._openings, self._retry_us = 0, 0
         self._port: Any = None

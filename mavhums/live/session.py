@@ -26,7 +26,8 @@ BLOCK_S = 0.1
 """How long pieces are collected before the engine takes them."""
 
 _TICK_US = 1_000_000
-_BREATH_S = 0.01
+_CALM_S, _BUSY_S = 0.05, 0.005
+_MANY = 100
 _REMEMBER_EVERY = 10
 _PENDING = 1 << 16
 
@@ -103,6 +104,7 @@ class Session:
         self._engine, self._stamper, self._alerts = engine, stamper, alerts
         self._greet, self._remember = greet, remember
         self._ticks = 0
+        self._busy = False
         self._latest_us = 0
         self._due_us = self.clock.now_us()
 
@@ -112,8 +114,10 @@ class Session:
         try:
             while not stop():
                 self._wait(pending)
+                before = len(pending)
                 for link in self.links:
                     pending += link.receive()
+                self._busy = len(pending) - before > _MANY
                 now_us = self.clock.now_us()
                 old = pending and now_us - pending[0].time_us >= BLOCK_S * 1e6
                 if old or len(pending) > _PENDING:
@@ -225,12 +229,16 @@ class Session:
         return found
 
     def _wait(self, pending: Sequence[Piece]) -> None:
-        """Wait for something to arrive, or for what is pending to be due."""
+        """Wait for something to arrive, or for what is pending to be due.
+
+        Where the kernel tells the times of reception, what arrives may lie there for a while.
+        """
         now_us = self.clock.now_us()
         due_us = pending[0].time_us + BLOCK_S * 1e6 if pending else now_us + BLOCK_S * 1e6
         wait_s = max(min(due_us, self._due_us) - now_us, 0) / 1e6
         readable = [descriptor for link in self.links if (descriptor := link.fileno()) >= 0]
         if pending or not readable:
-            time.sleep(min(wait_s, _BREATH_S))
+            exact = all(link.stamped for link in self.links)
+            time.sleep(min(wait_s, _BUSY_S if self._busy or not exact else _CALM_S))
         else:
             select.select(readable, [], [], wait_s)
