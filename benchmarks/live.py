@@ -4,7 +4,7 @@
 
 throughput  records of a simulated flight through the engine, and through all of a session, on one
             core: in batches of 10,000 messages (100 ms at 100,000 a second) and of 100 ms of flight
-share       `mavhums live` beside two vehicles of four actuators, 100 Hz each, in real time: its CPU
+share       `mavhums live` beside an aircraft of eight actuators, 100 Hz each, in real time: its CPU
             time, and the time from the arrival of the datagram that completes a window (the
             actuator's first sample at or after the window's end) to the window's line of JSON
 memory      hours of flight at the highest speed through a session: resident memory over time
@@ -15,21 +15,26 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
+import socket
 import struct
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
 from fastcrc import crc16
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rich.console import Console
 from rich.table import Table
 
-from mavhums import Engine, read_log
+from mavhums import Engine, load_airframe, read_log
 from mavhums.learn import default_model
 from mavhums.live.session import Session
 from mavhums.log.dialect import load_dialect
@@ -116,6 +121,7 @@ def share(seconds: float) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
         recording, lines = Path(folder) / "live.tlog", Path(folder) / "lines"
         command = [sys.executable, "-m", "mavhums", "live", f"udpin:{PORT}", "--json", "--record", recording]
+        command += ["--airframe", write_profile(Path(folder))]
         with lines.open("w") as out:
             live = subprocess.Popen([str(part) for part in command], stdout=out)
         while not lines.stat().st_size:
@@ -154,39 +160,64 @@ def latencies(recording: Path, told: list[dict[str, object]]) -> np.ndarray:
     log = read_log(recording, messages=["DEBUG_FLOAT_ARRAY"])
     table = log.tables["DEBUG_FLOAT_ARRAY"]
     first_us = log.span[0] if log.span else 0
-    servos = {"aileron_left": 1, "aileron_right": 2, "elevator": 3, "rudder": 4}
+    sent_us, arrived_us = table["time_usec"].astype(np.int64), table.time_us
+    flight_s = (sent_us + (arrived_us[0] - sent_us[0]) - first_us) / 1e6
     out = []
-    for vehicle in (1, 2):
-        ours = table.system == vehicle
-        sent_us, arrived_us = table["time_usec"][ours].astype(np.int64), table.time_us[ours]
-        flight_s = (sent_us + (arrived_us[0] - sent_us[0]) - first_us) / 1e6
-        for actuator, servo in servos.items():
-            rows = np.flatnonzero(table["array_id"][ours] == servo)
-            for line in told:
-                if (line["event"], line.get("vehicle"), line.get("actuator")) == (
-                    "window",
-                    vehicle,
-                    actuator,
-                ):
-                    k = int(np.searchsorted(flight_s[rows], line["end_s"]))
-                    if k < rows.size:
-                        written = np.datetime64(str(line["utc"])[:-6], "us").astype(np.int64)
-                        out.append((written - arrived_us[rows[k]]) / 1e3)
+    for servo, actuator in enumerate(actuator_names(), start=1):
+        rows = np.flatnonzero(table["array_id"] == servo)
+        for line in told:
+            if line["event"] == "window" and line["actuator"] == actuator:
+                k = int(np.searchsorted(flight_s[rows], line["end_s"]))
+                if k < rows.size:
+                    written = np.datetime64(str(line["utc"])[:-6], "us").astype(np.int64)
+                    out.append((written - arrived_us[rows[k]]) / 1e3)
     return np.array(out)
 
 
+def actuator_names() -> list[str]:
+    return [actuator.name for actuator in load_airframe(write_profile(Path(tempfile.mkdtemp()))).actuators]
+
+
+def write_profile(folder: Path) -> str:
+    """Write the packaged profile with each of its four actuators twice, and return the path."""
+    packaged = resources.files("mavhums.actuator") / "airframes" / "paper.toml"
+    head, *blocks = packaged.read_text(encoding="utf-8").split("[[actuators]]")
+    for block in blocks[:4]:
+        again = re.sub(r'^name = "(.*)"', r'name = "\1_2"', block, flags=re.M)
+        again = re.sub(r"^(servo|esc) = (\d+)", lambda m: f"{m[1]} = {int(m[2]) + 4}", again, flags=re.M)
+        blocks.append(again)
+    path = folder / "eight.toml"
+    path.write_text("[[actuators]]".join([head.replace('"paper"', '"eight"'), *blocks]), encoding="utf-8")
+    return str(path)
+
+
+def twice(message: Any) -> list[Any]:
+    """Return what an aircraft with eight actuators sends: the telemetry of four, twice."""
+    name = message.get_type()
+    if name == "DEBUG_FLOAT_ARRAY":
+        return [
+            message,
+            mavlink.MAVLink_debug_float_array_message(
+                message.time_usec, b"EMA", message.array_id + 4, message.data
+            ),
+        ]
+    if name == "ESC_TELEMETRY_1_TO_4":
+        fields = [getattr(message, field) for field in message.fieldnames]
+        return [message, mavlink.MAVLink_esc_telemetry_5_to_8_message(*fields)]
+    if name == "SERVO_OUTPUT_RAW":
+        for k in range(1, 5):
+            setattr(message, f"servo{k + 4}_raw", getattr(message, f"servo{k}_raw"))
+    return [message]
+
+
 def send(seconds: float) -> None:
-    """Fly two vehicles in real time."""
-    import socket
-
-    from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
+    """Fly eight actuators in real time."""
     record = fly(Flight(seed=2, duration_s=seconds))
-    voices = [mavlink.MAVLink(None, srcSystem=system, srcComponent=1) for system in (1, 2)]
+    voice = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     frames = []
     for frame, (_, message) in zip(transmit(messages(record), Link(), 2), messages(record), strict=True):
-        for voice in voices:
-            frames.append(frame._replace(data=bytes(message.pack(voice)), name=message.get_type()))
+        for one in twice(message):
+            frames.append(frame._replace(data=bytes(one.pack(voice)), name=one.get_type()))
             voice.seq = (voice.seq + 1) % 256
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         stream(frames, lambda data: out.sendto(data, ("127.0.0.1", PORT)))

@@ -153,6 +153,8 @@ class Mapper:
         return self._clocks.segments(vehicle)
 
     def _ours(self, table: Table) -> Table:
+        if self._vehicle is None and self._from_frame == 0:
+            return table
         ours = table.frame >= self._from_frame
         if self._vehicle is not None:
             ours &= table.system == self._vehicle
