@@ -91,19 +91,16 @@ def test_a_gap_is_not_bridged() -> None:
 
 
 @given(st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=300, deadline=None)
 def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:
-    """Messages of three sources in any order, late and reordered, cut anywhere."""
+    """Messages of three sources in any order, late and reordered, some from later on, cut anywhere."""
     count = data.draw(st.integers(1, 40))
     step_ms = data.draw(st.sampled_from([20, 200, 1000]))
-    rows = [
-        (
-            data.draw(st.sampled_from([0, 2, 4])),
-            step_ms * k + data.draw(st.sampled_from([0, 0, 0, -300, 300])),
-            float(k),
-        )
-        for k in range(count)
-    ]
+    speaks_from = {column: data.draw(st.sampled_from([0, 0, 8, 20])) for column in (0, 2, 4)}
+    rows = []
+    for k in range(count):
+        column = data.draw(st.sampled_from([c for c in (0, 2, 4) if speaks_from[c] <= k] or [4]))
+        rows.append((column, step_ms * k + data.draw(st.sampled_from([0, 0, 0, -300, 300, -8000])), float(k)))
 
     def batch(start: int, end: int) -> list[Reading]:
         out = []
@@ -182,3 +179,18 @@ def both(frame: int, time_ms: int) -> Reading:
     return Reading(
         1, ACTUATOR, "both", "instrumented", fields, np.array([frame]), np.array([time_ms * 1000]), values
     )
+
+
+def test_what_was_forgotten_while_the_clock_was_silent_never_counts() -> None:
+    """A sample eight seconds behind the rest is the same whether the rest came at once or in parts."""
+    first = reading(4, [0], [0], [1.0])
+
+    def command(start: int, end: int) -> Reading:
+        numbers = range(start, end)
+        return reading(0, [n + 1 for n in numbers], [100 * n for n in numbers], [float(n) for n in numbers])
+
+    behind = reading(4, [500], [12_000], [1.0])
+    at_once = align([[first, command(0, 200)], [behind]])
+    in_parts = align([[first], *([command(n, n + 10)] for n in range(0, 200, 10)), [behind]])
+    assert at_once[0].tolist() == in_parts[0].tolist() == [0, 12_000]
+    assert np.array_equal(at_once[1], in_parts[1], equal_nan=True)
