@@ -3,7 +3,8 @@
     python examples/follow_udp.py 14550 [AIRFRAME]
 
 The engine takes the records of a .tlog: eight bytes of time, then a frame. So each frame of a datagram
-is stamped with the time of its reception. The verdicts are printed when nothing came for 30 s.
+is stamped with the time of its reception. The verdicts are printed when nothing came for 30 s. It shows
+how the engine is fed; ``mavhums live`` does it in earnest, with half frames, damage, recording and alerts.
 """
 
 from __future__ import annotations

@@ -52,11 +52,11 @@ def draw(recording: Path, *, patience_s: float = 60.0) -> bytes:
 
 
 def main(recording: Path, picture: Path) -> None:
-    """Draw ``recording`` and write it to ``picture`` in 128 colours, which is enough and small."""
+    """Draw ``recording`` and write it to ``picture`` in 256 colours, which is enough and small."""
     from PIL import Image
 
     with Image.open(io.BytesIO(draw(recording))) as image:
-        image.convert("RGB").quantize(128, dither=Image.Dither.NONE).save(picture, optimize=True)
+        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(picture, optimize=True)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from mavhums.history import FlightHistory, Since
 from mavhums.history_files import read_history
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import read_blocks
+from mavhums.log.signing import load_key
 
 __all__ = ["analyse", "record"]
 
@@ -29,7 +30,10 @@ def analyse(
     history: FlightHistory | str | os.PathLike[str] | None = None,
     since: Since | None = None,
     dialect: str | os.PathLike[str] | None = None,
+    key: bytes | str | os.PathLike[str] | None = None,
     recording: str | os.PathLike[str] | None = None,
+    position: bool = True,
+    vehicle_states: bool = False,
     consume: Callable[[Sequence[Event]], None] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Assessment:
@@ -50,8 +54,14 @@ def analyse(
         Dates from which they count, by actuator; None as the name of all others.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
+    key
+        A MAVLink 2 signing key of 32 bytes, or its file: only frames signed with it count.
     recording
         Where to write a Rerun recording on the way.
+    position
+        Whether the recording may say where the aircraft was.
+    vehicle_states
+        Whether ``consume`` gets attitude, position and flight mode as well.
     consume
         Called with the engine's events after each block.
     progress
@@ -61,8 +71,8 @@ def analyse(
     ------
     UnreadableLogError
         If the file is missing or not a telemetry log.
-    ProfileError, ModelError, DialectError
-        If the profile, the model or the XML cannot be used.
+    ProfileError, ModelError, DialectError, KeyFileError
+        If the profile, the model, the XML or the key cannot be used.
     MavhumsError
         If there is no folder for the history.
     MissingExtraError
@@ -78,13 +88,15 @@ def analyse(
     models = _models(model)
     if not isinstance(history, FlightHistory):
         history = FlightHistory() if history is None else read_history(history)
+    if key is not None and not isinstance(key, bytes):
+        key = load_key(key)
     if recording is not None:
         if str(path) == "-":
             raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
         from mavhums.show import Recorder
 
-        identity = f"{Path(path).name}-{_sha256(path)[:16]}"
-        with Recorder(recording, recording_id=identity) as recorder:
+        identity = f"{Path(path).name}-{_sha256(path, dialect)[:16]}"
+        with Recorder(recording, recording_id=identity, position=position) as recorder:
 
             def both(events: Sequence[Event]) -> None:
                 recorder.consume(events)
@@ -98,13 +110,17 @@ def analyse(
                 history=history,
                 since=since,
                 dialect=dialect,
+                key=key,
+                vehicle_states=True,
                 consume=both,
                 progress=progress,
             )
             recorder.close(assessment)
         return assessment
     baselines = partial(history.baselines, since=since)
-    engine = Engine(profile, model=models, baselines=baselines, dialect=dialect)
+    engine = Engine(
+        profile, model=models, baselines=baselines, dialect=dialect, key=key, vehicle_states=vehicle_states
+    )
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, dialect=dialect):
         digest.update(block)
@@ -128,10 +144,12 @@ def record(
     model: Model | Sequence[Model] | str | Path | None = None,
     history: FlightHistory | str | os.PathLike[str] | None = None,
     since: Since | None = None,
+    dialect: str | os.PathLike[str] | None = None,
+    key: bytes | str | os.PathLike[str] | None = None,
 ) -> None:
     """Write the Rerun recording of an assessment, reading its log once more.
 
-    Give the ``airframe``, the ``model`` and the ``history`` that the assessment was made with.
+    Give the ``airframe``, ``model``, ``history``, ``dialect`` and ``key`` that the assessment was made with.
 
     Raises
     ------
@@ -143,9 +161,18 @@ def record(
     >>> record(analyse("flight.tlog"), "flight.rrd")
     """
     log = assessment.log
-    if log.path is None or _sha256(log.path) != log.sha256:
+    if log.path is None or _sha256(log.path, dialect) != log.sha256:
         raise MavhumsError(f"{log.path}: not the log that was judged", "analyse it again")
-    analyse(log.path, airframe=airframe, model=model, history=history, since=since, recording=path)
+    analyse(
+        log.path,
+        airframe=airframe,
+        model=model,
+        history=history,
+        since=since,
+        dialect=dialect,
+        key=key,
+        recording=path,
+    )
 
 
 def _models(given: Model | Sequence[Model] | str | Path | None) -> Sequence[Model]:
@@ -156,8 +183,8 @@ def _models(given: Model | Sequence[Model] | str | Path | None) -> Sequence[Mode
     return (given,) if isinstance(given, Model) else given
 
 
-def _sha256(path: str | os.PathLike[str]) -> str:
+def _sha256(path: str | os.PathLike[str], dialect: str | os.PathLike[str] | None) -> str:
     digest = hashlib.sha256()
-    for block in read_blocks(Path(path)):
+    for block in read_blocks(path, dialect=dialect):
         digest.update(block)
     return digest.hexdigest()

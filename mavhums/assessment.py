@@ -204,7 +204,8 @@ class Losses(_Contract):
     ``regions`` lists the first hundred of ``damaged_regions``. ``padded_frames`` had their zeros
     trimmed after the CRC was computed and were accepted with the zeros put back; at most
     ``padded_false_bound`` of them are expected to be accepted by chance. ``line_ends_restored``
-    counts the carriage returns that a conversion to text had put in.
+    counts the carriage returns that a conversion to text had put in. Where only frames signed with a
+    key are read, those without a signature, with a wrong one and with an old one were left out.
     """
 
     bytes_skipped: int = 0
@@ -222,6 +223,9 @@ class Losses(_Contract):
     time_jumps: int = 0
     time_rewinds: int = 0
     sequence: tuple[SequenceLoss, ...] = ()
+    unsigned_frames: int = 0
+    bad_signatures: int = 0
+    replayed_frames: int = 0
 
     @property
     def any(self) -> bool:
@@ -235,6 +239,7 @@ class Losses(_Contract):
             or self.implausible_times
             or self.cut_end_bytes
             or self.padded_frames
+            or self.bad_signatures
         )
 
 

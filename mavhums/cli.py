@@ -12,7 +12,8 @@ import click
 
 from mavhums import __version__
 from mavhums.cli_learn import precedents, study, train
-from mavhums.cli_options import AIRFRAME, BASELINE_FROM, DIALECT, HISTORY, JSON, KEEP, LOG, LOGS, PATH
+from mavhums.cli_live import live
+from mavhums.cli_options import AIRFRAME, BASELINE_FROM, DIALECT, HISTORY, JSON, KEEP, KEY, LOG, LOGS, PATH
 from mavhums.cli_progress import reading
 from mavhums.cli_tools import export, model, profile
 from mavhums.cli_trend import complain, opened_history, trend
@@ -34,6 +35,7 @@ def cli() -> None:
       mavhums analyse flight.tlog                  the verdict per actuator
       mavhums analyse flight.tlog --rrd flight.rrd the same, and a Rerun recording
       mavhums trend flights                        each actuator over its flights
+      mavhums live udpin:14550                     the same verdicts while it flies
       mavhums inspect flight.tlog                  what the log holds, and what is missing
       mavhums profile new flight.tlog -o mine.toml a profile of your aircraft, to be filled in
     """
@@ -47,6 +49,7 @@ def cli() -> None:
 @HISTORY
 @KEEP
 @BASELINE_FROM
+@KEY
 @JSON
 @click.option(
     "--rrd",
@@ -54,6 +57,7 @@ def cli() -> None:
     metavar="OUT",
     help="Write a Rerun recording; with several logs, OUT is a folder.",
 )
+@click.option("--no-position", is_flag=True, help="Leave out of the recording where the aircraft was.")
 @click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
 def analyse(
     logs: tuple[Path, ...],
@@ -63,8 +67,10 @@ def analyse(
     history: Path | None,
     keep: bool,
     dates: tuple[tuple[str | None, datetime], ...],
+    key: Path | None,
     as_json: bool,
     rrd: Path | None,
+    no_position: bool,
     open_viewer: bool,
 ) -> None:
     """Judge every actuator of each LOG (.tlog).
@@ -81,6 +87,7 @@ def analyse(
     from mavhums.analysis import analyse as judge
     from mavhums.history_files import keep_assessment
     from mavhums.learn import load_model, packaged_models
+    from mavhums.log.signing import load_key
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")
@@ -89,6 +96,7 @@ def analyse(
     flown = opened_history(history, may_be_new=keep)
     profile = load_airframe(airframe) if airframe else None
     networks = (load_model(model),) if model else packaged_models()
+    secret = load_key(key) if key else None
     recordings = _recordings(logs, rrd)
     assessments: list[Assessment] = []
     failed = False
@@ -102,7 +110,9 @@ def analyse(
                     history=flown,
                     since=dict(dates),
                     dialect=dialect,
+                    key=secret,
                     recording=recordings.get(log),
+                    position=not no_position,
                     progress=progress,
                 )
             assessments.append(assessment)
@@ -146,7 +156,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (trend, train, precedents, study, export, model, profile):
+for _command in (live, trend, train, precedents, study, export, model, profile):
     cli.add_command(_command)
 
 

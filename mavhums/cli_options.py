@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-__all__ = ["AIRFRAME", "BASELINE_FROM", "DIALECT", "HISTORY", "JSON", "KEEP", "LOG", "LOGS", "PATH"]
+__all__ = ["AIRFRAME", "BASELINE_FROM", "DIALECT", "HISTORY", "JSON", "KEEP", "KEY", "LOG", "LOGS", "PATH"]
 
 PATH: click.Path = click.Path(path_type=Path)
 LOG = click.argument("log", metavar="LOG", type=PATH)
@@ -19,6 +19,12 @@ AIRFRAME = click.option(
 )
 DIALECT = click.option(
     "--dialect", type=PATH, metavar="FILE", help="MAVLink XML whose messages go before the ones known here."
+)
+KEY = click.option(
+    "--key",
+    type=PATH,
+    metavar="FILE",
+    help="Accept only frames signed (MAVLink 2) with the key in FILE: 32 bytes, or 64 hexadecimal digits.",
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 HISTORY = click.option(

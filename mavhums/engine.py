@@ -14,6 +14,7 @@ from mavhums.actuator.fleet import Fleet
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, packaged_airframes
 from mavhums.actuator.tiers import tier_named
+from mavhums.actuator.vehicle_state import STATE_MESSAGES, VehicleStates
 from mavhums.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.events import AirframeNamed, Event, Notice, Samples
 from mavhums.health.baseline import Baseline, BaselineSource
@@ -40,6 +41,10 @@ class Engine:
         What the flights before say of each actuator, or what gives it of an airframe and a time.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
+    key
+        32 bytes; only frames signed with it count. If None, signatures are not looked at.
+    vehicle_states
+        Whether to report attitude, position and flight mode as well, for a recording.
 
     Examples
     --------
@@ -56,9 +61,13 @@ class Engine:
         model: Model | Sequence[Model] | None = None,
         baselines: BaselineSource | None = None,
         dialect: str | os.PathLike[str] | None = None,
+        key: bytes | None = None,
+        vehicle_states: bool = False,
     ) -> None:
-        wanted = messages_for(airframe.actuators if airframe else ())
-        self._decoder = Decoder(wanted | {"STATUSTEXT"}, dialect=dialect)
+        wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"}
+        wanted |= STATE_MESSAGES if vehicle_states else set()
+        self._states = VehicleStates() if vehicle_states else None
+        self._decoder = Decoder(wanted, dialect=dialect, key=key)
         self._fleet = Fleet(airframe)
         self._models = () if model is None else (model,) if isinstance(model, Model) else tuple(model)
         self._baselines = baselines or {}
@@ -105,6 +114,8 @@ class Engine:
         if not tables and not final:
             return
         yield from self._listen(tables)
+        if self._states:
+            yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         for mapper, mapped in self._fleet.feed(tables, final=final):
             if mapped.utc_us.size:
                 yield from self._notice_clock(mapper, mapped)

@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Airframe
 from mavhums.assessment import Condition, Interval
 
-__all__ = ["AirframeNamed", "ConditionChanged", "Event", "Indication", "Notice", "Samples", "Window"]
+__all__ = [
+    "AirframeNamed",
+    "Attitude",
+    "ConditionChanged",
+    "Event",
+    "FlightMode",
+    "Indication",
+    "Notice",
+    "Position",
+    "Samples",
+    "Window",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,4 +109,48 @@ class Notice:
     text: str
 
 
-Event = Samples | Window | ConditionChanged | Indication | AirframeNamed | Notice
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude:
+    """How a vehicle lies in the air: ``time_s`` of shape (n,), increasing; angles of shape (n, 3).
+
+    Roll (right wing down), pitch (nose up) and yaw (clockwise from north), as ATTITUDE has them.
+    """
+
+    vehicle: int
+    time_s: NDArray[np.float64]
+    roll_pitch_yaw_rad: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Position:
+    """Where a vehicle is: ``time_s`` of shape (n,), increasing, and with it a position and an altitude.
+
+    ``latitude_longitude_deg`` has shape (n, 2), ``altitude_m``, above mean sea level, (n,).
+    """
+
+    vehicle: int
+    time_s: NDArray[np.float64]
+    latitude_longitude_deg: NDArray[np.float64]
+    altitude_m: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FlightMode:
+    """A vehicle entered a flight mode, by the name that its autopilot's ground station gives it."""
+
+    vehicle: int
+    time_s: float
+    mode: str
+
+
+Event = (
+    Samples
+    | Window
+    | ConditionChanged
+    | Indication
+    | AirframeNamed
+    | Notice
+    | Attitude
+    | Position
+    | FlightMode
+)

@@ -16,7 +16,8 @@ class SenderClock:
 
     The first sample fixes the offset. Where three samples in a row are more than two seconds away
     from it, the sender has rebooted or its clock was set, and a new segment starts; fewer are a
-    damaged time stamp, and the offset stays.
+    damaged time stamp, and the offset stays. What claims to be sent more than two seconds after it
+    was received is taken at its time of reception, so that it does not stand before what follows.
 
     Parameters
     ----------
@@ -56,7 +57,8 @@ class SenderClock:
             if self.segments == 0:
                 self._start_segment(int(lag[start]))
             end = self._end_of_segment(lag[start:]) + start
-            utc[start:end] = sent_us[start:end] + self._offset_us
+            ahead = lag[start:end] < self._offset_us - _JUMP_US
+            utc[start:end] = np.where(ahead, received_us[start:end], sent_us[start:end] + self._offset_us)
             if end < lag.size:
                 self._start_segment(int(lag[end]))
             start = end

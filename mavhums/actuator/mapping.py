@@ -25,6 +25,7 @@ from mavhums.quantities import KEYS, column
 __all__ = ["Mapped", "Mapper", "messages_for"]
 
 _SIGNED = [column(key) for key in ("V4", "V5", "V7")]
+_UNCOUNTED = 20
 _TRUST = tuple(tier.name for tier in TIERS)
 
 
@@ -59,15 +60,27 @@ class _Track:
     aligner: Aligner
     deriver: Deriver
     tier: str = ""
-    used: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, len(KEYS)), dtype=np.int64))
+    _used: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, len(KEYS)), dtype=np.int64))
+    _origins: list[NDArray[np.int8]] = field(default_factory=list)
 
     def note(self, aligned: Aligned) -> None:
-        """Count how often each quantity came from each source."""
+        """Note from which source each quantity came."""
         self.tier = aligned.tier
-        missing = len(self.aligner.sources) - len(self.used)
-        self.used = np.pad(self.used, ((0, missing), (0, 0)))
-        for k in range(len(self.used)):
-            self.used[k] += np.count_nonzero(aligned.origin == k, axis=0)
+        self._origins.append(aligned.origin)
+        if len(self._origins) > _UNCOUNTED:
+            self.used()
+
+    def used(self) -> NDArray[np.int64]:
+        """Return how often each quantity came from each source, shape (sources, 12)."""
+        if self._origins:
+            origin = np.concatenate(self._origins).astype(np.int64)
+            self._origins.clear()
+            missing = len(self.aligner.sources) - len(self._used)
+            self._used = np.pad(self._used, ((0, missing), (0, 0)))
+            place = (origin + 1) * len(KEYS) + np.arange(len(KEYS))
+            counts = np.bincount(place.ravel(), minlength=(len(self._used) + 1) * len(KEYS))
+            self._used += counts.reshape(-1, len(KEYS))[1:]
+        return self._used
 
 
 class Mapper:
@@ -148,10 +161,11 @@ class Mapper:
         track = self._tracks.get((vehicle, actuator.name))
         if track is None:
             return {}
+        used = track.used()
         fields: dict[str, str] = {}
         for k, key in enumerate(KEYS):
-            if track.used.size and track.used[:, k].any():
-                series = track.aligner.sources[int(track.used[:, k].argmax())]
+            if used.size and used[:, k].any():
+                series = track.aligner.sources[int(used[:, k].argmax())]
                 fields[key] = f"{series.source}.{series.fields[key]}"
         merged = {key: source for key, source in fields.items() if key not in track.deriver.dropped}
         for key, how in track.deriver.derived.items():
@@ -165,6 +179,8 @@ class Mapper:
         return self._clocks.segments(vehicle)
 
     def _ours(self, table: Table) -> Table:
+        if self._vehicle is None and self._from_frame == 0:
+            return table
         ours = table.frame >= self._from_frame
         if self._vehicle is not None:
             ours &= table.system == self._vehicle

@@ -145,7 +145,7 @@ class Course:
             if self._episodes:
                 self._episodes[-1].end_s = since
             if len(self._episodes) == _MOST_EPISODES:
-                del self._episodes[1]
+                del self._episodes[_MOST_EPISODES // 2]
             self._episodes.append(_Episode(self._decision.condition, since, end_s, value))
         elif self._episodes:
             episode = self._episodes[-1]

@@ -51,6 +51,8 @@ class Findings:
 class Monitor:
     """Judges one actuator of one vehicle.
 
+    Of more than a hundred stays in one condition the first and the latest fifty are evidence.
+
     Parameters
     ----------
     vehicle

@@ -19,7 +19,6 @@ __all__ = ["APART", "BUS", "COLUMNS", "GUARD_S", "SHAFT", "SlotCutter", "Slots",
 BUS, SHAFT, APART = (len(KEYS) + k for k in range(3))
 COLUMNS = len(KEYS) + 3
 GUARD_S = 0.06
-_LATENESS_S = 0.25
 _ABSURD = 1e9
 _V2, _V3, _V7 = (column(key) for key in ("V2", "V3", "V7"))
 
@@ -95,6 +94,8 @@ class SlotCutter:
     ----------
     slot_s
         Length of a slot, s.
+    lateness_s
+        How long after its end a slot still waits for what was overtaken.
 
     Attributes
     ----------
@@ -104,8 +105,9 @@ class SlotCutter:
         Flight time of the latest sample; minus infinity before the first.
     """
 
-    def __init__(self, slot_s: float = 1.0) -> None:
+    def __init__(self, slot_s: float = 1.0, *, lateness_s: float = 0.0) -> None:
         self.late = 0
+        self._lateness_s = lateness_s
         self.latest_s = -np.inf
         self._slot_s = slot_s
         self._times: list[Array] = []
@@ -119,12 +121,12 @@ class SlotCutter:
         if time_s.size == 0:
             return None
         latest = np.maximum.accumulate(np.concatenate([[self.latest_s], time_s]))
-        in_time = time_s >= self._floor(latest[:-1] - _LATENESS_S)
+        in_time = time_s >= self._floor(latest[:-1] - self._lateness_s)
         self.late += int(np.count_nonzero(~in_time))
         self._times.append(time_s[in_time])
         self._values.append(values[in_time])
         self.latest_s = float(latest[-1])
-        horizon = float(self._floor(latest[-1:] - _LATENESS_S)[0])
+        horizon = float(self._floor(latest[-1:] - self._lateness_s)[0])
         if horizon <= self._closed:
             return None
         self._closed = horizon

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from mavhums.log.intake import Intake
 from mavhums.log.ledger import Ledger
 from mavhums.log.scanner import Batch, FrameScanner
 from mavhums.log.sender_clock import SenderClocks
+from mavhums.log.signing import Guard
 from mavhums.log.tables import Table
 
 __all__ = ["Decoder"]
@@ -32,6 +34,8 @@ class Decoder:
         but not unpacked.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
+    key
+        32 bytes; only frames signed with it count. If None, signatures are not looked at.
 
     Raises
     ------
@@ -45,7 +49,11 @@ class Decoder:
     """
 
     def __init__(
-        self, messages: Iterable[str] | None = None, *, dialect: str | os.PathLike[str] | None = None
+        self,
+        messages: Iterable[str] | None = None,
+        *,
+        dialect: str | os.PathLike[str] | None = None,
+        key: bytes | None = None,
     ) -> None:
         self._dialect = load_dialect(None if dialect is None else Path(dialect))
         definitions = self._dialect.definitions.values()
@@ -56,6 +64,7 @@ class Decoder:
         self._intake = Intake(self._dialect)
         self._ledger = Ledger(self._dialect)
         self._clocks = SenderClocks(self._dialect)
+        self._guard = None if key is None else Guard(key)
         self._scanner: FrameScanner | None = None
 
     @property
@@ -89,6 +98,7 @@ class Decoder:
         if self._scanner is None:
             return Losses()
         totals = self._scanner.totals
+        guard = self._guard
         bad = self._scanner.bad_crc
         return Losses(
             bytes_skipped=totals.skipped,
@@ -106,6 +116,9 @@ class Decoder:
             time_jumps=totals.jumps,
             time_rewinds=totals.rewinds,
             sequence=tuple(self._ledger.sequence_losses()),
+            unsigned_frames=guard.unsigned if guard else 0,
+            bad_signatures=guard.bad if guard else 0,
+            replayed_frames=guard.replayed if guard else 0,
         )
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
@@ -116,6 +129,8 @@ class Decoder:
                 return {}
             self._scanner = FrameScanner(self._dialect, stamp=self._intake.stamp)
         batch = self._scanner.feed(data, final=final)
+        if self._guard:
+            batch = replace(batch, rows=batch.rows[self._guard.admit(batch)])
         if batch.stamp == 0:
             self._clocks.set_times(batch)
         ordinal = self._ledger.frames

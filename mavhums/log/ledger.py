@@ -13,6 +13,8 @@ from mavhums.log.dialect import Dialect
 
 __all__ = ["Ledger"]
 
+_IDS_KEPT = 1000
+
 
 class Ledger:
     """Counts the frames of a stream.
@@ -20,7 +22,8 @@ class Ledger:
     Attributes
     ----------
     unknown
-        Number of frames by message id that the dialect does not define.
+        Number of frames by message id that the dialect does not define; -1 stands for all ids
+        beyond the first thousand.
     """
 
     def __init__(self, dialect: Dialect) -> None:
@@ -48,7 +51,8 @@ class Ledger:
         if self.frames - before < rows.size:
             numbers = rows["id"][rows["message"] < 0]
             for number, count in zip(*np.unique(numbers, return_counts=True), strict=True):
-                self.unknown[int(number)] = self.unknown.get(int(number), 0) + int(count)
+                key = int(number) if number in self.unknown or len(self.unknown) < _IDS_KEPT else -1
+                self.unknown[key] = self.unknown.get(key, 0) + int(count)
 
     @property
     def frames(self) -> int:

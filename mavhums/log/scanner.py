@@ -7,6 +7,7 @@ frame. Where a block of bytes ends never matters: an unfinished record waits.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +61,8 @@ class FrameScanner:
         Whose messages are known.
     stamp
         Bytes of time stamp before each frame: 8, or 0 for frames back to back.
+    mend
+        Whether frames with a bad CRC are tried with the zeros that some senders trim.
 
     Attributes
     ----------
@@ -69,15 +72,13 @@ class FrameScanner:
         Offset and size of the first thousand damaged regions.
     """
 
-    def __init__(self, dialect: Dialect, *, stamp: int = 8) -> None:
-        definitions = dialect.definitions
-        self.bad_crc = np.zeros(len(definitions), dtype=np.int64)
+    def __init__(self, dialect: Dialect, *, stamp: int = 8, mend: bool = True) -> None:
+        self._ids, self._seeds, self._largest = _by_row(dialect)
+        if not mend:
+            self._largest = np.zeros_like(self._largest)
+        self.bad_crc = np.zeros(self._seeds.size, dtype=np.int64)
         self.regions: list[tuple[int, int]] = []
         self._stamp = stamp
-        self._ids = np.full(max(definitions) + 1, -1, dtype=np.int16)
-        self._ids[list(definitions)] = np.arange(len(definitions))
-        self._seeds = np.array([d.crc_extra for d in definitions.values()], dtype=np.uint8)
-        self._largest = np.array([d.wire.itemsize for d in definitions.values()], dtype=np.int32)
         self._scratch = np.zeros(GUARD + 265, dtype=np.uint8)
         self._rows = np.empty(0, dtype=_kernel.ROW)
         self._carried = np.zeros(1, dtype=_kernel.STATE)
@@ -150,3 +151,14 @@ class FrameScanner:
             region = np.array([(state["base"] - damage - zeros, damage)], dtype=_kernel.REGION)
             self._keep(region)
             state["skipped"] = zeros
+
+
+@cache
+def _by_row(dialect: Dialect) -> tuple[NDArray[np.int16], NDArray[np.uint8], NDArray[np.int32]]:
+    """Return a dialect as the kernel takes it: row by message id, then crc_extra and size by row."""
+    definitions = dialect.definitions
+    ids = np.full(max(definitions) + 1, -1, dtype=np.int16)
+    ids[list(definitions)] = np.arange(len(definitions))
+    seeds = np.array([d.crc_extra for d in definitions.values()], dtype=np.uint8)
+    largest = np.array([d.wire.itemsize for d in definitions.values()], dtype=np.int32)
+    return ids, seeds, largest

@@ -10,13 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mavhums.show.blueprint import layout
+    from mavhums.show.live import LiveViewer
     from mavhums.show.recording import Recorder
     from mavhums.show.report import markdown
     from mavhums.show.terminal import render
 
-__all__ = ["Recorder", "layout", "markdown", "render"]
+__all__ = ["LiveViewer", "Recorder", "layout", "markdown", "render"]
 
-_HOMES = {"Recorder": "recording", "layout": "blueprint", "markdown": "report", "render": "terminal"}
+_HOMES = {
+    "LiveViewer": "live",
+    "Recorder": "recording",
+    "layout": "blueprint",
+    "markdown": "report",
+    "render": "terminal",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,8 +1,7 @@
-"""One actuator's part of a recording: buffers that are written out a chunk at a time."""
+"""One actuator's part of a recording: its condition, its evidence, its quantities."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -12,30 +11,28 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Limits
 from mavhums.assessment import Condition
 from mavhums.events import ConditionChanged, Samples, Window
-from mavhums.quantities import KEYS
-from mavhums.show._words import COLOURS
+from mavhums.show._craft import Surface
+from mavhums.show._signals import Signals
+from mavhums.show._stream import Times, send
+from mavhums.show._words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR
 
-__all__ = ["ARCHETYPE", "TIMELINE", "Texts", "Track", "actuator_path", "nanoseconds"]
+__all__ = ["STALE_S", "Track", "actuator_path"]
 
-TIMELINE: Final = "flight_time"
-ARCHETYPE: Final = "mavhums"
+STALE_S: Final = 3.0
+"""An actuator that is silent for longer is stale: what was held of it is no longer shown as true."""
 
-_ROWS_PER_CHUNK = 4096
-_BLUE, _PALE = (86, 180, 233), (60, 110, 145)
+_REACHED: Final[tuple[Condition, ...]] = ("undecided", "normal", "degraded", "emergency")
+_STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
+_ROWS_PER_CHUNK: Final = 4096
+_BEFORE_S, _AFTER_S = 10.0, 10.0
 _STYLES: Final = {
     "friction": rr.SeriesLines(
-        names=["friction", "low (95 %)", "high (95 %)"], colors=[_BLUE, _PALE, _PALE], widths=[2.5, 1, 1]
+        names=["friction", "low (95 %)", "high (95 %)"],
+        colors=[BLUE, PALE_BLUE, PALE_BLUE],
+        widths=[2.5, 1, 1],
     ),
-    "network": rr.SeriesLines(names="probability of emergency", colors=_BLUE, widths=2.5),
+    "network": rr.SeriesLines(names="probability of emergency", colors=BLUE, widths=2.5),
 }
-
-_Rows = NDArray[np.float64]
-
-
-def nanoseconds(time_s: _Rows | Sequence[float]) -> NDArray[np.timedelta64]:
-    """Return flight times as Rerun's durations."""
-    rounded = np.rint(np.asarray(time_s, dtype=np.float64) * 1e9)
-    return rounded.astype(np.int64).astype("timedelta64[ns]")
 
 
 def actuator_path(vehicle: int | None, actuator: str) -> str:
@@ -43,12 +40,8 @@ def actuator_path(vehicle: int | None, actuator: str) -> str:
     return rr.new_entity_path(["no_vehicle" if vehicle is None else f"vehicle_{vehicle}", actuator])
 
 
-def _index(time_s: _Rows | Sequence[float]) -> list[rr.TimeColumn]:
-    return [rr.TimeColumn(TIMELINE, duration=nanoseconds(time_s))]
-
-
 class Track:
-    """Writes what the engine says of one actuator.
+    """Draws what the engine says of one actuator.
 
     Parameters
     ----------
@@ -56,46 +49,81 @@ class Track:
         The recording.
     vehicle, actuator
         Whose track it is; the entities lie under :func:`actuator_path`.
+    live
+        Whether a viewer follows.
 
     Attributes
     ----------
     root
         The entity path of the actuator.
-    present
-        The quantities that the log carries at all, and ``friction`` and ``network`` where ever estimated.
+    surface
+        What stands for it in the airframe; None without a profile.
+    limits
+        Of its friction, and from which flight time on they are known.
+    held, worst
+        The condition that it is held to be in, and the worst that it ever was.
+    stale
+        Whether it is silent.
+    since_s
+        Where it came into that condition; None before it was ever decided.
+    latest
+        The latest window in which something could be judged.
+    last_s
+        Until when it was heard of.
     """
 
-    def __init__(self, stream: rr.RecordingStream, vehicle: int | None, actuator: str) -> None:
+    def __init__(self, stream: rr.RecordingStream, vehicle: int | None, actuator: str, *, live: bool) -> None:
+        self.vehicle, self.actuator = vehicle, actuator
         self.root = actuator_path(vehicle, actuator)
-        self.present: set[str] = set()
+        self.surface: Surface | None = None
+        self.limits: tuple[Limits, float] | None = None
+        self.held: Condition = "undecided"
+        self.worst: Condition = "undecided"
+        self.stale = False
+        self.since_s: float | None = None
+        self.latest: Window | None = None
+        self.last_s = 0.0
         self._stream = stream
-        self._blocks: list[Samples] = []
-        self._waiting = 0
+        self._signals = Signals(stream, f"{self.root}/quantities", live=live, moved=self._move)
+        self._drawn: set[str] = set()
         self._windows: list[Window] = []
         self._states: list[tuple[float, str]] = []
-        self._first_s = np.inf
-        self._last_s = -np.inf
+        self._first_s = self._heard_s = np.inf
         self._state_s: float | None = None
-        self._held: Condition = "undecided"
+        self._limits_s: float | None = None
         states = rr.StateConfiguration(
-            values=list(COLOURS), labels=list(COLOURS), colors=[(*rgb, 255) for rgb in COLOURS.values()]
+            values=list(_STATES),
+            labels=[*COLOURS, "stale: no data"],
+            colors=[(*rgb, 255) for rgb in _STATES.values()],
         )
         stream.log(self.root, states, static=True)
 
+    @property
+    def present(self) -> frozenset[str]:
+        """The quantities that the log carries at all, and ``friction`` and ``network`` where estimated."""
+        return frozenset(self._signals.present | self._drawn)
+
     def samples(self, event: Samples) -> None:
-        """Take samples, and write them when a chunk is full."""
-        if not event.time_s.size:
+        """Take samples."""
+        time = event.time_s
+        if not time.size:
             return
-        self._seen(float(event.time_s.min()), float(event.time_s.max()))
-        self._blocks.append(event)
-        self._waiting += event.time_s.size
-        if self._waiting >= _ROWS_PER_CHUNK:
-            self._flush_samples()
+        if self._first_s < np.inf:
+            steps = np.diff(time, prepend=self._heard_s)
+            for row in np.flatnonzero(steps > STALE_S).tolist():
+                self._fall_silent(float(time[row] - steps[row]))
+                self._state(float(time[row]), self.held)
+                self.stale = False
+        self._heard_s = float(time[-1])
+        self._seen(float(time[0]), self._heard_s)
+        self._signals.add(time, event.values)
 
     def window(self, event: Window) -> None:
         """Take what a window shows."""
         self._seen(event.start_s, event.end_s)
-        self._held = event.condition
+        self.held = event.condition
+        if event.friction_nm is not None or event.p_emergency is not None:
+            self.latest = event
         self._windows.append(event)
         if len(self._windows) >= _ROWS_PER_CHUNK:
             self._flush_windows()
@@ -105,103 +133,98 @@ class Track:
         if self._state_s is None and event.since_s > self._first_s:
             self._state(self._first_s, event.before)
         self._state(event.since_s, event.after)
-        self._held = event.after
+        self._signals.mark(event.since_s - _BEFORE_S, event.time_s + _AFTER_S)
+        self.held, self.since_s = event.after, event.since_s
+        self.worst = max(self.worst, event.after, key=_REACHED.index)
 
-    def limits(self, limits: Limits, start_s: float) -> None:
-        """Draw the limits from a time to the last that was seen."""
-        style = rr.SeriesLines(
-            names=[f"normal up to {limits.normal:g}", f"emergency from {limits.emergency:g}"],
-            colors=[COLOURS["degraded"], COLOURS["emergency"]],
-            widths=[2, 2],
-        )
-        self._stream.log(f"{self.root}/limits", style, static=True)
-        rows = np.tile([limits.normal, limits.emergency], (2, 1))
-        self._send("limits", [start_s, max(start_s, self._last_s)], rr.Scalars.columns(scalars=rows))
+    def now(self, time_s: float) -> None:
+        """Say how far the flight has come, so that silence is noticed."""
+        if not self.stale and time_s - self._heard_s > STALE_S:
+            self._fall_silent(self._heard_s)
 
-    def finish(self) -> None:
-        """Write what is still waiting."""
-        if self._state_s is None:
-            self._state(self._first_s if np.isfinite(self._first_s) else 0.0, self._held)
-        self._flush_samples()
+    def flush(self) -> None:
+        """Write what is waiting."""
+        if self._state_s is None and self._first_s < np.inf:
+            self._state(self._first_s, self.held)
+        self._signals.flush()
         self._flush_windows()
         self._flush_states()
+        self._flush_limits()
+
+    def finish(self) -> None:
+        """Write what is still waiting, and a state even of an actuator that was never heard."""
+        if self._state_s is None:
+            self._state(self._first_s if self._first_s < np.inf else 0.0, self.held)
+        self._signals.finish()
+        self.flush()
 
     def _seen(self, first_s: float, last_s: float) -> None:
-        self._first_s, self._last_s = min(self._first_s, first_s), max(self._last_s, last_s)
+        self._first_s, self.last_s = min(self._first_s, first_s), max(self.last_s, last_s)
 
-    def _state(self, time_s: float, condition: Condition) -> None:
+    def _move(self, time_s: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+        if self.surface:
+            self.surface.move(time_s, values)
+
+    def _fall_silent(self, time_s: float) -> None:
+        if not self.stale:
+            self.stale = True
+            if self._state_s is None:
+                self._state(self._first_s, self.held)
+            self._state(time_s, STALE)
+
+    def _state(self, time_s: float, state: str) -> None:
         """Add a state; one found later is never drawn below one found earlier."""
         self._state_s = time_s if self._state_s is None else max(time_s, self._state_s + 1e-6)
-        self._states.append((self._state_s, condition))
+        self._states.append((self._state_s, state))
         if len(self._states) >= _ROWS_PER_CHUNK:
             self._flush_states()
 
-    def _flush_samples(self) -> None:
-        blocks, self._blocks, self._waiting = self._blocks, [], 0
-        if not blocks:
-            return
-        time = np.concatenate([block.time_s for block in blocks])
-        values = np.concatenate([block.values for block in blocks])
-        for start in range(0, time.size, _ROWS_PER_CHUNK):
-            rows = values[start : start + _ROWS_PER_CHUNK]
-            self.present |= {
-                key for key, lost in zip(KEYS, np.isnan(rows).all(axis=0), strict=True) if not lost
-            }
-            columns = {
-                key: rr.components.ScalarBatch(rows[:, place])
-                for place, key in enumerate(KEYS)
-                if key in self.present
-            }
-            if columns:
-                content = rr.DynamicArchetype.columns(ARCHETYPE, components=columns)
-                self._send("quantities", time[start : start + _ROWS_PER_CHUNK], content)
-
     def _flush_windows(self) -> None:
+        """Write windows at their middle, for that is when what they show was true."""
         windows, self._windows = self._windows, []
         if not windows:
             return
-        time = [window.end_s for window in windows]
+        time = [(window.start_s + window.end_s) / 2 for window in windows]
         friction = [
             (found.estimate, found.low, found.high) if (found := window.friction_nm) else (np.nan,) * 3
             for window in windows
         ]
         votes = [np.nan if window.p_emergency is None else window.p_emergency for window in windows]
         for leaf, rows in (("friction", np.array(friction)), ("network", np.array(votes))):
-            if leaf not in self.present and np.isnan(rows).all():
+            if leaf not in self._drawn and np.isnan(rows).all():
                 continue
-            if leaf not in self.present:
-                self.present.add(leaf)
+            if leaf not in self._drawn:
+                self._drawn.add(leaf)
                 self._stream.log(f"{self.root}/{leaf}", _STYLES[leaf], static=True)
             self._send(leaf, time, rr.Scalars.columns(scalars=rows))
 
     def _flush_states(self) -> None:
         states, self._states = self._states, []
         if states:
-            content = rr.StateChange.columns(state=[condition for _, condition in states])
-            self._send("", [time_s for time_s, _ in states], content)
+            time = [time_s for time_s, _ in states]
+            self._send("", time, rr.StateChange.columns(state=[state for _, state in states]))
+            if self.surface:
+                self.surface.colour(time, [_STATES[state] for _, state in states])
 
-    def _send(self, leaf: str, time_s: _Rows | Sequence[float], content: rr.ComponentColumnList) -> None:
-        path = f"{self.root}/{leaf}" if leaf else self.root
-        self._stream.send_columns(path, indexes=_index(time_s), columns=content, strict=True)
+    def _flush_limits(self) -> None:
+        """Draw the limits up to the last that was seen."""
+        if self.limits is None:
+            return
+        limits, start_s = self.limits
+        times = [max(start_s, self.last_s)]
+        if self._limits_s is None:
+            style = rr.SeriesLines(
+                names=[f"normal up to {limits.normal:g}", f"emergency from {limits.emergency:g}"],
+                colors=[COLOURS["degraded"], COLOURS["emergency"]],
+                widths=[2, 2],
+            )
+            self._stream.log(f"{self.root}/limits", style, static=True)
+            times.insert(0, start_s)
+        elif times[0] <= self._limits_s:
+            return
+        self._limits_s = times[-1]
+        rows = np.tile([limits.normal, limits.emergency], (len(times), 1))
+        self._send("limits", times, rr.Scalars.columns(scalars=rows))
 
-
-class Texts:
-    """The log of what happened, as texts with a level."""
-
-    def __init__(self, stream: rr.RecordingStream) -> None:
-        self._stream = stream
-        self._rows: list[tuple[float, str, str]] = []
-
-    def add(self, time_s: float, level: str, text: str) -> None:
-        """Take one line."""
-        self._rows.append((time_s, level, text))
-        if len(self._rows) >= _ROWS_PER_CHUNK:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write what is waiting."""
-        rows, self._rows = self._rows, []
-        if rows:
-            content = rr.TextLog.columns(text=[row[2] for row in rows], level=[row[1] for row in rows])
-            index = _index([row[0] for row in rows])
-            self._stream.send_columns("/events", indexes=index, columns=content, strict=True)
+    def _send(self, leaf: str, time_s: Times, content: rr.ComponentColumnList) -> None:
+        send(self._stream, f"{self.root}/{leaf}" if leaf else self.root, time_s, content)

@@ -9,7 +9,11 @@ from mavhums.assessment import ALL, Assessment, Condition, Evidence, Interval, L
 
 __all__ = [
     "ADVICE",
+    "BLUE",
     "COLOURS",
+    "PALE_BLUE",
+    "STALE",
+    "STALE_COLOUR",
     "advice",
     "clock",
     "finding",
@@ -30,6 +34,11 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "undecided": (153, 153, 153),
 }
 """One colour per condition, of Okabe and Ito's palette, told apart by the colour-blind too."""
+
+STALE: Final = "stale"
+STALE_COLOUR: Final = (60, 60, 66)
+BLUE: Final = (86, 180, 233)
+PALE_BLUE: Final = (60, 110, 145)
 
 ADVICE: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log, so that the trend over flights can be followed",
@@ -179,6 +188,9 @@ def losses(lost: Losses) -> str:
         (lost.implausible_times, "implausible time", "implausible times"),
         (lost.cut_end_bytes, "byte of a frame cut off at the end", "bytes of a frame cut off at the end"),
         (lost.padded_frames, "frame in doubt", "frames in doubt"),
+        (lost.unsigned_frames, "unsigned frame", "unsigned frames"),
+        (lost.bad_signatures, "frame with a wrong signature", "frames with a wrong signature"),
+        (lost.replayed_frames, "replayed frame", "replayed frames"),
         (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]

@@ -2,105 +2,192 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
 
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
-from mavhums.assessment import Assessment, Verdict
+from mavhums.assessment import Condition
 from mavhums.quantities import QUANTITIES
-from mavhums.show._tracks import ARCHETYPE, TIMELINE, actuator_path
-from mavhums.show._words import name
+from mavhums.show._signals import ARCHETYPE
+from mavhums.show._stream import TIMELINE
 
-__all__ = ["layout"]
+__all__ = ["Lane", "Surroundings", "layout", "panels", "whole_flight"]
 
 _PLOTS: Final = (
     ("angle", ("V1", "V3")),
-    ("current", ("V5",)),
-    ("voltage", ("V4",)),
+    ("supply current", ("V5",)),
+    ("supply voltage", ("V4",)),
     ("power", ("V6", "V9", "V12")),
     ("rotor speed", ("V7",)),
     ("rotor torque", ("V8",)),
-    ("output shaft speed", ("V10",)),
-    ("output shaft torque", ("V11",)),
+    ("output speed", ("V10",)),
+    ("output torque", ("V11",)),
     ("rotor rotation", ("V2",)),
 )
 _COLOURS = ((86, 180, 233), (240, 228, 66), (204, 121, 167))
 _QUANTITIES = {quantity.key: quantity for quantity in QUANTITIES}
+_LIVE_SIGNALS_S, _LIVE_EVIDENCE_S = 30, 120
 
 
-def layout(assessment: Assessment, present: Mapping[str, frozenset[str]]) -> rrb.Blueprint:
+class Lane(NamedTuple):
+    """One actuator, as the layout must know it.
+
+    Attributes
+    ----------
+    root
+        The entity path under which all of it lies.
+    title
+        Its name, with its vehicle where there are several.
+    condition, worst
+        What it is now, and the worst it was.
+    present
+        What there is to draw: the quantities that the log carries, ``friction`` and ``network``.
+    """
+
+    root: str
+    title: str
+    condition: Condition
+    worst: Condition
+    present: frozenset[str]
+
+
+class _Axes(NamedTuple):
+    """The time that plots show; conditions are always shown from the start."""
+
+    signals: rrb.TimeAxis
+    evidence: rrb.TimeAxis
+
+
+class Surroundings(NamedTuple):
+    """What there is beside the actuators.
+
+    Attributes
+    ----------
+    modes
+        Entity paths of flight modes.
+    airframe
+        Entity path of the airframe to be shown; None without a profile.
+    positions
+        Entity paths of positions.
+    """
+
+    modes: tuple[str, ...] = ()
+    airframe: str | None = None
+    positions: tuple[str, ...] = ()
+
+
+def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: bool = False) -> rrb.Blueprint:
     """Return the layout in which a recording opens.
 
     Parameters
     ----------
-    assessment
-        The verdicts, which say what is shown first.
-    present
-        What there is to draw, by the entity path of its actuator: the quantities that the log carries,
-        ``friction`` and ``network``.
+    lanes
+        The actuators, the worst first.
+    around
+        What there is beside them.
+    live
+        Whether the views follow the newest data instead of showing the whole flight.
     """
-    tabs = []
-    for verdict in assessment.ranked():
-        root = actuator_path(verdict.vehicle, verdict.actuator)
-        if present.get(root):
-            tabs.append(_actuator(root, present[root], f"{name(verdict, assessment)}: {_word(verdict)}"))
-    events = rrb.TextLogView(origin="/events", name="Events")
+    axes = (
+        _Axes(_latest(_LIVE_SIGNALS_S), _latest(_LIVE_EVIDENCE_S)) if live else _Axes(*[whole_flight()] * 2)
+    )
+    tabs = [_actuator(lane, axes) for lane in lanes if lane.present]
+    around = around or Surroundings()
+    middle = _vehicle(around)
+    below = rrb.Horizontal(rrb.Tabs(*tabs, active_tab=0), middle, column_shares=[5, 3]) if tabs else middle
+    rows = len(lanes) + len(around.modes)
+    share = min(0.075 + 0.0385 * rows, 0.5)
     conditions = rrb.StateTimelineView(
         origin="/",
-        contents=list(present),
+        contents=[*around.modes, *(lane.root for lane in lanes)],
         name="Condition of every actuator",
-        time_view=_whole_flight(),
+        time_view=whole_flight(),
     )
-    lanes = min(0.06 + 0.04 * len(present), 0.4)
     report = rrb.TextDocumentView(origin="/report", name="Report")
-    left = rrb.Vertical(conditions, rrb.Tabs(*tabs, events, active_tab=0), row_shares=[lanes, 1 - lanes])
     return rrb.Blueprint(
-        rrb.Horizontal(left, report, column_shares=[2, 1]),
-        rrb.TimePanel(timeline=TIMELINE, play_state="paused", state="collapsed"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
+        rrb.Horizontal(
+            rrb.Vertical(conditions, below, row_shares=[share, 1 - share]), report, column_shares=[3, 1]
+        ),
+        *panels(),
         auto_views=False,
         auto_layout=False,
     )
 
 
-def _word(verdict: Verdict) -> str:
-    changed = verdict.worst != verdict.condition
-    return f"{verdict.condition}, was {verdict.worst}" if changed else verdict.worst
+def panels() -> tuple[rrb.BlueprintPart, ...]:
+    """Return the viewer's own panels, out of the way, with the cursor at the end: what it has come to."""
+    return (
+        rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+    )
 
 
-def _actuator(root: str, keys: frozenset[str], tab: str) -> rrb.Container:
+def _vehicle(around: Surroundings) -> rrb.Container:
+    """Return the middle: the airframe as it flies, where it was, and what happened."""
+    columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
+    events = rrb.TextLogView(origin="/events", name="Events: click one to go there", columns=columns)
+    views: list[rrb.View] = []
+    if around.airframe:
+        behind = rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=(-1.75, 0.55, 1.15),
+            look_target=(-0.2, 0, 0),
+            eye_up=(0, 0, 1),
+        )
+        below = rr.components.Plane3D.XY.with_distance(-0.7)
+        ground = rrb.LineGrid3D(visible=True, spacing=0.5, plane=below, color=(90, 94, 104, 160))
+        views.append(
+            rrb.Spatial3DView(
+                origin=around.airframe,
+                name="Airframe, seen from behind",
+                eye_controls=behind,
+                background=(24, 26, 32),
+                line_grid=ground,
+            )
+        )
+    if around.positions:
+        contents = [f"{path}/**" for path in around.positions]
+        views.append(rrb.MapView(origin="/", contents=contents, name="Where it was"))
+    shares = [*([3] if around.airframe else []), *([2] if around.positions else []), 2]
+    return rrb.Vertical(*views, events, row_shares=shares)
+
+
+def _tab(lane: Lane) -> str:
+    changed = lane.worst != lane.condition
+    return f"{lane.title}: {lane.condition}" + (f", was {lane.worst}" if changed else "")
+
+
+def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
+    root, keys = lane.root, lane.present
     answer = []
     if "friction" in keys:
-        answer.append(_plot("Friction, N·m, against its limits", [f"{root}/friction", f"{root}/limits"]))
+        contents = [f"{root}/friction", f"{root}/limits"]
+        answer.append(_plot("Friction, N·m, against its limits", contents, axes.evidence))
     if "network" in keys:
-        title = "Network: probability of emergency"
-        answer.append(_plot(title, [f"{root}/network"], legend=False, span=(-0.05, 1.05)))
+        title = "Network: P(emergency)"
+        answer.append(_plot(title, [f"{root}/network"], axes.evidence, legend=False, span=(-0.05, 1.05)))
     groups = [(subject, [key for key in members if key in keys]) for subject, members in _PLOTS]
-    signals = [_signals(root, subject, found) for subject, found in groups if found]
+    signals = [_signals(root, subject, found, axes.signals) for subject, found in groups if found]
     rows: list[rrb.Container] = []
     if answer:
         rows.append(rrb.Horizontal(*answer, column_shares=[2, 1][: len(answer)]))
     if signals:
         rows.append(rrb.Grid(*signals, grid_columns=min(3, len(signals))))
-    return rrb.Vertical(*rows, row_shares=[1, 2] if len(rows) == 2 else None, name=tab)
+    return rrb.Vertical(*rows, row_shares=[1, 2] if len(rows) == 2 else None, name=_tab(lane))
 
 
-def _signals(root: str, subject: str, keys: list[str]) -> rrb.TimeSeriesView:
+def _signals(root: str, subject: str, keys: list[str], axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
     path = f"{root}/quantities"
     lines = [
         rr.SeriesLines(names=_short(key), colors=colour, widths=1.0).visualizer(mappings=[_source(key)])
         for key, colour in zip(keys, _COLOURS, strict=False)
     ]
-    first = _QUANTITIES[keys[0]]
-    if len(keys) == 1:
-        title = f"{first.key} {first.name}, {first.unit}"
-    else:
-        title = f"{', '.join(_short(key) for key in keys)} {subject}, {first.unit}"
-    return _plot(title, [path], legend=len(keys) > 1, overrides={path: lines})
+    title = f"{', '.join(keys)} {subject}, {_QUANTITIES[keys[0]].unit}"
+    return _plot(title, [path], axis, legend=len(keys) > 1, overrides={path: lines})
 
 
 def _short(key: str) -> str:
@@ -119,6 +206,7 @@ def _source(key: str) -> VisualizerComponentMapping:
 def _plot(
     title: str,
     contents: list[str],
+    axis: rrb.TimeAxis,
     *,
     legend: bool = True,
     span: tuple[float, float] | None = None,
@@ -128,14 +216,21 @@ def _plot(
         origin="/",
         contents=contents,
         name=title,
-        axis_x=_whole_flight(),
+        axis_x=axis,
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
         overrides=overrides,
     )
 
 
-def _whole_flight() -> rrb.TimeAxis:
+def whole_flight() -> rrb.TimeAxis:
     """Return an axis of its own for each plot: linked ones would open on 30 s around the cursor."""
     everything = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
     return rrb.TimeAxis(view_range=everything)
+
+
+def _latest(seconds: int) -> rrb.TimeAxis:
+    """Return an axis that ends at the cursor, which follows the flight."""
+    start = rr.TimeRangeBoundary.cursor_relative(seconds=-seconds)
+    end = rr.TimeRangeBoundary.cursor_relative(seconds=0)
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))

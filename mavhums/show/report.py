@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Final
 
-from mavhums.assessment import Assessment, Verdict
+from mavhums.assessment import NOTICE, Assessment, Interval, Verdict
 from mavhums.quantities import QUANTITIES
 from mavhums.show._words import (
     advice,
@@ -21,8 +22,9 @@ from mavhums.show._words import (
     undecided,
 )
 
-__all__ = ["markdown"]
+__all__ = ["markdown", "so_far"]
 
+_HEAD: Final = ("| actuator | condition | friction, N·m | network | since |", "|---|---|---|---|---|")
 _ACTIVE = re.compile(r"([\\`*\[\]<|])")
 
 
@@ -52,17 +54,41 @@ def markdown(assessment: Assessment) -> str:
     return "\n\n".join(sections) + "\n"
 
 
+def so_far(actuators: Iterable[tuple[str, str, Interval | None, float | None, float | None]]) -> str:
+    """Return the report of a flight that is still going on.
+
+    Parameters
+    ----------
+    actuators
+        The worst first: name, condition, friction, the network's vote, and since when it is so.
+    """
+    lines = ["# Now", f"*{NOTICE}*\n", *_HEAD]
+    for title, condition, torque, vote, since_s in actuators:
+        word = condition if condition == "normal" else f"**{condition}**"
+        lines.append(_row(title, word, torque, vote, since_s))
+    lines.append("\nWhat to do about it, and why, is in the report at the end of the flight.")
+    return "\n".join(lines) + "\n"
+
+
+def _row(
+    title: str, condition: str, torque: Interval | None, vote: float | None, since_s: float | None
+) -> str:
+    cells = (
+        _literal(title),
+        condition,
+        friction(torque) if torque else "—",
+        percent(vote) if vote is not None else "—",
+        clock(since_s) if since_s is not None else "—",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
 def _table(assessment: Assessment) -> str:
-    lines = ["| actuator | condition | friction, N·m | network | since |", "|---|---|---|---|---|"]
+    lines = list(_HEAD)
     for verdict in assessment.ranked():
-        cells = (
-            _literal(name(verdict, assessment)),
-            _condition(verdict),
-            friction(verdict.friction_nm) if verdict.friction_nm else "—",
-            percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
-            clock(verdict.since.flight_time_s) if verdict.since else "—",
-        )
-        lines.append(f"| {' | '.join(cells)} |")
+        since_s = verdict.since.flight_time_s if verdict.since else None
+        title, torque = name(verdict, assessment), verdict.friction_nm
+        lines.append(_row(title, _condition(verdict), torque, verdict.p_emergency, since_s))
     return "\n".join(lines)
 
 

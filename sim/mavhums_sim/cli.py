@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,7 +58,7 @@ def flight(output: Path, **options: Any) -> None:
 
 
 @cli.command()
-@click.argument("url")
+@click.argument("urls", nargs=-1, required=True, metavar="URL...")
 @click.option(
     "--speed",
     default=1.0,
@@ -67,8 +67,8 @@ def flight(output: Path, **options: Any) -> None:
     help="Flight seconds per second.",
 )
 @with_flight_options
-def stream(url: str, speed: float, **options: Any) -> None:
-    """Fly live: send the messages to URL when they are due.
+def stream(urls: tuple[str, ...], speed: float, **options: Any) -> None:
+    """Fly live: send the messages to each URL when they are due.
 
     \b
     URL: udpout:HOST:PORT, udpbcast:…, tcp:… or tcpin:…
@@ -82,11 +82,13 @@ def stream(url: str, speed: float, **options: Any) -> None:
 
     record = fly(planned.flight)
     try:
-        with connect(url) as write:
-            counts = send(transmit(messages(record), planned.link, planned.flight.seed), write, speed)
+        with ExitStack() as exits:
+            writers = [exits.enter_context(connect(url)) for url in urls]
+            frames = transmit(messages(record), planned.link, planned.flight.seed)
+            counts = send(frames, lambda data: [write(data) for write in writers], speed)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
-    click.echo(f"{url}: {sum(counts.values()):,} messages")
+    click.echo(f"{', '.join(urls)}: {sum(counts.values()):,} messages")
     for name, count in sorted(counts.items()):
         click.echo(f"  {name} {count:,}")
 

@@ -61,3 +61,16 @@ def test_one_damaged_time_stamp_starts_no_segment() -> None:
     clock = SenderClock()
     assert clock.to_utc_us(sent, received).tolist() == [10**9, 10**9 + 10_000, 10**9 + 20_000, 10**9 + 30_000]
     assert clock.segments == 1
+
+
+def test_a_clock_set_ahead_does_not_stand_before_what_follows() -> None:
+    sent = np.arange(10) * 100_000
+    sent[5:] += 3_600_000_000
+    received = np.arange(10) * 100_000 + 7_000_000
+    for size in (1, 4, 10):
+        clock = SenderClock()
+        utc = np.concatenate(
+            [clock.to_utc_us(sent[k : k + size], received[k : k + size]) for k in range(0, 10, size)]
+        )
+        assert np.array_equal(utc, received)
+        assert clock.segments == 2

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mavhums.assessment import Indicator
 from mavhums.events import ConditionChanged, Event, Indication, Window
+from mavhums.health import Monitor
 from mavhums.health.baseline import Baseline
 from mavhums.learn import default_model
 from mavhums_sim import Flight, fly
@@ -233,3 +234,19 @@ def test_an_emergency_is_more_than_a_drift(own: dict[str, Baseline]) -> None:
     _, findings = watch(bad, baselines=own)
     assert findings.condition == "emergency"
     assert {"friction", "friction_drift"} <= {e.kind for e in findings.evidence}
+
+
+def test_a_condition_that_flaps_for_hours_fills_no_memory() -> None:
+    """Worn and sound by turns of 25 s: the first and the latest stays are told."""
+    turns = [data_sheet(friction, seconds=25.0, rate_hz=20.0) for friction in (0.225, 1.0)]
+    monitor = Monitor(1, actuator_of())
+    changes = 0
+    for k in range(130):
+        turn = turns[k % 2]
+        events = monitor.feed(turn.time_s + 25.0 * k, turn.values)
+        changes += sum(isinstance(event, ConditionChanged) for event in events)
+    stays = [evidence for evidence in monitor.findings().evidence if evidence.kind == "friction"]
+    assert changes > 120
+    assert len(stays) == 100
+    assert stays[0].start_s == 0.0
+    assert stays[-1].end_s > 25.0 * 129

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def cut(times: Array, bounds: list[int], slot_s: float = 1.0) -> tuple[list[Slots], SlotCutter]:
-    cutter = SlotCutter(slot_s)
+    cutter = SlotCutter(slot_s, lateness_s=0.25)
     values = np.repeat(times[:, None], COLUMNS, axis=1)
     ends = [min(bound, len(times)) for bound in bounds]
     found = [cutter.feed(times[a:b], values[a:b]) for a, b in zip([0, *ends], [*ends, None], strict=True)]

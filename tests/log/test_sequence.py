@@ -95,3 +95,15 @@ def test_senders_do_not_disturb_each_other() -> None:
     assert len(ledger.counts) == 200
     assert set(ledger.counts.values()) == {100}
     assert (ledger.first_time_us, ledger.last_time_us) == (0, rows.size - 1)
+
+
+def test_any_number_of_unknown_ids_fills_no_memory() -> None:
+    rows = np.zeros(5000, dtype=ROW)
+    rows["message"], rows["id"] = -1, np.arange(5000) + 60_000
+    ledger = Ledger(load_dialect())
+    for part in np.split(rows, 10):
+        ledger.add(part)
+        ledger.add(part)
+    assert len(ledger.unknown) == 1001
+    assert ledger.unknown[60_000] == 2
+    assert sum(ledger.unknown.values()) == 10_000

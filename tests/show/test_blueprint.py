@@ -11,9 +11,11 @@ from mavhums.quantities import KEYS
 pytest.importorskip("rerun", reason="layouts need the extra 'viewer'")
 
 from mavhums.show import layout
+from mavhums.show.blueprint import Lane, Surroundings
 
 New = Callable[..., Verdict]
 Assess = Callable[..., Assessment]
+EVENTS = "Events: click one to go there"
 ALL = frozenset({*KEYS, "friction", "network"})
 
 
@@ -25,9 +27,15 @@ def names(part: Any) -> Iterator[str]:
             yield from names(child)
 
 
+def lane(verdict: Verdict, present: frozenset[str]) -> Lane:
+    root = f"/vehicle_1/{verdict.actuator}"
+    return Lane(root, verdict.actuator, verdict.condition, verdict.worst, present)
+
+
 def tree(assessment: Assessment, **present: frozenset[str]) -> list[str]:
-    paths = {f"/vehicle_1/{actuator}": keys for actuator, keys in present.items()}
-    return list(names(layout(assessment, paths).root_container))
+    ranked = [verdict for verdict in assessment.ranked() if verdict.actuator in present]
+    lanes = [lane(verdict, present[verdict.actuator]) for verdict in ranked]
+    return list(names(layout(lanes).root_container))
 
 
 def test_the_answer_comes_first_then_the_worst_actuator(assessment: Assessment) -> None:
@@ -36,9 +44,9 @@ def test_the_answer_comes_first_then_the_worst_actuator(assessment: Assessment) 
         "Condition of every actuator",
         "elevator: emergency",
         "Friction, N·m, against its limits",
-        "Network: probability of emergency",
+        "Network: P(emergency)",
     ]
-    assert found.index("rudder: undecided") < found.index("aileron_left: normal") < found.index("Events")
+    assert found.index("rudder: undecided") < found.index("aileron_left: normal") < found.index(EVENTS)
     assert found[-1] == "Report"
 
 
@@ -46,17 +54,17 @@ def test_all_twelve_quantities_are_named_with_their_units(assessment: Assessment
     titles = [name for name in tree(assessment, elevator=ALL) if name.startswith("V")]
     shown = " ".join(titles).replace(",", "").split()
     assert sorted(key for key in KEYS if key in shown) == sorted(KEYS)
-    assert "V1 input, V3 output angle, °" in titles
-    assert "V6 supply, V9 rotor, V12 output power, W" in titles
+    assert "V1, V3 angle, °" in titles
+    assert "V6, V9, V12 power, W" in titles
     assert "V5 supply current, A" in titles
 
 
 def test_what_is_absent_gets_no_plot(assessment: Assessment) -> None:
     found = tree(assessment, elevator=frozenset({"V3", "friction"}), rudder=frozenset())
-    assert "V3 output shaft angle, °" in found
+    assert "V3 angle, °" in found
     assert not [name for name in found if name.startswith("Network") or name.startswith("rudder")]
     only = tree(assessment, elevator=frozenset({"network"}))
-    assert only[1:4] == ["elevator: emergency", "Network: probability of emergency", "Events"]
+    assert only[1:] == ["elevator: emergency", "Network: P(emergency)", EVENTS, "Report"]
 
 
 def test_a_tab_says_what_was_worse(new_verdict: New, new_assessment: Assess) -> None:
@@ -64,7 +72,16 @@ def test_a_tab_says_what_was_worse(new_verdict: New, new_assessment: Assess) -> 
     assert "elevator: normal, was emergency" in tree(new_assessment(verdict), elevator=ALL)
 
 
-def test_many_actuators_leave_room_below(assessment: Assessment) -> None:
-    paths = {f"/vehicle_1/servo_{number}": ALL for number in range(32)}
-    left: Any = next(iter(layout(assessment, paths).root_container.contents))
-    assert left.row_shares[0] == pytest.approx(0.4)
+def test_many_actuators_leave_room_below() -> None:
+    lanes = [Lane(f"/vehicle_1/servo_{k}", f"servo_{k}", "normal", "normal", ALL) for k in range(32)]
+    left: Any = next(iter(layout(lanes).root_container.contents))
+    assert left.row_shares[0] == pytest.approx(0.5)
+
+
+def test_beside_the_actuators_stand_modes_airframe_and_map() -> None:
+    one = Lane("/vehicle_1/elevator", "elevator", "normal", "normal", ALL)
+    around = Surroundings(("/flight_mode/vehicle_1",), "/airframe/vehicle_1", ("/position/vehicle_1",))
+    found = list(names(layout([one], around).root_container))
+    assert found[-4:] == ["Airframe, seen from behind", "Where it was", EVENTS, "Report"]
+    bare = list(names(layout([one]).root_container))
+    assert not {"Airframe, seen from behind", "Where it was"} & set(bare)

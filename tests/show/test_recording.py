@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import builtins
 import math
 import subprocess
 import sys
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Limits, load_airframe
 from mavhums.assessment import NOTICE, Assessment, Interval, Verdict
-from mavhums.errors import MavhumsError, MissingExtraError
+from mavhums.errors import MavhumsError
 from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.quantities import KEYS
 from mavhums.show import Recorder, markdown
@@ -93,12 +92,12 @@ def test_every_sample_is_there_to_the_last_bit(actuator: str, recording: Path, f
         np.testing.assert_allclose(time[: expected.time_s.size], expected.time_s, atol=1e-9)
 
 
-def test_friction_has_its_interval_and_gaps_where_nothing_was_estimated(
+def test_friction_lies_at_the_middle_of_its_window_with_gaps_where_nothing_was_estimated(
     recording: Path, flight: Flight
 ) -> None:
     time, found = scalars(recording, "/vehicle_1/aileron_right/friction")
     windows = [flight.window("aileron_right", end) for end in range(10, 101)]
-    np.testing.assert_array_equal(time, [window.end_s for window in windows])
+    np.testing.assert_array_equal(time, [window.end_s - 5.0 for window in windows])
     for row, window in zip(found, windows, strict=True):
         if (interval := window.friction_nm) is None:
             assert np.isnan(row).all()
@@ -128,8 +127,8 @@ def test_conditions_change_where_they_did_and_not_where_it_was_certain(
     still, undecided = rows(recording, "/vehicle_1/rudder", "StateChange:state")
     assert (still.tolist(), undecided) == ([0.0], [["undecided"]])
     style = static(recording, "/vehicle_1/elevator")
-    assert style["StateConfiguration:values"] == ["normal", "degraded", "emergency", "undecided"]
-    assert len(set(style["StateConfiguration:colors"])) == 4
+    assert style["StateConfiguration:values"] == ["normal", "degraded", "emergency", "undecided", "stale"]
+    assert len(set(style["StateConfiguration:colors"])) == 5
 
 
 def test_what_happened_is_told(recording: Path) -> None:
@@ -137,7 +136,7 @@ def test_what_happened_is_told(recording: Path) -> None:
     _, levels = rows(recording, "/events", "TextLog:level")
     lines = [text for (text,) in texts]
     assert lines[:2] == ["vehicle 1: ArduPlane V4.6.0", "judged by the airframe profile paper"]
-    assert lines[-1].startswith("elevator (vehicle 1): degraded → emergency since ")
+    assert lines[-1].startswith("elevator: degraded → emergency since ")
     assert levels[-1] == ["ERROR"]
     assert ["WARN"] in levels
 
@@ -191,7 +190,9 @@ def test_what_falls_silent_leaves_a_gap_and_not_a_straight_line(
     window = Window(1, "elevator", 0.0, 10.0, 0.5, None, 0.5, "normal")
     path = write(tmp_path / "gap.rrd", [*blocks, window], new_assessment())
     time, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
-    assert (time[0], time[-1]) == (100.0, pytest.approx(340.95))
+    given = time[np.isfinite(found[:, 0])]
+    assert (given[0], given[-1]) == (100.0, pytest.approx(340.95))
+    assert np.isnan(found[np.searchsorted(time, 140.951)]).all()
     assert np.isnan(found[(time >= 200) & (time < 300)]).all()
     assert "/vehicle_1/elevator/network" in entities(path)
     assert "/vehicle_1/elevator/friction" not in entities(path)
@@ -310,7 +311,7 @@ def test_an_error_while_closing_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mavhums.show.blueprint.layout", interrupted)
+    monkeypatch.setattr("mavhums.show._scene.layout", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write(tmp_path / "flight.rrd", [], assessment)
     assert not list(tmp_path.iterdir())
@@ -377,14 +378,17 @@ except MavhumsError as error:
     assert not list(tmp_path.iterdir())
 
 
-def test_without_rerun_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    load = builtins.__import__
-
-    def without_rerun(name: str, *rest: Any) -> Any:
-        if name == "rerun":
-            raise ImportError(name)
-        return load(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", without_rerun)
-    with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[viewer\]'"):
-        Recorder(tmp_path / "flight.rrd", recording_id="flight")
+@pytest.mark.parametrize("maker", ["Recorder('flight.rrd'", "LiveViewer('serve'"])
+def test_without_rerun_the_error_names_the_extra(maker: str) -> None:
+    code = f"""
+import sys
+sys.modules["rerun"] = None
+from mavhums.errors import MissingExtraError
+from mavhums.show import LiveViewer, Recorder
+try:
+    {maker}, recording_id="flight")
+except MissingExtraError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "pip install 'mavhums[viewer]'" in done.stdout

@@ -1,0 +1,81 @@
+"""Where a link is: the addresses that ``mavhums live`` takes."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from mavhums.errors import MavhumsError
+
+__all__ = ["FORMS", "Address", "AddressError"]
+
+FORMS = "udpin:[HOST:]PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD]"
+_LOOPBACK = "127.0.0.1"
+_NETWORK = re.compile(r"(udpin|udpout|tcp):(?:(\[[^\]]+\]|[^:\[\]]*):)?(\d{1,5})")
+_SERIAL = re.compile(r"(?:serial:)?((?:/dev/|COM\d)[^:,]*)(?:[:,](\d+))?")
+_BAUD = 57_600
+
+
+class AddressError(MavhumsError):
+    """Nothing can be reached or bound at the address."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """One end of a link.
+
+    Attributes
+    ----------
+    kind
+        ``udpin`` binds a port, ``udpout`` and ``tcp`` go to one, ``serial`` opens a device.
+    host
+        Host name or address; of ``serial`` the device.
+    port
+        Port number; of ``serial`` the baud rate.
+    """
+
+    kind: Literal["udpin", "udpout", "tcp", "serial"]
+    host: str
+    port: int
+
+    @classmethod
+    def parse(cls, url: str) -> Address:
+        """Return the address that a URL means; a port to bind is on the loopback unless a host is named.
+
+        Raises
+        ------
+        AddressError
+            If the URL has none of the forms.
+
+        Examples
+        --------
+        >>> Address.parse("udpin:14550")
+        Address(kind='udpin', host='127.0.0.1', port=14550)
+        >>> str(Address.parse("/dev/ttyUSB0"))
+        'serial:/dev/ttyUSB0:57600'
+        """
+        if serial := _SERIAL.fullmatch(url):
+            return cls("serial", serial[1], int(serial[2] or _BAUD))
+        if network := _NETWORK.fullmatch(url):
+            kind, host, port = network[1], (network[2] or "").strip("[]"), int(network[3])
+            if kind == "udpin" and port <= 65_535:
+                return cls("udpin", host or _LOOPBACK, port)
+            if host and 0 < port <= 65_535:
+                return cls("tcp" if kind == "tcp" else "udpout", host, port)
+        raise AddressError(f"{url!r} is no address of a link", f"it must be {FORMS}")
+
+    @property
+    def exposed(self) -> bool:
+        """Whether it binds a port that other machines may reach."""
+        if self.kind != "udpin":
+            return False
+        try:
+            return not ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host != "localhost"
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.kind}:{host}:{self.port}"

@@ -1,0 +1,167 @@
+"""Alerts to the ground station: what an onboard component may say, and never a command.
+
+A HEARTBEAT each second, one STATUSTEXT per fault episode, and the health of each actuator as
+NAMED_VALUE_FLOAT each second. An episode is an unbroken stay in one condition.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
+from typing import Any, Final
+
+from mavhums.assessment import Condition
+from mavhums.events import ConditionChanged, Event
+from mavhums.live.objects import ActuatorStatus, AlertObject
+from mavhums.live.watch import utc
+from mavhums.log.signing import signing_ticks
+
+__all__ = ["COMPONENT", "Alerts", "health_name", "text_of"]
+
+COMPONENT = 194
+"""MAV_COMP_ID_ONBOARD_COMPUTER4: the least used of the numbers for onboard computers."""
+
+TEXT_LENGTH = 50
+_NAME_LENGTH = 10
+_REPEAT_US = 30_000_000
+_ONBOARD_CONTROLLER, _NO_AUTOPILOT, _ACTIVE = 18, 8, 4  # MAV_TYPE, MAV_AUTOPILOT, MAV_STATE
+_SEVERITY: Final[dict[Condition, int]] = {"emergency": 2, "degraded": 4}  # MAV_SEVERITY
+_ACTIONS: Final[dict[Condition, tuple[str, ...]]] = {
+    "emergency": ("land as soon as possible", "land now"),
+    "degraded": ("inspect after landing", "inspect"),
+}
+_HEALTH: Final[dict[Condition, float]] = {"normal": 1.0, "degraded": 0.5, "emergency": 0.0}
+
+
+def text_of(actuator: str, condition: Condition, fault: str) -> str:
+    """Return actuator, finding and action in at most fifty characters of ASCII.
+
+    Examples
+    --------
+    >>> text_of("elevator", "emergency", "friction")
+    'elevator EMERGENCY: friction, land now'
+    >>> text_of("rudder", "degraded", "backlash")
+    'rudder DEGRADED: backlash, inspect after landing'
+    """
+    name = actuator.encode("ascii", "replace").decode()
+    finding = fault.replace("_", " ").encode("ascii", "replace").decode()
+    for action in _ACTIONS[condition]:
+        text = f"{name} {condition.upper()}: {finding}, {action}"
+        if len(text) <= TEXT_LENGTH:
+            return text
+    rest = f" {condition.upper()}: , {_ACTIONS[condition][-1]}"
+    finding = finding[: max(TEXT_LENGTH - len(rest) - len(name), 8)]
+    return f"{name[: TEXT_LENGTH - len(rest) - len(finding)]}{rest.replace(': ', f': {finding}', 1)}"
+
+
+def health_name(number: int, actuator: str) -> str:
+    """Return the ten characters that name an actuator's health; ``number`` keeps them apart.
+
+    Examples
+    --------
+    >>> health_name(2, "aileron_right")
+    'H2aileron_'
+    """
+    return f"H{number}{actuator.encode('ascii', 'replace').decode()}"[:_NAME_LENGTH]
+
+
+class Alerts:
+    """Speaks on behalf of each vehicle that is judged, with its system id and a component id of its own.
+
+    Parameters
+    ----------
+    send
+        Takes a frame to where it is heard.
+    component
+        Component id.
+    key
+        With which to sign; None sends unsigned.
+    newest_ticks
+        Returns the time stamp of the newest signed frame that was accepted.
+    start_us
+        When the session began, microseconds of UTC.
+    unknown
+        System id to speak with while no vehicle is known; None stays silent until then.
+    """
+
+    def __init__(
+        self,
+        send: Callable[[bytes], None],
+        *,
+        component: int = COMPONENT,
+        key: bytes | None = None,
+        newest_ticks: Callable[[], int] = lambda: 0,
+        start_us: int = 0,
+        unknown: int | None = None,
+    ) -> None:
+        self.mavlink2 = True
+        self._send = send
+        self._component, self._key, self._newest_ticks = component, key, newest_ticks
+        self._start_us, self._unknown = start_us, unknown
+        self._voices: dict[tuple[int, bool], Any] = {}
+        self._ticks = 0
+        self._held: dict[tuple[int, str], tuple[Condition, str]] = {}
+        self._told: dict[tuple[int, str, Condition], int] = {}
+
+    def take(
+        self, events: Iterable[Event], faults: Mapping[tuple[int, str], str], now_us: int
+    ) -> list[AlertObject]:
+        """Announce the episodes that begin; return what was announced.
+
+        ``faults`` names what each actuator is suspected of.
+        """
+        for event in events:
+            if isinstance(event, ConditionChanged):
+                key = (event.vehicle, event.actuator)
+                self._held.pop(key, None)
+                if event.after in _SEVERITY:
+                    self._held[key] = (event.after, faults.get(key, "friction"))
+        return list(self._announce(now_us))
+
+    def tick(self, actuators: Sequence[ActuatorStatus], now_us: int) -> list[AlertObject]:
+        """Say that we are there, and how each actuator is; NaN where that is not known."""
+        vehicles = sorted({status.vehicle for status in actuators if status.vehicle})
+        if not vehicles and self._unknown is not None:
+            self.heartbeat(self._unknown, now_us)
+        for vehicle in vehicles:
+            self.heartbeat(vehicle, now_us)
+            ours = [status for status in actuators if status.vehicle == vehicle]
+            for number, status in enumerate(ours, start=1):
+                value = _HEALTH.get(status.condition, math.nan)
+                boot_ms = (now_us - self._start_us) // 1000 % 2**32
+                name = health_name(number, status.actuator).encode()
+                self._say(vehicle, "named_value_float", now_us, boot_ms, name, value)
+        return list(self._announce(now_us))
+
+    def heartbeat(self, vehicle: int, now_us: int) -> None:
+        """Send a HEARTBEAT as an onboard controller."""
+        self._say(vehicle, "heartbeat", now_us, _ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE)
+
+    def _announce(self, now_us: int) -> Iterator[AlertObject]:
+        """Announce what is held and was not yet told; the same again at the earliest after half a minute."""
+        for (vehicle, actuator), (condition, fault) in list(self._held.items()):
+            told_us = self._told.get((vehicle, actuator, condition))
+            if told_us is not None and now_us - told_us < _REPEAT_US:
+                continue
+            del self._held[vehicle, actuator]
+            self._told[vehicle, actuator, condition] = now_us
+            text = text_of(actuator, condition, fault)
+            self._say(vehicle, "statustext", now_us, _SEVERITY[condition], text.encode())
+            yield AlertObject(utc=utc(now_us), vehicle=vehicle, severity=_SEVERITY[condition], text=text)
+
+    def _say(self, vehicle: int, message: str, now_us: int, *fields: Any) -> None:
+        mavlink2 = self.mavlink2 or self._key is not None
+        voice = self._voices.get((vehicle, mavlink2))
+        if voice is None:
+            dialect = import_module(f"pymavlink.dialects.{'v20' if mavlink2 else 'v10'}.common")
+            voice = self._voices[vehicle, mavlink2] = dialect.MAVLink(None, vehicle, self._component)
+            if self._key is not None:
+                voice.signing.secret_key = self._key
+                voice.signing.sign_outgoing = True
+                voice.signing.link_id = self._component
+        if self._key is not None:
+            self._ticks = max(self._ticks + 1, self._newest_ticks() + 1, signing_ticks(now_us))
+            voice.signing.timestamp = self._ticks
+        self._send(bytes(getattr(voice, f"{message}_encode")(*fields).pack(voice)))
+        voice.seq = (voice.seq + 1) % 256

@@ -1,0 +1,149 @@
+"""A session as JSON, one object a line, or as a line per finding where nobody watches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from mavhums import __version__
+from mavhums.assessment import NOTICE, Assessment
+from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Window
+from mavhums.live.objects import (
+    AirframeObject,
+    AlertObject,
+    ConditionObject,
+    EndObject,
+    LiveObject,
+    NoticeObject,
+    StaleObject,
+    StartObject,
+    StatusObject,
+    WindowObject,
+)
+from mavhums.live.watch import Watch, utc
+
+__all__ = ["JsonLines", "PlainLines"]
+
+Faults = dict[tuple[int, str], str]
+
+
+class JsonLines:
+    """Writes each event as an object of ``mavhums/schema/live-1.json``.
+
+    Parameters
+    ----------
+    write
+        Takes a line, and must flush it.
+    now_us
+        The present time, microseconds of UTC.
+    watch
+        Of the session; asked for the account at its end.
+    """
+
+    def __init__(self, write: Callable[[str], object], now_us: Callable[[], int], watch: Watch) -> None:
+        self._write, self._now_us, self._watch = write, now_us, watch
+
+    def start(self, links: Sequence[str], *, airframe: str | None, signed_only: bool) -> None:
+        """Say what the session is."""
+        record = self._watch.record()
+        self._put(
+            StartObject(
+                utc=utc(self._now_us()),
+                notice=NOTICE,
+                version=__version__,
+                links=tuple(links),
+                airframe=airframe,
+                record=record.path if record else None,
+                signed_only=signed_only,
+            )
+        )
+
+    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+        """Write events, but for samples."""
+        now = utc(self._now_us())
+        for event in events:
+            told = _object(event, faults, now)
+            if told is not None:
+                self._put(told)
+
+    def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
+        """Write the state."""
+        for change in stale:
+            self._put(change)
+        self._put(status)
+
+    def announce(self, alerts: Sequence[AlertObject]) -> None:
+        """Write what was said to the ground station."""
+        for alert in alerts:
+            self._put(alert)
+
+    def close(self, assessment: Assessment) -> None:
+        """Write the verdicts."""
+        now_us = self._now_us()
+        link, record = self._watch.link(assessment, now_us), self._watch.record()
+        self._put(EndObject(utc=utc(now_us), link=link, record=record, assessment=assessment))
+
+    def _put(self, told: LiveObject) -> None:
+        self._write(told.model_dump_json(by_alias=True))
+
+
+class PlainLines:
+    """Writes a line when a condition changes or an actuator falls silent."""
+
+    def __init__(self, write: Callable[[str], object]) -> None:
+        self._write = write
+
+    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+        """Write changes of condition."""
+        for event in events:
+            if isinstance(event, ConditionChanged):
+                fault = faults.get((event.vehicle, event.actuator))
+                why = f" ({fault})" if fault else ""
+                self._write(
+                    f"{event.time_s:8.1f} s  vehicle {event.vehicle}, {event.actuator}: "
+                    f"{event.before} → {event.after}{why}, since {event.since_s:.1f} s"
+                )
+
+    def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
+        """Write what fell silent or came back."""
+        for change in stale:
+            state = f"stale, silent for {change.age_s:.1f} s" if change.stale else "heard again"
+            self._write(f"{status.uptime_s:8.1f} s  vehicle {change.vehicle}, {change.actuator}: {state}")
+
+    def announce(self, alerts: Sequence[AlertObject]) -> None:
+        """Write nothing: the change was written."""
+
+    def close(self, assessment: Assessment) -> None:
+        """Write nothing: the verdicts are printed at the end."""
+
+
+def _object(event: Event, faults: Faults, now: str) -> LiveObject | None:
+    if isinstance(event, Window):
+        return WindowObject(
+            utc=now,
+            vehicle=event.vehicle,
+            actuator=event.actuator,
+            start_s=event.start_s,
+            end_s=event.end_s,
+            moving_fraction=round(event.moving_fraction, 4),
+            friction_nm=event.friction_nm,
+            p_emergency=event.p_emergency,
+            condition=event.condition,
+        )
+    if isinstance(event, ConditionChanged):
+        return ConditionObject(
+            utc=now,
+            vehicle=event.vehicle,
+            actuator=event.actuator,
+            time_s=event.time_s,
+            since_s=event.since_s,
+            before=event.before,
+            after=event.after,
+            fault=faults.get((event.vehicle, event.actuator)),
+            rule=event.rule,
+        )
+    if isinstance(event, AirframeNamed):
+        name = event.airframe.name
+        return AirframeObject(utc=now, time_s=event.time_s, vehicle=event.vehicle, airframe=name)
+    if isinstance(event, Notice):
+        return NoticeObject(utc=now, time_s=event.time_s, vehicle=event.vehicle, text=event.text)
+    return None

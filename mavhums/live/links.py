@@ -1,0 +1,236 @@
+"""Links over UDP and TCP: pieces in, each with the time at which the kernel received it."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import socket
+import struct
+import sys
+from collections.abc import Hashable, Iterable
+from typing import Protocol
+
+from mavhums.live.address import Address, AddressError
+from mavhums.live.clock import ReceiveClock
+from mavhums.log.stamping import Piece
+
+__all__ = ["Link", "TcpLink", "UdpLink", "open_link"]
+
+_LOG = logging.getLogger(__name__)
+_BUFFER = 8 << 20
+_AT_ONCE = 4096
+_RETRY_US = 1_000_000
+# Of Linux; the socket module does not name them all.
+_SO_TIMESTAMPNS, _SO_RXQ_OVFL, _SO_RCVBUFFORCE = 35, 40, 33
+_TIMESPEC, _COUNT = struct.Struct("@ll"), struct.Struct("@I")
+_ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_COUNT.size)
+
+
+class Link(Protocol):
+    """One way to hear vehicles, and to answer.
+
+    Attributes
+    ----------
+    address
+        Where it is.
+    dropped
+        Datagrams that the kernel dropped because nobody fetched them in time.
+    stamped
+        Whether the kernel tells when each piece was received.
+    """
+
+    address: Address
+    dropped: int
+    stamped: bool
+
+    def fileno(self) -> int:
+        """Return what ``select`` waits on; -1 while there is nothing to wait on."""
+        ...
+
+    def receive(self) -> list[Piece]:
+        """Return what has arrived, without waiting."""
+        ...
+
+    def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
+        """Send a frame to those of ``heard`` that are on this link; what cannot be sent is dropped."""
+        ...
+
+    def close(self) -> None:
+        """Close it."""
+        ...
+
+
+def open_link(address: Address, clock: ReceiveClock) -> Link:
+    """Return the link to an address.
+
+    Raises
+    ------
+    AddressError
+        If the host is unknown, the port is taken or the device cannot be opened.
+    MissingExtraError
+        If a serial device needs a package that is not installed.
+    """
+    if address.kind == "serial":
+        from mavhums.live.serial import SerialLink
+
+        return SerialLink(address, clock)
+    return TcpLink(address, clock) if address.kind == "tcp" else UdpLink(address, clock)
+
+
+class UdpLink:
+    """A UDP port of ours (``udpin``), or the way to one of a peer (``udpout``)."""
+
+    def __init__(self, address: Address, clock: ReceiveClock) -> None:
+        family, target = _resolve(address, socket.SOCK_DGRAM)
+        self.dropped = self._latest_us = 0
+        self._clock = clock
+        self._listens = address.kind == "udpin"
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self.stamped = _enlarge(self._socket)
+        try:
+            (self._socket.bind if self._listens else self._socket.connect)(target)
+        except OSError as error:
+            self._socket.close()
+            remedy = "end the program that holds the port, or choose another" if self._listens else ""
+            raise AddressError(f"{address}: {error.strerror}", remedy) from error
+        port = self._socket.getsockname()[1] if self._listens else address.port
+        self.address = Address(address.kind, address.host, port)
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor."""
+        return self._socket.fileno()
+
+    def receive(self) -> list[Piece]:
+        """Return the datagrams that have arrived, at most a few thousand."""
+        pieces = []
+        for _ in range(_AT_ONCE):
+            try:
+                data, ancillary, _, peer = self._socket.recvmsg(65_535, _ANCILLARY)
+            except BlockingIOError:
+                break
+            except OSError:  # the peer's port is closed: it may open again
+                break
+            pieces.append(Piece((self.address, peer), self._time_us(ancillary), data))
+        return pieces
+
+    def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
+        """Answer whoever was heard here; of ``udpout`` the peer, heard or not."""
+        with contextlib.suppress(OSError):
+            if not self._listens:
+                self._socket.send(data)
+                return
+            for sender in heard:
+                if isinstance(sender, tuple) and sender[0] == self.address:
+                    self._socket.sendto(data, sender[1])
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _time_us(self, ancillary: list[tuple[int, int, bytes]]) -> int:
+        received_ns = None
+        for level, kind, content in ancillary:
+            if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIMESPEC.unpack_from(content)
+                received_ns = seconds * 1_000_000_000 + nanoseconds
+            elif level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
+                self.dropped = _COUNT.unpack_from(content)[0]
+        time_us = self._clock.now_us() if received_ns is None else self._clock.at_us(received_ns)
+        self._latest_us = max(self._latest_us, time_us)
+        return self._latest_us
+
+
+class TcpLink:
+    """A connection to a TCP server, made again when it breaks."""
+
+    def __init__(self, address: Address, clock: ReceiveClock) -> None:
+        self._family, self._target = _resolve(address, socket.SOCK_STREAM)
+        self.address, self.dropped, self.stamped = address, 0, False
+        self._clock = clock
+        self._socket: socket.socket | None = None
+        self._connections, self._retry_us, self._told = 0, 0, False
+        self._connected = False
+
+    def fileno(self) -> int:
+        """Return the connection's descriptor, -1 without one."""
+        return self._socket.fileno() if self._socket and self._connected else -1
+
+    def receive(self) -> list[Piece]:
+        """Return what has arrived; connect first where there is no connection."""
+        if self._socket is None or not self._connected:
+            self._connect()
+        if self._socket is None or not self._connected:
+            return []
+        try:
+            data = self._socket.recv(1 << 20)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            self._lose(error.strerror or str(error))
+            return []
+        if not data:
+            self._lose("closed by the other end")
+            return []
+        return [Piece((self.address, self._connections), self._clock.now_us(), data)]
+
+    def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
+        """Send to the server."""
+        if self._socket is not None and self._connected:
+            with contextlib.suppress(OSError):
+                self._socket.send(data)
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket, self._connected = None, False
+
+    def _connect(self) -> None:
+        """Begin to connect, or see whether it has succeeded."""
+        if self._socket is None:
+            if self._clock.now_us() < self._retry_us:
+                return
+            self._retry_us = self._clock.now_us() + _RETRY_US
+            self._socket = socket.socket(self._family, socket.SOCK_STREAM)
+            self._socket.setblocking(False)
+        code = self._socket.connect_ex(self._target)
+        if code in (0, errno.EISCONN):
+            self._connected, self._told = True, False
+            self._connections += 1
+            _LOG.info("%s: connected", self.address)
+        elif code not in (errno.EINPROGRESS, errno.EALREADY, errno.EWOULDBLOCK):
+            self._lose(errno.errorcode.get(code, str(code)))
+
+    def _lose(self, why: str) -> None:
+        self.close()
+        if not self._told:
+            _LOG.warning("%s: no connection (%s); trying again every second", self.address, why)
+            self._told = True
+
+
+Target = tuple[str, int] | tuple[str, int, int, int]
+
+
+def _resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Target]:
+    try:
+        found = socket.getaddrinfo(address.host, address.port, type=kind)
+    except (OSError, UnicodeError) as error:
+        raise AddressError(f"{address}: no such host", "check its name") from error
+    family, _, _, _, target = found[0]
+    return family, (str(target[0]), int(target[1]), *target[2:])
+
+
+def _enlarge(link: socket.socket) -> bool:
+    """Ask for a large receive buffer, for times of reception, and for the number of what is dropped.
+
+    Return whether the times will be told.
+    """
+    link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+    if sys.platform != "linux":
+        return False
+    for option, value in ((_SO_RCVBUFFORCE, _BUFFER), (_SO_TIMESTAMPNS, 1), (_SO_RXQ_OVFL, 1)):
+        with contextlib.suppress(OSError):  # the first is for root alone
+            link.setsockopt(socket.SOL_SOCKET, option, value)
+    return True

@@ -1,0 +1,109 @@
+"""The telemetry log of a session: one record per frame that counted, on the disk within a second."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from datetime import UTC, datetime
+from pathlib import Path
+
+from mavhums.errors import MavhumsError
+
+__all__ = ["TlogRecorder"]
+
+_LOG = logging.getLogger(__name__)
+_SYNC_S = 1.0
+
+
+class TlogRecorder:
+    """Writes records to a new file; a full disk loses records, never the session.
+
+    Each call hands its records to the operating system whole or not at all, so that the file always
+    ends with a whole record, and once a second they are forced to the disk. After an error every
+    call tries again; what could not be written is counted.
+
+    Parameters
+    ----------
+    path
+        Of the file; ``%Y%m%d-%H%M%S`` and the like stand for the time of the start, UTC.
+
+    Attributes
+    ----------
+    path
+        Of the file that is written.
+    bytes, lost_frames
+        What was written, and what could not be.
+
+    Raises
+    ------
+    MavhumsError
+        If the file exists, or cannot be made.
+    """
+
+    def __init__(self, path: Path, *, start: datetime | None = None) -> None:
+        self.path = Path((start or datetime.now(UTC)).strftime(str(path)))
+        self.bytes = self.lost_frames = 0
+        self.error: str | None = None
+        try:
+            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        except FileExistsError as error:
+            raise MavhumsError(
+                f"{self.path}: exists already, and a flight is not overwritten",
+                "name another file, or one for each start: flight-%Y%m%d-%H%M%S.tlog",
+            ) from error
+        except OSError as error:
+            raise MavhumsError(
+                f"cannot write {self.path}: {error.strerror}", "choose another place"
+            ) from error
+        self._closing = threading.Event()
+        self._synced = 0
+        self._syncer = threading.Thread(target=self._sync_often, name="tlog-sync", daemon=True)
+        self._syncer.start()
+
+    def write(self, records: bytes, frames: int) -> None:
+        """Append whole records, ``frames`` in number."""
+        if not records:
+            return
+        try:
+            written = os.write(self._file, records)
+            while 0 < written < len(records):
+                written += os.write(self._file, records[written:])
+        except OSError as error:
+            self._fail(error, frames)
+            return
+        self.bytes += len(records)
+        if self.error is not None:
+            _LOG.warning("%s: written again; %d frames are missing", self.path, self.lost_frames)
+            self.error = None
+
+    def close(self) -> None:
+        """Force everything to the disk and close the file."""
+        self._closing.set()
+        self._syncer.join()
+        self._sync()
+        os.close(self._file)
+
+    def _fail(self, error: OSError, frames: int) -> None:
+        self.lost_frames += frames
+        try:
+            os.ftruncate(self._file, self.bytes)
+        except OSError as again:
+            error = again
+        if self.error is None:
+            _LOG.error("%s: %s; the flight is judged on, but not recorded", self.path, error.strerror)
+        self.error = error.strerror or str(error)
+
+    def _sync_often(self) -> None:
+        while not self._closing.wait(_SYNC_S):
+            self._sync()
+
+    def _sync(self) -> None:
+        if self._synced == self.bytes:
+            return
+        reached = self.bytes
+        try:
+            os.fsync(self._file)
+            self._synced = reached
+        except OSError as error:
+            _LOG.error("%s: %s; what was written last may be lost", self.path, error.strerror)

@@ -1,0 +1,244 @@
+"""A live session: links in, verdicts out, until it is told to stop."""
+
+from __future__ import annotations
+
+import logging
+import select
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from mavhums.assessment import Assessment
+from mavhums.engine import Engine
+from mavhums.events import ConditionChanged, Event, Notice
+from mavhums.live.alerts import Alerts
+from mavhums.live.clock import ReceiveClock
+from mavhums.live.links import Link
+from mavhums.live.objects import AlertObject, StaleObject, StatusObject
+from mavhums.live.recorder import TlogRecorder
+from mavhums.live.watch import Watch
+from mavhums.log.stamping import Piece, Stamper
+
+__all__ = ["BLOCK_S", "Session", "Sink"]
+
+_LOG = logging.getLogger(__name__)
+BLOCK_S = 0.1
+"""How long pieces are collected before the engine takes them."""
+
+_TICK_US = 1_000_000
+_CALM_S, _BUSY_S = 0.05, 0.005
+_MANY = 100
+_REMEMBER_EVERY = 10
+_PENDING = 1 << 16
+
+
+class Sink(Protocol):
+    """Where a session shows itself."""
+
+    def consume(self, events: Sequence[Event], faults: dict[tuple[int, str], str]) -> None:
+        """Take events as they come; ``faults`` names what each actuator is suspected of."""
+        ...
+
+    def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
+        """Take the state, once a second, and what fell silent or came back."""
+        ...
+
+    def announce(self, alerts: Sequence[AlertObject]) -> None:
+        """Take what was said to the ground station."""
+        ...
+
+    def close(self, assessment: Assessment) -> None:
+        """Take the verdicts of the whole session."""
+        ...
+
+
+class Session:
+    """Feeds an engine from links.
+
+    What the stamper accepts goes to the recorder and, the same bytes, to the engine. So the verdicts
+    are those of ``mavhums analyse`` on the recording.
+
+    Parameters
+    ----------
+    engine
+        New. It needs no key: the stamper's guard has seen to the signatures.
+    stamper
+        Makes records of what comes.
+    links
+        To listen to.
+    recorder, alerts
+        None for none.
+    greet
+        Called once a second with the time, to make ourselves known where nobody would send otherwise.
+    remember
+        Called now and then and at the end, to keep what the next session must know.
+    sinks
+        Take events, state and verdicts.
+    clock
+        Of reception.
+
+    Examples
+    --------
+    >>> from mavhums.log.dialect import load_dialect
+    >>> session = Session(Engine(), Stamper(load_dialect()), [])
+    >>> session.run(stop=lambda: True).verdicts[0].reason
+    'no vehicle speaks in this log'
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        stamper: Stamper,
+        links: Sequence[Link],
+        *,
+        recorder: TlogRecorder | None = None,
+        alerts: Alerts | None = None,
+        greet: Callable[[int], None] | None = None,
+        remember: Callable[[], None] | None = None,
+        sinks: Sequence[Sink] = (),
+        clock: ReceiveClock | None = None,
+    ) -> None:
+        self.clock = clock or ReceiveClock()
+        self.links, self.recorder, self.sinks = links, recorder, list(sinks)
+        self.watch = Watch(stamper, links, recorder, self.clock.now_us())
+        self._engine, self._stamper, self._alerts = engine, stamper, alerts
+        self._greet, self._remember = greet, remember
+        self._ticks = 0
+        self._busy = False
+        self._latest_us = 0
+        self._due_us = self.clock.now_us()
+
+    def run(self, stop: Callable[[], bool]) -> Assessment:
+        """Follow the links until ``stop`` says so, and return the verdicts."""
+        pending: list[Piece] = []
+        try:
+            while not stop():
+                self._wait(pending)
+                before = len(pending)
+                for link in self.links:
+                    pending += link.receive()
+                self._busy = len(pending) - before > _MANY
+                now_us = self.clock.now_us()
+                old = pending and now_us - pending[0].time_us >= BLOCK_S * 1e6
+                if old or len(pending) > _PENDING:
+                    self.take(pending)
+                    pending = []
+                if now_us >= self._due_us:
+                    self.tick()
+            self.take(pending)
+        finally:
+            assessment = self.close()
+        return assessment
+
+    def take(self, pieces: list[Piece]) -> None:
+        """Take pieces: records to the recorder, the same to the engine, its events to everyone."""
+        pieces.sort(key=lambda piece: piece.time_us)
+        if pieces and pieces[0].time_us < self._latest_us:
+            pieces = [piece._replace(time_us=max(piece.time_us, self._latest_us)) for piece in pieces]
+        if pieces:
+            self._latest_us = pieces[-1].time_us
+            before = self._stamper.frames
+            self._record(self._stamper.feed(pieces), before)
+
+    def tick(self) -> None:
+        """Show the state; say to the ground station that we are there, and how the actuators are."""
+        now_us = self.clock.now_us()
+        self._due_us = max(self._due_us + _TICK_US, now_us)
+        assessment = self._engine.assessment()
+        status, stale = self.watch.look(assessment, now_us)
+        self._ticks += 1
+        if self._remember and self._ticks % _REMEMBER_EVERY == 0:
+            self._remember()
+        if self._greet:
+            self._greet(now_us)
+        if self._alerts:
+            self._alerts.mavlink2 = self._stamper.speaks_mavlink2 or not self._stamper.frames
+            self._announce(self._alerts.tick(status.actuators, now_us))
+        for change in stale:
+            what = f"silent for {change.age_s:.1f} s" if change.stale else "heard again"
+            _LOG.info("vehicle %d, %s: %s", change.vehicle, change.actuator, what)
+        for sink in self.sinks:
+            sink.tick(status, stale)
+
+    def close(self) -> Assessment:
+        """Judge what is left, close recorder, links and sinks, and return the verdicts."""
+        now_us = max(self.clock.now_us(), self._latest_us)
+        before = self._stamper.frames
+        self._record(self._stamper.close(now_us), before)
+        self._spread(self._engine.finish())
+        if self.recorder:
+            self.recorder.close()
+        if self._remember:
+            self._remember()
+        path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
+        assessment = self._engine.assessment(path or None)
+        for link in self.links:
+            link.close()
+        for sink in self.sinks:
+            sink.close(assessment)
+        return assessment
+
+    def _record(self, records: bytes, frames_before: int) -> None:
+        if not records:
+            return
+        if self.recorder:
+            self.recorder.write(records, self._stamper.frames - frames_before)
+        events = self._engine.feed(records)
+        self.watch.take(events, self.clock.now_us())
+        self._spread(events)
+
+    def _spread(self, events: list[Event]) -> None:
+        """Give events to the alerts and the sinks."""
+        now_us = self.clock.now_us()
+        faults = self._faults(events)
+        for event in events:
+            if isinstance(event, ConditionChanged):
+                _LOG.info("%s: %s → %s: %s", event.actuator, event.before, event.after, event.rule)
+            elif isinstance(event, Notice):
+                _LOG.info("vehicle %s: %r", event.vehicle, event.text)
+        for sink in self.sinks:
+            sink.consume(events, faults)
+        if self._alerts:
+            self._announce(self._alerts.take(events, faults, now_us))
+
+    def _announce(self, alerts: Sequence[AlertObject]) -> None:
+        for alert in alerts:
+            _LOG.info("said to the ground station: %s", alert.text)
+        if alerts:
+            for sink in self.sinks:
+                sink.announce(alerts)
+
+    def _faults(self, events: Sequence[Event]) -> dict[tuple[int, str], str]:
+        """Return what is wrong with actuators that have just got worse, as the event or the verdict says."""
+        worse = [
+            e for e in events if isinstance(e, ConditionChanged) and e.after in ("degraded", "emergency")
+        ]
+        if not worse:
+            return {}
+        suspects = {
+            (verdict.vehicle, verdict.actuator): max(verdict.suspects, key=lambda s: s.confidence).fault
+            for verdict in self._engine.assessment().verdicts
+            if verdict.suspects
+        }
+        found = {}
+        for event in worse:
+            key = (event.vehicle, event.actuator)
+            fault = getattr(event, "fault", None) or suspects.get(key)
+            if fault:
+                found[key] = fault
+        return found
+
+    def _wait(self, pending: Sequence[Piece]) -> None:
+        """Wait for something to arrive, or for what is pending to be due.
+
+        Where the kernel tells the times of reception, what arrives may lie there for a while.
+        """
+        now_us = self.clock.now_us()
+        due_us = pending[0].time_us + BLOCK_S * 1e6 if pending else now_us + BLOCK_S * 1e6
+        wait_s = max(min(due_us, self._due_us) - now_us, 0) / 1e6
+        readable = [descriptor for link in self.links if (descriptor := link.fileno()) >= 0]
+        if pending or not readable:
+            exact = all(link.stamped for link in self.links)
+            time.sleep(min(wait_s, _BUSY_S if self._busy or not exact else _CALM_S))
+        else:
+            select.select(readable, [], [], wait_s)

@@ -1,0 +1,130 @@
+"""Put a session together from what the user asked for, and run it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mavhums.actuator.profile import load_airframe
+from mavhums.engine import Engine
+from mavhums.learn import Model, load_model, packaged_models
+from mavhums.live.address import Address
+from mavhums.live.alerts import COMPONENT, Alerts
+from mavhums.live.clock import ReceiveClock
+from mavhums.live.links import Link, open_link
+from mavhums.live.recorder import TlogRecorder
+from mavhums.live.seen import Seen
+from mavhums.live.session import Session, Sink
+from mavhums.log.dialect import load_dialect
+from mavhums.log.signing import Guard, load_key
+from mavhums.log.stamping import Piece, Stamper
+
+__all__ = ["Options", "prepare"]
+
+_LOG = logging.getLogger(__name__)
+_HEARD_US = 10_000_000
+_UNKNOWN_VEHICLE = 1
+_HEARTBEAT = bytes.fromhex("fe09000101000000000006080004039043")
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """The options of ``mavhums live``, by their names there.
+
+    Raises
+    ------
+    AddressError
+        If a URL has none of the forms.
+    """
+
+    urls: Sequence[str]
+    airframe: str | None = None
+    model: str | None = None
+    dialect: Path | None = None
+    key: Path | None = None
+    record: Path | None = None
+    alerts: bool = False
+    alerts_to: str | None = None
+    component: int = COMPONENT
+
+    def __post_init__(self) -> None:
+        for url in (*self.urls, *filter(None, [self.alerts_to])):
+            Address.parse(url)
+
+
+def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: bool = False) -> Session:
+    """Return a session that listens already; ``vehicle_states`` as of :class:`mavhums.Engine`.
+
+    Raises
+    ------
+    MavhumsError
+        If an address, a profile, a dialect, a model, a key or the recording cannot be used.
+    """
+    addresses = [Address.parse(url) for url in options.urls]
+    ground = [Address.parse(options.alerts_to)] if options.alerts_to else []
+    profile = load_airframe(options.airframe) if options.airframe else None
+    models = (load_model(options.model),) if options.model else packaged_models()
+    key = load_key(options.key) if options.key else None
+    seen = Seen(options.key) if options.key else None
+    guard = Guard(key, latest=seen.load()) if key and seen else None
+    _warm_up(options.dialect, models)
+    recorder = TlogRecorder(options.record) if options.record else None
+    clock = ReceiveClock()
+    links = _open(addresses, clock, signed_only=key is not None)
+    ground_links = _open(ground, clock, signed_only=key is not None) if ground else links
+    stamper = Stamper(load_dialect(options.dialect), guard)
+
+    def voice(to: Sequence[Link], unknown: int | None) -> Alerts:
+        def send(frame: bytes) -> None:
+            heard = stamper.heard_since(clock.now_us() - _HEARD_US)
+            for link in to:
+                link.send(frame, heard)
+
+        return Alerts(
+            send,
+            component=options.component,
+            key=key,
+            newest_ticks=lambda: guard.newest if guard else 0,
+            start_us=clock.now_us(),
+            unknown=unknown,
+        )
+
+    callers = [link for link in links if link.address.kind == "udpout"]
+    speaks = options.alerts or bool(ground)
+    alerts = voice(ground_links, _UNKNOWN_VEHICLE if callers and not ground else None) if speaks else None
+    greeter = voice(callers, None) if callers and (ground or not speaks) else None
+    return Session(
+        Engine(profile, model=models, dialect=options.dialect, vehicle_states=vehicle_states),
+        stamper,
+        links,
+        recorder=recorder,
+        alerts=alerts,
+        greet=(lambda now_us: greeter.heartbeat(_UNKNOWN_VEHICLE, now_us)) if greeter else None,
+        remember=(lambda: seen.save(guard.latest)) if seen and guard else None,
+        sinks=sinks,
+        clock=clock,
+    )
+
+
+def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: bool) -> list[Link]:
+    links: list[Link] = []
+    try:
+        for address in addresses:
+            links.append(open_link(address, clock))
+            if address.exposed:
+                trust = "" if signed_only else ", and nothing tells who; --key accepts only signed frames"
+                _LOG.warning("%s: not only this computer can send here%s", address, trust)
+    except BaseException:
+        for link in links:
+            link.close()
+        raise
+    return links
+
+
+def _warm_up(dialect: Path | None, models: Sequence[Model]) -> None:
+    """Compile what is compiled at its first use, before anything is missed for it."""
+    stamper = Stamper(load_dialect(dialect))
+    records = stamper.feed([Piece(None, 0, _HEARTBEAT)])
+    Engine(model=models, dialect=dialect).feed(records)

@@ -1,0 +1,57 @@
+"""The session in a Rerun viewer, in a recording, or in both; trouble there never ends the session."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+
+from mavhums.assessment import Assessment
+from mavhums.events import Event
+from mavhums.live.objects import AlertObject, StaleObject, StatusObject
+from mavhums.show.live import LiveViewer
+from mavhums.show.recording import Recorder
+
+__all__ = ["MODES", "Drawn"]
+
+_LOG = logging.getLogger(__name__)
+MODES = ("window", "browser", "web", "serve")
+
+
+class Drawn:
+    """Passes events to a viewer or a recorder until that fails, which is said once.
+
+    Parameters
+    ----------
+    drawing
+        Opened; its owner closes it.
+    """
+
+    def __init__(self, drawing: LiveViewer | Recorder) -> None:
+        self._drawing = drawing
+        self._failed = False
+
+    def consume(self, events: Sequence[Event], faults: dict[tuple[int, str], str]) -> None:
+        """Draw events."""
+        self._try(lambda: self._drawing.consume(events))
+
+    def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
+        """See whether the viewer still runs."""
+        trouble = self._drawing.trouble if isinstance(self._drawing, LiveViewer) else None
+        if trouble and not self._failed:
+            self._failed = True
+            _LOG.error("%s", trouble)
+
+    def announce(self, alerts: Sequence[AlertObject]) -> None:
+        """Draw nothing: the change was drawn."""
+
+    def close(self, assessment: Assessment) -> None:
+        """Draw the verdicts."""
+        self._try(lambda: self._drawing.close(assessment))
+
+    def _try(self, draw: Callable[[], object]) -> None:
+        try:
+            draw()
+        except Exception as error:
+            if not self._failed:
+                self._failed = True
+                _LOG.error("nothing is drawn any more: %s", error, exc_info=_LOG.isEnabledFor(logging.DEBUG))

@@ -1,0 +1,156 @@
+"""What a session shows of itself once a second: verdicts, ages, rates, and everything that was lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+
+from mavhums.assessment import ALL, Assessment, Verdict
+from mavhums.events import Event, Samples
+from mavhums.live.links import Link
+from mavhums.live.objects import ActuatorStatus, LinkStatus, RecordStatus, StaleObject, StatusObject
+from mavhums.live.recorder import TlogRecorder
+from mavhums.log.stamping import Stamper
+
+__all__ = ["STALE_S", "Watch", "utc"]
+
+STALE_S = 3.0
+"""Seconds without data after which an actuator is stale."""
+
+Key = tuple[int, str]
+
+
+@dataclass(slots=True)
+class _Heard:
+    """Samples of an actuator since the last look, and when the latest came."""
+
+    latest_us: int
+    samples: int = 0
+    stale: bool = False
+
+
+class Watch:
+    """Keeps the time at which each actuator was last heard, for as many as the profile has.
+
+    Parameters
+    ----------
+    stamper, links, recorder
+        What is watched.
+    start_us
+        When the session began, microseconds of UTC.
+    """
+
+    def __init__(
+        self, stamper: Stamper, links: Sequence[Link], recorder: TlogRecorder | None, start_us: int
+    ) -> None:
+        self._stamper, self._links, self._recorder = stamper, links, recorder
+        self._start_us = self._looked_us = start_us
+        self._heard: dict[Key, _Heard] = {}
+        self._latest_us: int | None = None
+        self._frames = self._bytes = 0
+
+    def take(self, events: Iterable[Event], now_us: int) -> None:
+        """Note which actuators were heard."""
+        self._latest_us = now_us
+        for event in events:
+            if isinstance(event, Samples):
+                heard = self._heard.setdefault((event.vehicle, event.actuator), _Heard(now_us))
+                heard.latest_us = now_us
+                heard.samples += event.time_s.size
+
+    def look(self, assessment: Assessment, now_us: int) -> tuple[StatusObject, list[StaleObject]]:
+        """Return the present state, and which actuators fell silent or came back since the last look."""
+        elapsed_s = max((now_us - self._looked_us) / 1e6, 1e-3)
+        changes = [
+            StaleObject(
+                utc=utc(now_us),
+                vehicle=vehicle,
+                actuator=actuator,
+                stale=heard.stale,
+                age_s=round(age_s, 3),
+            )
+            for (vehicle, actuator), heard in self._heard.items()
+            if self._ages(heard, age_s := (now_us - heard.latest_us) / 1e6)
+        ]
+        verdicts = [verdict for verdict in assessment.verdicts if verdict.vehicle]
+        status = StatusObject(
+            utc=utc(now_us),
+            uptime_s=round((now_us - self._start_us) / 1e6, 3),
+            actuators=tuple(self._actuator(verdict, now_us, elapsed_s) for verdict in verdicts),
+            link=self.link(assessment, now_us, elapsed_s),
+            record=self.record(),
+        )
+        for heard in self._heard.values():
+            heard.samples = 0
+        self._looked_us = now_us
+        return status, changes
+
+    def link(self, assessment: Assessment, now_us: int, elapsed_s: float = 1.0) -> LinkStatus:
+        """Return the account of the links; rates are since the last one."""
+        counts = asdict(self._stamper.counts)
+        datagrams, sequence = counts.pop("pieces"), assessment.log.losses.sequence
+        frames, self._frames = counts["frames"] - self._frames, counts["frames"]
+        octets, self._bytes = counts["bytes"] - self._bytes, counts["bytes"]
+        return LinkStatus(
+            age_s=None if self._latest_us is None else round((now_us - self._latest_us) / 1e6, 3),
+            frames_per_s=round(frames / elapsed_s, 1),
+            bytes_per_s=round(octets / elapsed_s, 1),
+            datagrams=datagrams,
+            missing_frames=sum(loss.missing for loss in sequence),
+            reordered_frames=sum(loss.reordered for loss in sequence),
+            duplicated_frames=sum(loss.duplicated for loss in sequence),
+            dropped_datagrams=sum(link.dropped for link in self._links),
+            **counts,
+        )
+
+    def record(self) -> RecordStatus | None:
+        """Return the state of the recording."""
+        recorder = self._recorder
+        if recorder is None:
+            return None
+        return RecordStatus(
+            path=str(recorder.path),
+            bytes=recorder.bytes,
+            lost_frames=recorder.lost_frames,
+            error=recorder.error,
+        )
+
+    def _ages(self, heard: _Heard, age_s: float) -> bool:
+        """Set whether an actuator is stale, and return whether that changed."""
+        stale = age_s > STALE_S
+        changed = stale != heard.stale
+        heard.stale = stale
+        return changed
+
+    def _actuator(self, verdict: Verdict, now_us: int, elapsed_s: float) -> ActuatorStatus:
+        heard = self._heard.get((verdict.vehicle or 0, verdict.actuator))
+        silent = self._latest_us is None or (now_us - self._latest_us) / 1e6 > STALE_S
+        stale = heard.stale if heard else silent and verdict.actuator == ALL
+        return ActuatorStatus(
+            vehicle=verdict.vehicle,
+            actuator=verdict.actuator,
+            condition="undecided" if stale else verdict.condition,
+            held=verdict.condition,
+            worst=verdict.worst,
+            stale=stale,
+            age_s=None if heard is None else round((now_us - heard.latest_us) / 1e6, 3),
+            rate_hz=0.0 if heard is None else round(heard.samples / elapsed_s, 1),
+            friction_nm=verdict.friction_nm,
+            p_emergency=verdict.p_emergency,
+            suspects=verdict.suspects,
+            tier=verdict.tier,
+            late=verdict.coverage.late,
+            reason=verdict.reason,
+        )
+
+
+def utc(time_us: int) -> str:
+    """Return a time in microseconds as ISO 8601.
+
+    Examples
+    --------
+    >>> utc(1_767_258_000_000_000)
+    '2026-01-01T09:00:00+00:00'
+    """
+    return datetime.fromtimestamp(time_us / 1e6, tz=UTC).isoformat()

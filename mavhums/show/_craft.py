@@ -1,0 +1,203 @@
+"""The airframe in three dimensions, with surfaces that move and carry their actuator's colour."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from mavhums.actuator.profile import Actuator
+from mavhums.quantities import KEYS
+from mavhums.show._stream import send
+
+__all__ = ["Craft", "Surface", "craft_path"]
+
+_GREY, _DARK = (126, 130, 138), (88, 92, 100)
+_STEP_S: Final = 0.04
+_THICK: Final = 0.014
+_LABELLED: Final = 8
+_V1, _V3 = KEYS.index("V1"), KEYS.index("V3")
+
+_Floats = NDArray[np.float64]
+
+
+class _Place(NamedTuple):
+    """Where a surface is hinged: x forward, y to the left, z up; half a wing is 1 long.
+
+    Attributes
+    ----------
+    x, z
+        Of the hinge line.
+    span
+        From where to where along the hinge line.
+    chord
+        From the hinge line backwards.
+    roll
+        By which the hinge line is turned about x, degrees; a fin's is 90.
+    """
+
+    x: float
+    z: float
+    span: tuple[float, float]
+    chord: float
+    roll: float = 0.0
+
+
+_V_TAIL: Final = "ruddervator|v.?tail"
+_PLACES: Final[tuple[tuple[str, _Place], ...]] = (
+    (_V_TAIL, _Place(-0.86, 0.04, (0.06, 0.4), 0.12, 38.0)),
+    ("rudder", _Place(-0.86, 0.03, (0.05, 0.36), 0.13, 90.0)),
+    ("elevator|stabil", _Place(-0.86, 0.03, (0.04, 0.38), 0.12)),
+    ("canard", _Place(0.5, 0.02, (0.08, 0.34), 0.1)),
+    ("spoiler|brake", _Place(0.02, 0.05, (0.3, 0.62), 0.1)),
+    ("flaperon|elevon|aileron", _Place(-0.16, 0.03, (0.5, 0.98), 0.14)),
+    ("flap", _Place(-0.16, 0.03, (0.1, 0.48), 0.14)),
+)
+_ELSEWHERE: Final = _Place(0.1, -0.3, (-0.6, 0.6), 0.1)
+_WHOLE: Final = ("elevator|stabil", "canard")
+_SIDED: Final = (_V_TAIL, "spoiler|brake", "flaperon|elevon|aileron", "flap")
+_LEFT, _RIGHT = (
+    re.compile(r"left|port|(^|[_ -])l($|[_ -])"),
+    re.compile(r"right|starboard|(^|[_ -])r($|[_ -])"),
+)
+
+
+def craft_path(vehicle: int | None) -> str:
+    """Return the entity path of a vehicle's airframe; it turns with the heading, its ``body`` within it."""
+    return rr.new_entity_path(["airframe", "no_vehicle" if vehicle is None else f"vehicle_{vehicle}"])
+
+
+class Surface:
+    """One control surface, or whatever else a servo moves."""
+
+    def __init__(
+        self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: _Place, *, named: bool
+    ):
+        self._stream, self._path = stream, path
+        self._tick = -1.0
+        begin, end = place.span
+        hinge = rr.Transform3D(
+            translation=(place.x, 0, place.z),
+            rotation_axis_angle=rr.RotationAxisAngle((1, 0, 0), degrees=place.roll),
+        )
+        box = rr.Boxes3D(
+            centers=[(-place.chord / 2, (begin + end) / 2, 0)],
+            half_sizes=[(place.chord / 2, abs(end - begin) / 2 - 0.006, _THICK)],
+            fill_mode="solid",
+            labels=[actuator.name],
+            show_labels=named,
+        )
+        stream.log(path.rsplit("/", 1)[0], hinge, static=True)
+        stream.log(path, box, static=True)
+
+    def move(self, time_s: _Floats, values: _Floats) -> None:
+        """Turn it by V3, or V1 where the log has no V3; positive is trailing edge down or to the left.
+
+        A pose every 40 ms is more than the eye can use.
+        """
+        measured = np.isfinite(values[:, _V3]).any()
+        angle = values[:, _V3 if measured else _V1]
+        rows = np.flatnonzero(np.isfinite(angle))
+        if rows.size:
+            ticks = np.floor(time_s[rows] / _STEP_S)
+            rows = rows[np.diff(ticks, prepend=self._tick) != 0]
+            self._tick = float(ticks[-1])
+        if rows.size:
+            turns = [rr.RotationAxisAngle((0, 1, 0), degrees=-degrees) for degrees in angle[rows].tolist()]
+            content = rr.Transform3D.columns(rotation_axis_angle=turns)
+            send(self._stream, self._path, time_s[rows], content)
+
+    def colour(self, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
+        """Give it the colours of its actuator's conditions, from flight times on."""
+        send(self._stream, self._path, time_s, rr.Boxes3D.columns(colors=list(colours)))
+
+
+class Craft:
+    """One vehicle's airframe.
+
+    Attributes
+    ----------
+    surfaces
+        By the actuator's name.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, vehicle: int | None) -> None:
+        self.root = craft_path(vehicle)
+        self.surfaces: dict[str, Surface] = {}
+        self._stream = stream
+
+    def fit(self, actuators: Sequence[Actuator]) -> None:
+        """Draw the airframe with a surface for each of a profile's actuators."""
+        body = f"{self.root}/body"
+        parts = {
+            "fuselage": ((-0.12, 0, 0), (0.75, 0.06, 0.06), _GREY),
+            "nose": ((0.66, 0, -0.01), (0.07, 0.035, 0.035), _DARK),
+            "wing": ((0, 0, 0.03), (0.16, 1.0, 0.016), _GREY),
+        }
+        kinds = [_kind(actuator) for actuator in actuators]
+        if "rudder" in kinds or _V_TAIL not in kinds:
+            parts["fin"] = ((-0.77, 0, 0.2), (0.09, 0.012, 0.18), _GREY)
+        if _V_TAIL not in kinds:
+            parts["tailplane"] = ((-0.77, 0, 0.03), (0.09, 0.4, 0.012), _GREY)
+        for name, (centre, half, colour) in parts.items():
+            box = rr.Boxes3D(centers=[centre], half_sizes=[half], colors=[colour], fill_mode="solid")
+            self._stream.log(f"{body}/{name}", box, static=True)
+        for actuator, place in zip(actuators, _places(actuators), strict=True):
+            path = rr.new_entity_path(
+                [*self.root.strip("/").split("/"), "body", "at", actuator.name, "surface"]
+            )
+            named = len(actuators) <= _LABELLED
+            self.surfaces[actuator.name] = Surface(self._stream, path, actuator, place, named=named)
+
+    def attitude(self, time_s: _Floats, roll_pitch_yaw_rad: _Floats) -> None:
+        """Turn the airframe: the heading by itself, so that a view can keep it in front."""
+        roll, pitch, yaw = (roll_pitch_yaw_rad[:, k] for k in range(3))
+        heading = [rr.RotationAxisAngle((0, 0, 1), radians=-angle) for angle in yaw.tolist()]
+        send(self._stream, self.root, time_s, rr.Transform3D.columns(rotation_axis_angle=heading))
+        a, b = roll / 2, -pitch / 2
+        turns = np.stack(
+            [np.sin(a) * np.cos(b), np.cos(a) * np.sin(b), -np.sin(a) * np.sin(b), np.cos(a) * np.cos(b)],
+            axis=1,
+        )
+        send(self._stream, f"{self.root}/body", time_s, rr.Transform3D.columns(quaternion=turns))
+
+
+def _words(actuator: Actuator) -> str:
+    return f"{actuator.surface} {actuator.name}".lower()
+
+
+def _kind(actuator: Actuator) -> str:
+    return next((kind for kind, _ in _PLACES if re.search(kind, _words(actuator))), "")
+
+
+def _places(actuators: Sequence[Actuator]) -> list[_Place]:
+    """Give each actuator its place; those that would share one share its span."""
+    slots: list[tuple[str, int]] = []
+    sideless: list[str] = []
+    for actuator in actuators:
+        text, kind = _words(actuator), _kind(actuator)
+        side = 1 if _LEFT.search(text) else -1 if _RIGHT.search(text) else 0
+        if side == 0 and kind in _SIDED:
+            side = -1 if sideless.count(kind) % 2 else 1
+            sideless.append(kind)
+        slots.append((kind, side))
+    return [
+        _slot(kind, side, slots[:k].count((kind, side)), slots.count((kind, side)))
+        for k, (kind, side) in enumerate(slots)
+    ]
+
+
+def _slot(kind: str, side: int, number: int, of: int) -> _Place:
+    """Return the part of a place that falls to one of several."""
+    place = dict(_PLACES).get(kind, _ELSEWHERE)
+    begin, end = place.span
+    if side == 0 and kind in _WHOLE:
+        begin = -end
+    sign = -1 if side < 0 and kind in {*_SIDED, *_WHOLE} else 1
+    step = (end - begin) / of
+    span = (sign * (begin + number * step), sign * (begin + (number + 1) * step))
+    return place._replace(span=span, roll=sign * place.roll if kind == _V_TAIL else place.roll)

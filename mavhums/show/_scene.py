@@ -1,0 +1,216 @@
+"""Everything that is drawn of a flight, onto a stream that leads to a file or to a viewer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from mavhums.actuator.profile import Airframe
+from mavhums.assessment import Assessment, Condition
+from mavhums.events import (
+    AirframeNamed,
+    Attitude,
+    ConditionChanged,
+    Event,
+    FlightMode,
+    Notice,
+    Position,
+    Samples,
+    Window,
+)
+from mavhums.show._craft import craft_path
+from mavhums.show._stream import send
+from mavhums.show._tracks import Track
+from mavhums.show._vehicle import Vehicle
+from mavhums.show._words import clock
+from mavhums.show.blueprint import Lane, Surroundings, layout
+from mavhums.show.report import markdown, so_far
+
+__all__ = ["Scene"]
+
+_LEVELS: Final[dict[str, str]] = {"degraded": "WARN", "emergency": "ERROR"}
+_TEXTS_PER_CHUNK: Final = 4096
+
+
+class Scene:
+    """Draws the engine's events.
+
+    Parameters
+    ----------
+    stream
+        Where to.
+    live
+        Whether a viewer follows.
+    position
+        Whether to draw where the vehicle was.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, *, live: bool, position: bool) -> None:
+        self._stream, self._live, self._position = stream, live, position
+        self._airframes: dict[int | None, tuple[Airframe, float]] = {}
+        self._vehicles: dict[int | None, Vehicle] = {}
+        self._tracks: dict[tuple[int | None, str], Track] = {}
+        self._texts: list[tuple[float, str, str]] = []
+        self._report = ""
+        self._state_s = 0.0
+
+    @property
+    def tracks(self) -> list[Track]:
+        """One for each actuator, in the order of their appearance."""
+        return list(self._tracks.values())
+
+    @property
+    def last_s(self) -> float:
+        """Flight time until which anything was heard."""
+        return max(self._state_s, *(track.last_s for track in self._tracks.values()), 0.0)
+
+    def consume(self, events: Iterable[Event]) -> None:
+        """Take what the engine reports, in its order."""
+        for event in events:
+            match event:
+                case Samples():
+                    self._track(event.vehicle, event.actuator).samples(event)
+                case Window():
+                    self._track(event.vehicle, event.actuator).window(event)
+                case ConditionChanged():
+                    self._track(event.vehicle, event.actuator).changed(event)
+                    self._say(event.time_s, _LEVELS.get(event.after, "INFO"), _change(event))
+                case AirframeNamed():
+                    self._name_airframe(event)
+                case Attitude():
+                    self._state_s = float(event.time_s[-1])
+                    self._vehicle(event.vehicle).attitude(event)
+                case FlightMode():
+                    self._vehicle(event.vehicle).mode(event)
+                    self._say(event.time_s, "INFO", f"vehicle {event.vehicle}: flight mode {event.mode}")
+                case Position():
+                    if self._position:
+                        self._vehicle(event.vehicle).position(event)
+                case Notice():
+                    sender = "log" if event.vehicle is None else f"vehicle {event.vehicle}"
+                    self._say(event.time_s, "INFO", f"{sender}: {event.text}")
+        for track in self._tracks.values():
+            track.now(self.last_s)
+
+    def flush(self) -> None:
+        """Write what is waiting, so that a viewer shows it."""
+        for track in self._tracks.values():
+            track.flush()
+        self._flush_texts()
+
+    def finish(self, assessment: Assessment) -> rrb.Blueprint:
+        """Write what is left and the report, and return the layout of the whole flight."""
+        for verdict in assessment.verdicts:
+            self._track(verdict.vehicle, verdict.actuator)
+        for track in self._tracks.values():
+            track.now(assessment.log.duration_s)
+            track.finish()
+        for vehicle in self._vehicles.values():
+            vehicle.finish()
+        self._flush_texts()
+        report = rr.TextDocument(markdown(assessment), media_type=rr.MediaType.MARKDOWN)
+        self._stream.log("/report", report, static=True)
+        lanes = []
+        for verdict in assessment.ranked():
+            track = self._track(verdict.vehicle, verdict.actuator)
+            lanes.append(self._lane(track, verdict.condition, verdict.worst))
+        return layout(lanes, self._surroundings())
+
+    def report_so_far(self) -> None:
+        """Write what is known by now; not static, so that a viewer may forget the older ones."""
+        rows = []
+        for track in self.ranked():
+            seen = track.latest
+            evidence = (seen.friction_nm, seen.p_emergency) if seen else (None, None)
+            condition = f"{track.held}, stale" if track.stale else track.held
+            rows.append((self._title(track), condition, *evidence, track.since_s))
+        text = so_far(rows)
+        if text != self._report:
+            self._report = text
+            content = rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN])
+            send(self._stream, "/report", [self.last_s], content)
+
+    def layout_so_far(self) -> rrb.Blueprint:
+        """Return the layout that follows the flight, the worst actuator first."""
+        lanes = [self._lane(track, track.held, track.worst) for track in self.ranked()]
+        return layout(lanes, self._surroundings(), live=True)
+
+    def shape(self) -> object:
+        """Return what the layout depends on: where it stays the same, so does the layout."""
+        shown = [(track.root, track.held, track.present) for track in self.ranked()]
+        return shown, self._surroundings()
+
+    def ranked(self) -> list[Track]:
+        """Return the tracks, the worst first."""
+        order: tuple[Condition, ...] = ("emergency", "degraded", "undecided", "normal")
+        return sorted(self._tracks.values(), key=lambda track: order.index(track.held))
+
+    def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
+        return Lane(track.root, self._title(track), condition, worst, frozenset(track.present))
+
+    def _title(self, track: Track) -> str:
+        several = len({vehicle for vehicle, _ in self._tracks}) > 1
+        return f"{track.vehicle}: {track.actuator}" if several else track.actuator
+
+    def _surroundings(self) -> Surroundings:
+        """Return what there is beside the actuators; of several vehicles, the airframe of the worst."""
+        fitted = [v for v in self._vehicles.values() if v.craft.surfaces]
+        worst = {track.vehicle for track in self.ranked()[:1]}
+        fitted.sort(key=lambda vehicle: vehicle.craft.root not in {craft_path(number) for number in worst})
+        return Surroundings(
+            modes=tuple(v.mode_path for v in self._vehicles.values() if v.mode_path),
+            airframe=fitted[0].craft.root if fitted else None,
+            positions=tuple(v.position_path for v in self._vehicles.values() if v.position_path),
+        )
+
+    def _name_airframe(self, event: AirframeNamed) -> None:
+        self._say(event.time_s, "INFO", f"judged by the airframe profile {event.airframe.name}")
+        self._airframes[event.vehicle] = event.airframe, event.time_s
+
+    def _vehicle(self, number: int | None) -> Vehicle:
+        if number not in self._vehicles:
+            self._vehicles[number] = Vehicle(self._stream, number, live=self._live)
+        return self._vehicles[number]
+
+    def _track(self, vehicle: int | None, actuator: str) -> Track:
+        key = (vehicle, actuator)
+        if key not in self._tracks:
+            self._tracks[key] = Track(self._stream, vehicle, actuator, live=self._live)
+            self._equip(self._tracks[key])
+        return self._tracks[key]
+
+    def _equip(self, track: Track) -> None:
+        """Give a track what the profile says of its actuator: its limits, and its place in the airframe."""
+        known = self._airframes.get(track.vehicle) or self._airframes.get(None)
+        part = (
+            next((part for part in known[0].actuators if part.name == track.actuator), None)
+            if known
+            else None
+        )
+        if known is None or part is None:
+            return
+        if part.limits is not None:
+            track.limits = part.limits, known[1]
+        craft = self._vehicle(track.vehicle).craft
+        if not craft.surfaces:
+            craft.fit(known[0].actuators)
+        track.surface = craft.surfaces.get(track.actuator)
+
+    def _say(self, time_s: float, level: str, text: str) -> None:
+        self._texts.append((time_s, level, text))
+        if len(self._texts) >= _TEXTS_PER_CHUNK:
+            self._flush_texts()
+
+    def _flush_texts(self) -> None:
+        rows, self._texts = self._texts, []
+        if rows:
+            content = rr.TextLog.columns(text=[row[2] for row in rows], level=[row[1] for row in rows])
+            send(self._stream, "/events", [row[0] for row in rows], content)
+
+
+def _change(event: ConditionChanged) -> str:
+    what = f"{event.before} → {event.after} since {clock(event.since_s)}: {event.rule}"
+    return f"{event.actuator}: {what} (vehicle {event.vehicle})"

@@ -1,0 +1,128 @@
+"""Rows of a long flight, thinned to what the eye can use, in memory that does not grow."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Thinner"]
+
+_Floats = NDArray[np.float64]
+_BATCH = 4096
+
+
+class Thinner:
+    """Keeps at most ``capacity`` rows of what it is given; all of them, unchanged, while they fit.
+
+    Whenever more come, each group of neighbouring rows is replaced by two, and from there on groups are
+    twice as large. So a flight of any length is left with between half the capacity and all of it.
+
+    Parameters
+    ----------
+    columns
+        Of each row, beside its time.
+    capacity
+        In rows; a multiple of four.
+    keep
+        ``"extremes"``: of each group the smallest and the largest value of each column, in the order in
+        which they came, at the times of the group's first and last row, so that no peak is lost.
+        ``"first"``: whole rows, where columns belong together.
+
+    Examples
+    --------
+    >>> thinner = Thinner(1, 4)
+    >>> thinner.add(np.arange(8.0), np.array([[0], [9], [1], [2], [3], [-5], [4], [5.0]]))
+    >>> time, values = thinner.rows()
+    >>> time.tolist(), values[:, 0].tolist()
+    ([0.0, 3.0, 4.0, 7.0], [0.0, 9.0, -5.0, 5.0])
+    """
+
+    def __init__(self, columns: int, capacity: int, keep: Literal["extremes", "first"] = "extremes") -> None:
+        self.group = 1
+        self._capacity = capacity
+        self._merge = _extremes if keep == "extremes" else _first
+        self._time = np.empty(capacity)
+        self._values = np.empty((capacity, columns))
+        self._size = 0
+        self._waiting: list[tuple[_Floats, _Floats]] = []
+        self._waiting_rows = 0
+
+    def add(self, time_s: _Floats, values: _Floats) -> None:
+        """Take rows: times of shape (n,), increasing, and values of shape (n, columns)."""
+        self._waiting.append((time_s, values))
+        self._waiting_rows += time_s.size
+        if self._waiting_rows >= max(_BATCH, 2 * self.group):
+            self._take(final=False)
+
+    def rows(self) -> tuple[_Floats, _Floats]:
+        """Return what is kept: times of shape (m,) and values of shape (m, columns)."""
+        self._take(final=True)
+        return self._time[: self._size], self._values[: self._size]
+
+    def _take(self, *, final: bool) -> None:
+        if not self._waiting:
+            return
+        time = np.concatenate([part for part, _ in self._waiting])
+        values = np.concatenate([part for _, part in self._waiting])
+        start = 0
+        while start < time.size:
+            size = self._whole(min(time.size - start, self._room()))
+            if size == 0:
+                if not final:
+                    break
+                size = min(time.size - start, self.group)
+            self._append(*self._thinned(time[start : start + size], values[start : start + size]))
+            start += size
+        self._waiting = [(time[start:], values[start:])] if start < time.size else []
+        self._waiting_rows = time.size - start
+
+    def _room(self) -> int:
+        """Return how many rows fit, after making room if there is none."""
+        if self._size + 2 > self._capacity:
+            whole = self._size - self._size % 4
+            kept = self._merge(self._time[:whole], self._values[:whole], 4)
+            rest = self._time[whole : self._size].copy(), self._values[whole : self._size].copy()
+            self._size = 0
+            self._append(*kept)
+            self._append(*rest)
+            self.group = max(2 * self.group, 4)
+        rows = self._capacity - self._size
+        return rows if self.group == 1 else rows // 2 * self.group
+
+    def _whole(self, rows: int) -> int:
+        return rows - rows % self.group
+
+    def _thinned(self, time: _Floats, values: _Floats) -> tuple[_Floats, _Floats]:
+        if self.group == 1 or time.size < 2:
+            return time, values
+        return self._merge(time, values, min(self.group, time.size))
+
+    def _append(self, time: _Floats, values: _Floats) -> None:
+        end = self._size + time.size
+        self._time[self._size : end], self._values[self._size : end] = time, values
+        self._size = end
+
+
+def _extremes(time: _Floats, values: _Floats, group: int) -> tuple[_Floats, _Floats]:
+    """Return two rows for each ``group`` of rows; what is not a number counts only among its like."""
+    groups = values.reshape(-1, group, values.shape[1])
+    lowest, highest = np.fmin.reduce(groups, axis=1), np.fmax.reduce(groups, axis=1)
+    rising = _place(groups, lowest) <= _place(groups, highest)
+    two = np.stack([np.where(rising, lowest, highest), np.where(rising, highest, lowest)], axis=1)
+    thinned = np.asarray(two, dtype=np.float64).reshape(-1, values.shape[1])
+    return _ends(time, group), thinned
+
+
+def _place(groups: _Floats, wanted: _Floats) -> NDArray[np.int64]:
+    return np.asarray(np.argmax(groups == wanted[:, None, :], axis=1))
+
+
+def _first(time: _Floats, values: _Floats, group: int) -> tuple[_Floats, _Floats]:
+    ends = values.reshape(-1, group, values.shape[1])[:, [0, -1]]
+    return _ends(time, group), ends.reshape(-1, values.shape[1])
+
+
+def _ends(time: _Floats, group: int) -> _Floats:
+    return time.reshape(-1, group)[:, [0, -1]].ravel()

@@ -1,0 +1,204 @@
+"""A flight in the Rerun viewer while it is flown."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import time
+import webbrowser
+from collections.abc import Iterable
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from mavhums.assessment import Assessment
+from mavhums.errors import MavhumsError
+from mavhums.events import Event
+from mavhums.show.recording import Recorder, draw, end
+
+__all__ = ["LiveViewer"]
+
+_HERE: Final = "127.0.0.1"
+_PORT, _WEB_PORT = 9876, 9090
+_EVERY_S: Final = 0.25
+_SERVER_MEMORY: Final = "256MiB"
+
+
+class LiveViewer:
+    """Draws the engine's events in a viewer that follows the flight, in bounded memory.
+
+    The data are served on the loopback address only, so that viewers may come and go.
+
+    Parameters
+    ----------
+    viewer
+        ``"window"`` opens the viewer's window; ``"browser"`` opens it in the browser; ``"web"`` serves
+        the web viewer without opening it; ``"serve"`` only serves the data, for ``rerun --connect URL``;
+        a ``rerun+http://…/proxy`` URL sends to a viewer that runs already.
+    recording_id
+        What tells this flight from others.
+    recording
+        Where to write a recording as well; as with :class:`Recorder`, it appears when it is closed.
+    position
+        Whether to show where the aircraft is.
+    memory_limit
+        Of the viewer's window, as ``"2GB"``: beyond it the oldest data are dropped. A browser has its own.
+
+    Attributes
+    ----------
+    url
+        Where the flight is to be seen: an http address for a web viewer, else one for ``rerun --connect``.
+
+    Raises
+    ------
+    MissingExtraError
+        If rerun is not installed.
+    MavhumsError
+        If the viewer cannot be started, or the URL is none.
+
+    Examples
+    --------
+    >>> with LiveViewer("serve", recording_id="6f1c") as viewer:  # doctest: +SKIP
+    ...     print(f"rerun --connect {viewer.url}")
+    ...     viewer.consume(engine.feed(datagram))
+    ...     viewer.close(engine.assessment())
+    """
+
+    def __init__(
+        self,
+        viewer: str = "window",
+        *,
+        recording_id: str,
+        recording: str | os.PathLike[str] | None = None,
+        position: bool = True,
+        memory_limit: str = "2GB",
+    ) -> None:
+        if viewer not in ("window", "browser", "web", "serve") and "://" not in viewer:
+            remedy = "one of window, browser, web, serve, or a rerun+http:// URL"
+            raise MavhumsError(f"no viewer {viewer!r}", remedy)
+        self.url = ""
+        self._viewer = viewer
+        self._memory_limit = memory_limit
+        self._stream, self._scene = draw(recording_id, live=True, position=position)
+        self._recorder = (
+            None if recording is None else Recorder(recording, recording_id=recording_id, position=position)
+        )
+        self._process: subprocess.Popen[bytes] | None = None
+        self._exits = ExitStack()
+        self._flushed_s = 0.0
+        self._laid_out: object = None
+
+    def __enter__(self) -> Self:
+        with self._exits as exits:
+            if self._recorder:
+                exits.enter_context(self._recorder)
+            exits.callback(self._stream.disconnect)
+            self._open()
+            self._exits = exits.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._exits.close()
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing is to be seen, where the viewer could not run; None if all is well."""
+        code = self._process.poll() if self._process else None
+        if not code:
+            return None
+        return (
+            f"the viewer ended with code {code}; without a screen, serve it: --viewer web or --viewer serve"
+        )
+
+    def consume(self, events: Iterable[Event]) -> None:
+        """Take what the engine reports, in its order; it is drawn four times a second."""
+        events = list(events)
+        if self._recorder:
+            self._recorder.consume(events)
+        self._scene.consume(events)
+        now = time.monotonic()
+        if now - self._flushed_s >= _EVERY_S:
+            self._flushed_s = now
+            self._draw()
+
+    def close(self, assessment: Assessment) -> None:
+        """Draw the end of the flight and its report, and publish the recording."""
+        end(self._stream, self._scene, assessment, "live")
+        self._stream.flush(timeout_sec=2.0)
+        if self._recorder:
+            self._recorder.close(assessment)
+
+    def _draw(self) -> None:
+        if not self._scene.tracks:
+            return
+        self._scene.flush()
+        self._scene.report_so_far()
+        shape = self._scene.shape()
+        if shape != self._laid_out:
+            self._laid_out = shape
+            self._stream.send_blueprint(self._scene.layout_so_far(), make_active=True, make_default=True)
+
+    def _open(self) -> None:
+        import rerun as rr
+
+        if "://" in self._viewer:
+            self.url = self._viewer
+            try:
+                self._stream.connect_grpc(self.url)
+            except Exception as error:
+                raise MavhumsError(f"{self.url}: {error}", "start the viewer first: rerun") from error
+            return
+        port = _free_port(_PORT)
+        self._stream.set_sinks(rr.GrpcServerSink(_HERE, port, server_memory_limit=_SERVER_MEMORY))
+        self.url = data = f"rerun+http://{_HERE}:{port}/proxy"
+        if self._viewer == "window":
+            limit = ["--memory-limit", self._memory_limit]
+            self._start("--connect", data, *limit, "--hide-welcome-screen", own_group=True)
+        elif self._viewer in ("browser", "web"):
+            web = str(_free_port(_WEB_PORT))
+            self._start("--serve-web", "--bind", _HERE, "--web-viewer-port", web, data)
+            self._exits.callback(self._stop)
+            self.url = f"http://{_HERE}:{web}?url={data.replace('+', '%2B').replace(':', '%3A')}"
+            if self._viewer == "browser":
+                webbrowser.open(self.url)
+
+    def _start(self, *arguments: str, own_group: bool = False) -> None:
+        """Start the viewer itself: the ``rerun`` command is a wrapper that would leave it running.
+
+        A window outlives us and our Ctrl-C, so that the flight can be looked at when it is over.
+        """
+        import rerun_cli
+
+        folder = Path(rerun_cli.__file__).parent
+        program = next((path for name in ("rerun", "rerun.exe") if (path := folder / name).exists()), None)
+        if program is None:
+            raise MavhumsError("the Rerun viewer is not installed", "pip install 'mavhums[viewer]'")
+        none = subprocess.DEVNULL
+        self._process = subprocess.Popen(
+            [str(program), *arguments], stdin=none, stdout=none, stderr=none, start_new_session=own_group
+        )
+
+    def _stop(self) -> None:
+        if self._process:
+            self._process.terminate()
+            self._process.wait()
+
+
+def _free_port(wanted: int) -> int:
+    """Return ``wanted`` if it is free, else any port that is."""
+    for port in (wanted, 0):
+        with socket.socket() as probe:
+            try:
+                probe.bind((_HERE, port))
+            except OSError:
+                continue
+            free: int = probe.getsockname()[1]
+            return free
+    raise MavhumsError("no port is free to serve the viewer", "close other programs")

@@ -1,0 +1,272 @@
+"""The parts of a session: addresses, recorder, what is remembered, the view, the lines."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+import mavhums.live
+from mavhums.assessment import Assessment
+from mavhums.events import AirframeNamed, ConditionChanged, Notice, Samples
+from mavhums.live import Address, objects
+from mavhums.live.address import AddressError
+from mavhums.live.lines import JsonLines, PlainLines
+from mavhums.live.recorder import TlogRecorder
+from mavhums.live.seen import Seen
+from mavhums.live.view import View, draw
+from mavhums.log.stamping import Piece
+from mavhums_sim.link import EPOCH_US
+from tests.live.conftest import Rig
+
+
+def test_the_room_shows_what_it_says() -> None:
+    assert set(mavhums.live.__all__) <= set(dir(mavhums.live))
+    assert all(getattr(mavhums.live, name).__doc__ for name in mavhums.live.__all__)
+    with pytest.raises(AttributeError, match="nonesuch"):
+        mavhums.live.nonesuch  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("url", "meant", "exposed"),
+    [
+        ("udpin:14550", "udpin:127.0.0.1:14550", False),
+        ("udpin::14550", "udpin:127.0.0.1:14550", False),
+        ("udpin:localhost:14550", "udpin:localhost:14550", False),
+        ("udpin:[::1]:14550", "udpin:[::1]:14550", False),
+        ("udpin:0.0.0.0:14550", "udpin:0.0.0.0:14550", True),
+        ("udpin:192.168.1.5:14550", "udpin:192.168.1.5:14550", True),
+        ("udpin:companion.local:14550", "udpin:companion.local:14550", True),
+        ("udpout:10.0.0.1:14550", "udpout:10.0.0.1:14550", False),
+        ("tcp:localhost:5760", "tcp:localhost:5760", False),
+        ("serial:/dev/ttyACM0:115200", "serial:/dev/ttyACM0:115200", False),
+        ("/dev/ttyUSB0,921600", "serial:/dev/ttyUSB0:921600", False),
+        ("COM3", "serial:COM3:57600", False),
+    ],
+)
+def test_addresses_mean_what_they_say(url: str, meant: str, exposed: bool) -> None:
+    address = Address.parse(url)
+    assert str(address) == meant
+    assert address.exposed is exposed
+    assert Address.parse(meant) == address
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_an_address_or_a_clear_error(text: str) -> None:
+    try:
+        address = Address.parse(text)
+    except AddressError:
+        return
+    assert Address.parse(str(address)) == address
+
+
+def test_the_error_names_the_forms() -> None:
+    with pytest.raises(AddressError, match=r"udpin:\[HOST:\]PORT"):
+        Address.parse("14550")
+
+
+def test_the_recorder_names_its_file_after_the_start(tmp_path: Path) -> None:
+    recorder = TlogRecorder(
+        tmp_path / "f-%Y%m%d-%H%M%S.tlog", start=datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)
+    )
+    recorder.write(b"record", 1)
+    recorder.close()
+    assert recorder.path.name == "f-20260304-050607.tlog"
+    assert recorder.path.read_bytes() == b"record"
+
+
+def test_records_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The data reach the operating system at once, and the disk in a second."""
+    synced: list[int] = []
+    monkeypatch.setattr("mavhums.live.recorder._SYNC_S", 0.02)
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_size))
+    recorder = TlogRecorder(tmp_path / "a.tlog")
+    recorder.write(b"12345678", 1)
+    assert recorder.path.read_bytes() == b"12345678"
+    for _ in range(500):
+        if synced:
+            break
+        recorder._closing.wait(0.01)
+    assert synced == [8]
+    recorder.close()
+    assert synced == [8], "nothing new, nothing to do"
+
+
+def test_a_disk_that_fails_is_told_of_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    recorder = TlogRecorder(tmp_path / "a.tlog")
+
+    def fail(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "write", fail)
+        broken.setattr(os, "ftruncate", fail)
+        broken.setattr(os, "fsync", fail)
+        recorder.write(b"lost", 3)
+        recorder.write(b"lost", 3)
+        recorder._synced = -1
+        recorder._sync()
+    assert recorder.lost_frames == 6
+    recorder.write(b"kept", 1)
+    recorder.close()
+    assert recorder.path.read_bytes() == b"kept"
+    told = [record.message for record in caplog.records]
+    assert len(told) == 3
+    assert told[0].endswith("No space left on device; the flight is judged on, but not recorded")
+    assert told[2].endswith("written again; 6 frames are missing")
+
+
+def test_what_was_seen_is_remembered(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    assert Seen(key).load() == {}
+    Seen(key).save({(0, 1, 1): 5, (3, 2, 1): 7})
+    assert Seen(key).load() == {(0, 1, 1): 5, (3, 2, 1): 7}
+
+
+@pytest.mark.parametrize("content", ["", "7", "[]", '{"0/1": 5}', '{"0/1/1": "x"}', '{"0/1/1": null}'])
+def test_damaged_memory_is_said(tmp_path: Path, content: str, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "key.seen").write_text(content)
+    assert Seen(tmp_path / "key").load() == {}
+    assert "replays of former sessions cannot be recognised" in caplog.text
+
+
+def test_memory_that_cannot_be_written_is_said_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = Seen(tmp_path / "nonesuch" / "key")
+    seen.save({(0, 1, 1): 5})
+    seen.save({(0, 1, 1): 6})
+    assert caplog.text.count("will not be recognised by the next") == 1
+
+
+def test_the_schema_file_is_generated_from_the_classes() -> None:
+    assert objects._generate_schema() == objects.json_schema()
+
+
+def flown(rig: Rig, worn_pieces: list[Piece]) -> Rig:
+    rig.hear([piece for piece in worn_pieces if piece.time_us < EPOCH_US + 20_000_000])
+    rig.wait_until(EPOCH_US + 21_000_000)
+    return rig
+
+
+def text_of(rig: Rig, told: tuple[str, ...] = ()) -> str:
+    console = Console(file=io.StringIO(), width=110)
+    console.print(draw(rig.shown.statuses[-1], "udpin:14550", told))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_the_view_shows_verdicts_rates_ages_and_losses(rig: Rig, worn_pieces: list[Piece]) -> None:
+    flown(rig, worn_pieces)
+    shown = text_of(rig, ("16.0s  elevator: \x1b[31mnormal",))
+    row = next(line for line in shown.splitlines() if line.split()[1:2] == ["elevator"])
+    assert "EMERGENCY: friction" in row
+    assert "1.0 s" in row
+    assert "lost or refused: nothing" in shown
+    assert "last data 1.0 s ago" in shown
+    assert "recording " in shown
+    assert "elevator: �[31mnormal" in shown, "what comes from outside is not obeyed"
+
+
+def test_the_view_never_shows_a_silent_actuator_as_normal(rig: Rig, worn_pieces: list[Piece]) -> None:
+    flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
+    shown = text_of(rig)
+    assert "STALE, was normal" in shown
+    assert not any(line.split()[2:3] == ["normal"] for line in shown.splitlines())
+
+
+def test_the_view_shows_what_is_refused_and_not_recorded(rig: Rig, worn_pieces: list[Piece]) -> None:
+    rig.hear([Piece("noise", EPOCH_US + 1000, b"noise" * 9), *worn_pieces[:500:3]])
+    rig.recorder.error, rig.recorder.lost_frames = "No space left on device", 1234
+    rig.wait_until(EPOCH_US + 2_000_000)
+    shown = text_of(rig)
+    assert "45 bytes of no frame" in shown
+    assert "missing by sequence number" in shown
+    assert "NOT RECORDED: No space left on device; 1,234 frames lost" in shown
+
+
+def test_the_view_stays_in_place_and_leaves_nothing(rig: Rig, worn_pieces: list[Piece]) -> None:
+    screen = io.StringIO()
+    view = View(Console(file=screen, force_terminal=True, width=100), "udpin:14550")
+    flown(rig, worn_pieces)
+    view.consume(rig.shown.events, {(1, "elevator"): "friction"})
+    view.announce(rig.shown.alerts)
+    view.tick(rig.shown.statuses[-1], [])
+    view.close(rig.session.close())
+    assert "elevator: undecided → emergency (friction)" in screen.getvalue()
+    assert "said to the ground station: elevator EMERGENCY: friction, land now" in screen.getvalue()
+
+
+def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
+    lines: list[str] = []
+    written = JsonLines(lines.append, rig.clock.now_us, rig.session.watch)
+    written.start(["udpin:127.0.0.1:14550"], airframe=None, signed_only=False)
+    rig.session.sinks.append(written)
+    flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
+    rig.end()
+    told = [json.loads(line) for line in lines]
+    schema = jsonschema.Draft202012Validator(objects.json_schema())
+    for one in told:
+        schema.validate(one)
+    kinds = {one["event"] for one in told}
+    assert kinds == {
+        "start", "airframe", "window", "condition", "alert", "stale", "status", "end",
+    }  # fmt: skip
+    assert [one["event"] for one in told][0 :: len(told) - 1] == ["start", "end"]
+    assert told[-1]["record"]["bytes"] == rig.recorder.bytes
+
+
+def test_notices_are_told(rig: Rig) -> None:
+    lines: list[str] = []
+    written = JsonLines(lines.append, rig.clock.now_us, rig.session.watch)
+    written.consume([Notice(1.0, 1, "PreArm: check")], {})
+    assert json.loads(lines[0])["text"] == "PreArm: check"
+
+
+def test_plain_lines_tell_changes_and_silence(rig: Rig, worn_pieces: list[Piece]) -> None:
+    lines: list[str] = []
+    rig.session.sinks.append(PlainLines(lines.append))
+    flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
+    rig.end()
+    assert sum("elevator: undecided → emergency (friction)" in line for line in lines) == 1
+    assert sum("stale, silent for 3." in line for line in lines) == 4
+
+
+class Failing:
+    """Raises as a viewer does that was closed."""
+
+    def consume(self, events: object) -> None:
+        raise RuntimeError("the viewer is gone")
+
+    def close(self, assessment: Assessment) -> None:
+        raise RuntimeError("the viewer is gone")
+
+
+def test_a_viewer_that_fails_ends_nothing(
+    rig: Rig, worn_pieces: list[Piece], caplog: pytest.LogCaptureFixture
+) -> None:
+    from mavhums.live.viewer import Drawn
+
+    rig.session.sinks.append(Drawn(Failing()))  # type: ignore[arg-type]
+    flown(rig, worn_pieces)
+    rig.end()
+    assert caplog.text.count("nothing is drawn any more: the viewer is gone") == 1
+
+
+def test_events_of_the_engine_are_not_kept(rig: Rig, worn_pieces: list[Piece]) -> None:
+    """A session keeps no events; only what shows them may."""
+    rig.hear(worn_pieces[:2000])
+    kinds = (Samples, ConditionChanged, AirframeNamed)
+    assert any(isinstance(event, kinds) for event in rig.shown.events)
+    held = [value for value in vars(rig.session).values() if isinstance(value, list)]
+    assert all(not any(isinstance(item, kinds) for item in value) for value in held)

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from mavhums.assessment import Assessment
+from mavhums.errors import MavhumsError
+from mavhums.show import LiveViewer
+
+if TYPE_CHECKING:
+    from tests.show.conftest import Flight
+
+pytest.importorskip("rerun", reason="the viewer needs the extra 'viewer'")
+
+from tests.show.test_recording import entities, rows, scalars, static, write
+
+
+def program() -> Path:
+    import rerun_cli
+
+    return Path(rerun_cli.__file__).with_name("rerun")
+
+
+def follow(url: str, path: Path) -> subprocess.Popen[bytes]:
+    """Write what a viewer that connects to ``url`` would be sent."""
+    command = [str(program()), url, "--port", "auto", "--bind", "127.0.0.1", "--save", str(path)]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def finished(process: subprocess.Popen[bytes], path: Path) -> None:
+    """End the follower when what it writes has come to rest."""
+    end, size = time.monotonic() + 20, -1
+    while not path.exists() or path.stat().st_size != size:
+        assert time.monotonic() < end, "nothing came"
+        size = path.stat().st_size if path.exists() else -1
+        time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    process.wait(20)
+    whole = path.with_suffix(".whole")
+    subprocess.run([program(), "rrd", "optimize", path, "-o", whole], check=True, capture_output=True)
+    whole.replace(path)
+
+
+def test_who_follows_sees_the_flight_and_the_disk_has_it_too(
+    tmp_path: Path, flight: Flight, assessment: Assessment
+) -> None:
+    seen, kept = tmp_path / "seen.rrd", tmp_path / "kept.rrd"
+    with LiveViewer("serve", recording_id="flight", recording=kept) as viewer:
+        assert viewer.url.startswith("rerun+http://127.0.0.1:")
+        follower = follow(viewer.url, seen)
+        for event in flight.events():
+            viewer.consume([event])
+        assert viewer.trouble is None
+        viewer.close(assessment)
+        finished(follower, seen)
+    whole = np.concatenate([flight.samples("elevator", k, k + 1).values for k in range(100)])
+    for path in (seen, kept):
+        _, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
+        np.testing.assert_array_equal(found[:, 0], whole[:, 4])
+        assert static(path, "/report")["TextDocument:text"][0].startswith("# elevator: EMERGENCY")
+    recorded = write(tmp_path / "recorded.rrd", flight.events(), assessment)
+    assert entities(kept) == entities(recorded)
+
+
+def test_the_report_is_kept_up_to_date(
+    tmp_path: Path, flight: Flight, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mavhums.show.live._EVERY_S", 0.0)
+    seen = tmp_path / "seen.rrd"
+    with LiveViewer("serve", recording_id="flight") as viewer:
+        follower = follow(viewer.url, seen)
+        events = list(flight.events())
+        half = len(events) // 2
+        for part in (events[:half], events[half:]):
+            viewer.consume(part)
+        viewer.close(assessment)
+        finished(follower, seen)
+    _, texts = rows(seen, "/report", "TextDocument:text")
+    assert len(texts) == 2
+    assert "| elevator | **degraded** | 0.5" in texts[0][0]
+    assert "| elevator | **emergency** | " in texts[1][0]
+
+
+def test_two_links_have_ports_of_their_own(tmp_path: Path) -> None:
+    with (
+        LiveViewer("serve", recording_id="one") as one,
+        LiveViewer("serve", recording_id="two") as two,
+    ):
+        assert one.url != two.url
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the addresses are read from /proc")
+def test_only_this_machine_can_look(tmp_path: Path) -> None:
+    with LiveViewer("serve", recording_id="flight") as viewer:
+        port = int(viewer.url.split(":")[2].split("/")[0])
+        lines = [
+            line for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()
+        ]
+        local = {line.split()[1] for line in lines}
+        assert {place for place in local if place.endswith(f":{port:04X}")} == {f"0100007F:{port:04X}"}
+
+
+def test_the_web_viewer_is_served_and_stopped() -> None:
+    import urllib.request
+
+    with LiveViewer("web", recording_id="flight") as viewer:
+        address = viewer.url.split("?")[0]
+        end = time.monotonic() + 20
+        while True:
+            try:
+                page = urllib.request.urlopen(address, timeout=5).read()
+                break
+            except OSError:
+                assert time.monotonic() < end, "nothing is served"
+                time.sleep(0.1)
+        assert b"rerun" in page.lower()
+        assert "url=rerun%2Bhttp" in viewer.url
+    host, port = address.removeprefix("http://").split(":")
+    with socket.socket() as probe, pytest.raises(OSError, match="refused"):
+        probe.connect((host, int(port)))
+
+
+def test_a_viewer_that_cannot_run_is_told(monkeypatch: pytest.MonkeyPatch, flight: Flight) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    with LiveViewer("window", recording_id="flight") as viewer:
+        end = time.monotonic() + 20
+        while viewer.trouble is None and time.monotonic() < end:
+            viewer.consume([flight.samples("elevator", 0, 1)])
+            time.sleep(0.1)
+        assert "without a screen" in (viewer.trouble or "")
+
+
+@pytest.mark.parametrize(("viewer", "problem"), [("vr", "no viewer 'vr'"), ("ftp://x", "ftp://x: ")])
+def test_a_viewer_that_there_is_not(viewer: str, problem: str) -> None:
+    with pytest.raises(MavhumsError, match=problem), LiveViewer(viewer, recording_id="flight"):
+        pass

@@ -1,0 +1,223 @@
+"""The airframe, the flight mode, the position, silence, and what is left of a long flight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from mavhums.actuator.profile import Actuator, Airframe
+from mavhums.assessment import Assessment
+from mavhums.events import AirframeNamed, Attitude, ConditionChanged, Event, FlightMode, Position, Samples
+from mavhums.quantities import KEYS
+
+if TYPE_CHECKING:
+    from tests.show.conftest import Flight
+
+pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
+
+import rerun as rr
+
+from mavhums.show import Recorder
+from mavhums.show._craft import _places
+from mavhums.show._words import COLOURS
+from tests.show.test_recording import entities, rows, scalars, static, write
+
+Assess = Callable[..., Assessment]
+SURFACE = "/airframe/vehicle_1/body/at/elevator/surface"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _strict() -> Iterator[None]:
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+def rgba(colour: tuple[int, int, int]) -> int:
+    return (colour[0] << 24) + (colour[1] << 16) + (colour[2] << 8) + 255
+
+
+def block(start: float, count: int, rate: float = 100.0, value: float = 1.0) -> Samples:
+    return Samples(1, "elevator", start + np.arange(count) / rate, np.full((count, 12), value))
+
+
+def test_surfaces_move_and_carry_their_conditions_colour(
+    tmp_path: Path, flight: Flight, assessment: Assessment
+) -> None:
+    path = write(tmp_path / "flight.rrd", flight.events(), assessment)
+    time, turns = rows(path, SURFACE, "Transform3D:rotation_axis_angle")
+    assert 24 <= time.size / 100 <= 26
+    samples = flight.samples("elevator", 0, 100)
+    expected = -np.radians(samples.values[:, KEYS.index("V3")][np.searchsorted(samples.time_s, time - 1e-6)])
+    assert [turn[0]["angle"] for turn in turns] == pytest.approx(expected.tolist(), abs=1e-5)
+    assert turns[0][0]["axis"] == [0, 1, 0]
+    changed, colours = rows(path, SURFACE, "Boxes3D:colors")
+    expected_colours = [COLOURS["normal"], COLOURS["degraded"], COLOURS["emergency"]]
+    assert [colour[0] for colour in colours] == [rgba(colour) for colour in expected_colours]
+    lane, _ = rows(path, "/vehicle_1/elevator", "StateChange:state")
+    np.testing.assert_array_equal(changed, lane)
+
+
+def test_without_v3_the_command_moves_the_surface_and_without_both_it_rests(
+    tmp_path: Path, new_flight: type[Flight], assessment: Assessment
+) -> None:
+    events = new_flight(absent=("V3",), duration=12).events()
+    _, turns = rows(write(tmp_path / "a.rrd", events, assessment), SURFACE, "Transform3D:rotation_axis_angle")
+    commands = new_flight(duration=12).samples("elevator", 0, 12).values[:, 0]
+    assert turns[0][0]["angle"] == pytest.approx(-math.radians(commands[0]), abs=1e-6)
+    events = new_flight(absent=("V1", "V3"), duration=12).events()
+    path = write(tmp_path / "b.rrd", events, assessment)
+    assert rows(path, SURFACE, "Transform3D:rotation_axis_angle")[1] == []
+
+
+@pytest.mark.parametrize(
+    ("angles", "ahead", "left"),
+    [
+        ((0.0, 0.3, 0.0), (math.cos(0.3), 0, math.sin(0.3)), (0, 1, 0)),
+        ((0.4, 0.0, 0.0), (1, 0, 0), (0, math.cos(0.4), math.sin(0.4))),
+        ((0.4, 0.3, 0.0), (math.cos(0.3), 0, math.sin(0.3)), None),
+    ],
+)
+def test_nose_up_is_up_and_right_wing_down_lifts_the_left(
+    angles: tuple[float, ...],
+    ahead: tuple[float, ...],
+    left: tuple[float, ...] | None,
+    tmp_path: Path,
+    flight: Flight,
+    assessment: Assessment,
+) -> None:
+    attitude = Attitude(1, np.array([1.0]), np.array([[*angles[:2], 0.7]]))
+    path = write(tmp_path / "a.rrd", [*flight.events(), attitude], assessment)
+    _, ((q,),) = rows(path, "/airframe/vehicle_1/body", "Transform3D:quaternion")
+    x, y, z, w = q
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    np.testing.assert_allclose(turn @ (1, 0, 0), ahead, atol=1e-6)
+    if left:
+        np.testing.assert_allclose(turn @ (0, 1, 0), left, atol=1e-6)
+    _, ((heading,),) = rows(path, "/airframe/vehicle_1", "Transform3D:rotation_axis_angle")
+    assert heading["angle"] == pytest.approx(-0.7)
+
+
+def actuator(number: int, name: str, surface: str = "") -> Actuator:
+    return Actuator(name=name, surface=surface, servo=number, pwm_us=(1000, 1500, 2000))
+
+
+def test_every_kind_of_surface_has_a_place_of_its_own() -> None:
+    names = ["aileron_left", "aileron_right", "aileron_left_2", "elevator", "rudder", "flap_l", "flap_r"]
+    names += [
+        "ruddervator_left",
+        "ruddervator_right",
+        "canard",
+        "spoiler",
+        "gear",
+        "camera",
+        "aileron",
+        "aileron_b",
+    ]
+    places = _places([actuator(k + 1, name) for k, name in enumerate(names)])
+    assert len({(place.x, place.span, place.roll) for place in places}) == len(names)
+    by_name = dict(zip(names, places, strict=True))
+    assert min(by_name["aileron_left"].span) > 0 > max(by_name["aileron_right"].span)
+    assert min(by_name["flap_l"].span) > 0 > max(by_name["flap_r"].span)
+    assert min(by_name["aileron"].span) > 0 > max(by_name["aileron_b"].span)
+    assert sum(by_name["elevator"].span) == 0
+    assert by_name["rudder"].roll == 90
+    assert by_name["ruddervator_left"].roll == -by_name["ruddervator_right"].roll
+
+
+def test_sixteen_actuators_are_all_drawn(tmp_path: Path, new_assessment: Assess) -> None:
+    names = [f"aileron_{side}_{k}" for side in ("left", "right") for k in range(8)]
+    airframe = Airframe(name="many", actuators=tuple(actuator(k + 1, n) for k, n in enumerate(names)))
+    events: list[Event] = [AirframeNamed(0.0, None, airframe)]
+    events += [Samples(1, name, np.arange(100.0) / 100, np.ones((100, 12))) for name in names]
+    found = entities(write(tmp_path / "many.rrd", events, new_assessment()))
+    assert {f"/airframe/vehicle_1/body/at/{name}/surface" for name in names} <= found
+
+
+def test_flight_modes_have_a_lane_and_are_told(tmp_path: Path, new_assessment: Assess) -> None:
+    modes = [FlightMode(1, 0.0, "MANUAL"), FlightMode(1, 5.0, "AUTO"), FlightMode(1, 9.0, "MANUAL")]
+    path = write(tmp_path / "modes.rrd", modes, new_assessment())
+    time, states = rows(path, "/flight_mode/vehicle_1", "StateChange:state")
+    assert (time.tolist(), states) == ([0, 5, 9], [["MANUAL"], ["AUTO"], ["MANUAL"]])
+    assert static(path, "/flight_mode/vehicle_1")["StateConfiguration:values"] == ["MANUAL", "AUTO"]
+    assert rows(path, "/events", "TextLog:text")[1][1] == ["vehicle 1: flight mode AUTO"]
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_the_position_is_left_out_on_request(wanted: bool, tmp_path: Path, new_assessment: Assess) -> None:
+    time = np.arange(100.0)
+    degrees = np.stack([51 + time / 1e4, time / 1e4], axis=1)
+    with Recorder(tmp_path / "map.rrd", recording_id="flight", position=wanted) as recorder:
+        recorder.consume([Position(1, time, degrees, time)])
+        recorder.close(new_assessment())
+    found = entities(tmp_path / "map.rrd")
+    assert ("/position/vehicle_1" in found) == wanted
+    assert b"/position" in (tmp_path / "map.rrd").read_bytes() or not wanted
+    if wanted:
+        _, points = rows(tmp_path / "map.rrd", "/position/vehicle_1", "GeoPoints:positions")
+        np.testing.assert_array_equal([point[0] for point in points], degrees)
+        (line,) = static(tmp_path / "map.rrd", "/position/vehicle_1/path")["GeoLineStrings:line_strings"]
+        np.testing.assert_array_equal(line, degrees)
+
+
+def test_silence_is_stale_and_never_normal(tmp_path: Path, new_assessment: Assess) -> None:
+    change = ConditionChanged(1, "elevator", 1.0, 0.0, "undecided", "normal", "r")
+    events: list[Event] = [block(0, 500), change, block(20, 500)]
+    quiet = new_assessment()  # the log goes on to 100 s
+    time, states = rows(
+        write(tmp_path / "gap.rrd", events, quiet), "/vehicle_1/elevator", "StateChange:state"
+    )
+    assert [state for (state,) in states] == ["normal", "stale", "normal", "stale"]
+    assert time.tolist() == pytest.approx([0.0, 4.99, 20.0, 24.99])
+
+
+def test_silence_is_noticed_while_others_speak(tmp_path: Path, new_assessment: Assess) -> None:
+    other = block(0, 1200)
+    rudder = Samples(1, "rudder", other.time_s, other.values)
+    log = new_assessment().log.model_copy(update={"duration_s": 12.0})
+    whole = new_assessment().model_copy(update={"log": log})
+    path = write(tmp_path / "one.rrd", [block(0, 100), rudder], whole)
+    assert rows(path, "/vehicle_1/elevator", "StateChange:state")[1] == [["undecided"], ["stale"]]
+    assert rows(path, "/vehicle_1/rudder", "StateChange:state")[1] == [["undecided"]]
+
+
+def test_a_long_flight_is_thinned_but_whole_around_what_happened(
+    tmp_path: Path, new_assessment: Assess
+) -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(400_000) / 100
+    values = rng.normal(size=(time.size, 12))
+    values[123_456, 4] = 99.0
+    change = ConditionChanged(1, "elevator", 2010.0, 2000.0, "normal", "degraded", "r")
+    events: list[Event] = []
+    for start in range(0, time.size, 1000):
+        events.append(Samples(1, "elevator", time[start : start + 1000], values[start : start + 1000]))
+        if time[start] == 2010.0:
+            events.append(change)
+    path = write(tmp_path / "long.rrd", events, new_assessment())
+    found_time, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
+    assert 16_000 < found_time.size < 40_000
+    assert (np.diff(found_time) >= 0).all()
+    assert (found.max(), found.min()) == (99.0, values[:, 4].min())
+    inside = (time >= 1991) & (time < 2019)
+    kept = (found_time >= 1991 - 1e-6) & (found_time < 2019 - 1e-6)
+    np.testing.assert_array_equal(found[kept, 0], values[inside, 4])
+    assert path.stat().st_size < 5e6
+
+
+def test_no_line_is_drawn_across_a_gap(tmp_path: Path, new_assessment: Assess) -> None:
+    path = write(tmp_path / "gap.rrd", [block(0, 500), block(20, 500)], new_assessment())
+    time, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
+    assert time[np.isnan(found[:, 0])] == pytest.approx([4.991])
+    assert np.count_nonzero(found == 1) == 1000
