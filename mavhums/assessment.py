@@ -26,6 +26,7 @@ __all__ = [
     "Condition",
     "Coverage",
     "Evidence",
+    "Indicator",
     "Interval",
     "LogSummary",
     "Losses",
@@ -99,6 +100,36 @@ class Evidence(_Contract):
     rule: str
 
 
+class Indicator(_Contract):
+    """A physical quantity that shows a fault, as the whole flight has it.
+
+    Attributes
+    ----------
+    fault
+        That it shows.
+    quantity, unit
+        What was estimated, for example ``Coulomb friction`` in ``N·m``.
+    value
+        Over the whole flight.
+    windows, scatter
+        Number of decidable windows that do not overlap, and the standard deviation of their estimates;
+        None of fewer than two.
+    limit
+        Value from which the actuator is degraded; None where only its own baseline can tell.
+    baseline
+        What the actuator's own history says it is, as a 95 % prediction interval of one flight.
+    """
+
+    fault: str
+    quantity: str
+    unit: str
+    value: Interval
+    windows: int = Field(ge=1)
+    scatter: float | None = Field(default=None, ge=0)
+    limit: float | None = None
+    baseline: Interval | None = None
+
+
 class Verdict(_Contract):
     """What the log says of one actuator.
 
@@ -123,6 +154,7 @@ class Verdict(_Contract):
     tier: str | None = None
     provenance: dict[str, str] = {}
     evidence: tuple[Evidence, ...] = ()
+    indicators: tuple[Indicator, ...] = ()
     reason: str | None = None
     remedy: str | None = None
 
