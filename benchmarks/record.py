@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from examples.picture import alike
 from mavhums.actuator import load_airframe
 from mavhums.assessment import Assessment, Interval, LogSummary, Losses, Verdict
 from mavhums.events import AirframeNamed, Attitude, ConditionChanged, Event, Position, Samples, Window
@@ -115,16 +117,16 @@ def show(path: Path, patience_s: float = 120.0) -> tuple[float, float]:
         client.take_screenshot()
         start = time.perf_counter()
         client.open(str(path))
-        before, drawn, rest = b"", b" ", 0.0
-        while before != drawn or client.get_state().loading or not client.get_state().recordings:
+        before, drawn, rest = b"", b"", 0.0
+        while not alike(before, drawn) or client.get_state().loading or not client.get_state().recordings:
             before, drawn = drawn, client.take_screenshot()
-            if before != drawn:
+            if not alike(before, drawn):
                 rest = time.perf_counter() - start
             if rest > patience_s:
                 raise TimeoutError(f"{path}: the viewer does not come to rest")
             time.sleep(0.1)
         found = subprocess.run(
-            ["pgrep", "-n", "-f", f"--port={PORT}"], capture_output=True, text=True, check=True
+            ["pgrep", "-n", "-f", "--", f"--port={PORT}"], capture_output=True, text=True, check=True
         )
         status = Path(f"/proc/{int(found.stdout)}/status").read_text()
         memory = int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])

@@ -13,6 +13,7 @@ from mavhums.assessment import Condition
 from mavhums.quantities import QUANTITIES
 from mavhums.show._signals import ARCHETYPE
 from mavhums.show._stream import TIMELINE
+from mavhums.show._words import SERIES
 
 __all__ = ["Lane", "Surroundings", "layout", "panels", "whole_flight"]
 
@@ -27,7 +28,6 @@ _PLOTS: Final = (
     ("output torque", ("V11",)),
     ("rotor rotation", ("V2",)),
 )
-_COLOURS = ((86, 180, 233), (240, 228, 66), (204, 121, 167))
 _QUANTITIES = {quantity.key: quantity for quantity in QUANTITIES}
 _LIVE_SIGNALS_S, _LIVE_EVIDENCE_S = 30, 120
 
@@ -99,7 +99,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     middle = _vehicle(around)
     below = rrb.Horizontal(rrb.Tabs(*tabs, active_tab=0), middle, column_shares=[5, 3]) if tabs else middle
     rows = len(lanes) + len(around.modes)
-    share = min(0.075 + 0.0385 * rows, 0.5)
+    share = min(0.08 + 0.042 * rows, 0.5)
     conditions = rrb.StateTimelineView(
         origin="/",
         contents=[*around.modes, *(lane.root for lane in lanes)],
@@ -117,10 +117,10 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     )
 
 
-def panels() -> tuple[rrb.BlueprintPart, ...]:
+def panels(timeline: str = TIMELINE) -> tuple[rrb.BlueprintPart, ...]:
     """Return the viewer's own panels, out of the way, with the cursor at the end: what it has come to."""
     return (
-        rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
+        rrb.TimePanel(timeline=timeline, play_state="following", state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
     )
@@ -184,7 +184,7 @@ def _signals(root: str, subject: str, keys: list[str], axis: rrb.TimeAxis) -> rr
     path = f"{root}/quantities"
     lines = [
         rr.SeriesLines(names=_short(key), colors=colour, widths=1.0).visualizer(mappings=[_source(key)])
-        for key, colour in zip(keys, _COLOURS, strict=False)
+        for key, colour in zip(keys, SERIES, strict=False)
     ]
     title = f"{', '.join(keys)} {subject}, {_QUANTITIES[keys[0]].unit}"
     return _plot(title, [path], axis, legend=len(keys) > 1, overrides={path: lines})
