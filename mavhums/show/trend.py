@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mavhums.errors import MissingExtraError
+from mavhums.errors import MavhumsError, MissingExtraError
 from mavhums.files import written_whole
 
 if TYPE_CHECKING:
@@ -59,7 +59,10 @@ def record_trend(trend: pd.DataFrame, path: str | os.PathLike[str], *, report: s
     known = trend.assign(start_utc=pd.to_datetime(trend["start_utc"], utc=True, format="ISO8601"))
     groups = ["vehicle", "actuator"] if "vehicle" in known else ["actuator"]
     with written_whole(Path(path)) as temporary, open_stream("trend") as stream:
-        stream.save(temporary)
+        try:
+            stream.save(temporary)
+        except RuntimeError as error:
+            raise MavhumsError(f"cannot write {path}: {error}", "choose another place") from error
         stream.send_recording_name("friction over flights")
         roots: list[tuple[int, str]] = []
         for names, flights in known.sort_values("start_utc").groupby(groups, sort=False):
