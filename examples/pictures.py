@@ -10,6 +10,7 @@ the folder.
 from __future__ import annotations
 
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -55,8 +56,9 @@ def _judged(log: Path, demo: Path, picture: Path) -> None:
 
 
 def _real(demo: Path, picture: Path) -> None:
-    log = Path(os.environ.get("MAVHUMS_REAL_LOGS", "")) / REAL_LOG
-    if log.exists():
+    original, log = Path(os.environ.get("MAVHUMS_REAL_LOGS", "")) / REAL_LOG, demo / REAL_LOG
+    if original.exists():
+        shutil.copyfile(original, log)
         _judged(log, demo, picture)
     else:
         print(f"  kept as it is: no {REAL_LOG} in MAVHUMS_REAL_LOGS")

@@ -21,7 +21,7 @@ _FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
-    "--window-size=1920,1200",
+    "--window-size=1400,1000",
 )
 
 
