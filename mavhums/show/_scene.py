@@ -164,6 +164,7 @@ class Scene:
             modes=tuple(v.mode_path for v in self._vehicles.values() if v.mode_path),
             airframe=fitted[0].craft.root if fitted else None,
             positions=tuple(v.position_path for v in self._vehicles.values() if v.position_path),
+            extent_deg=max((v.extent_deg for v in self._vehicles.values() if v.extent_deg), default=None),
         )
 
     def _name_airframe(self, event: AirframeNamed) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
@@ -29,6 +30,7 @@ _PLOTS: Final = (
     ("rotor rotation", ("V2",)),
 )
 _QUANTITIES = {quantity.key: quantity for quantity in QUANTITIES}
+_MAP_PIXELS: Final = 100
 _LIVE_SIGNALS_S, _LIVE_EVIDENCE_S = 30, 120
 
 
@@ -72,11 +74,14 @@ class Surroundings(NamedTuple):
         Entity path of the airframe to be shown; None without a profile.
     positions
         Entity paths of positions.
+    extent_deg
+        Of what the map must show; None if that is not known yet.
     """
 
     modes: tuple[str, ...] = ()
     airframe: str | None = None
     positions: tuple[str, ...] = ()
+    extent_deg: float | None = None
 
 
 def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: bool = False) -> rrb.Blueprint:
@@ -151,9 +156,17 @@ def _vehicle(around: Surroundings) -> rrb.Container:
         )
     if around.positions:
         contents = [f"{path}/**" for path in around.positions]
-        views.append(rrb.MapView(origin="/", contents=contents, name="Where it was"))
+        views.append(rrb.MapView(origin="/", contents=contents, name="Where it was", zoom=_zoom(around)))
     shares = [*([3] if around.airframe else []), *([2] if around.positions else []), 2]
     return rrb.Vertical(*views, events, row_shares=shares)
+
+
+def _zoom(around: Surroundings) -> float | None:
+    """Return the zoom at which the whole way fits: level 0 shows the world in 256 pixels."""
+    if around.extent_deg is None:
+        return None
+    degrees_per_pixel = max(around.extent_deg, 1e-3) / _MAP_PIXELS
+    return float(np.clip(np.log2(360 / 256 / degrees_per_pixel), 1, 18))
 
 
 def _tab(lane: Lane) -> str:
