@@ -19,6 +19,7 @@ __all__ = [
     "ConditionChanged",
     "Event",
     "FlightMode",
+    "Indication",
     "Notice",
     "Position",
     "Samples",
@@ -68,6 +69,22 @@ class ConditionChanged:
     before: Condition
     after: Condition
     rule: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Indication:
+    """The quantity that shows a fault, in the windows that end at ``end_s``; arrays of shape (n,).
+
+    ``low`` and ``high`` bound the 95 % interval. Windows that cannot show it are left out.
+    """
+
+    vehicle: int
+    actuator: str
+    fault: str
+    end_s: NDArray[np.float64]
+    value: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,4 +139,14 @@ class FlightMode:
     mode: str
 
 
-Event = Samples | Window | ConditionChanged | AirframeNamed | Notice | Attitude | Position | FlightMode
+Event = (
+    Samples
+    | Window
+    | ConditionChanged
+    | Indication
+    | AirframeNamed
+    | Notice
+    | Attitude
+    | Position
+    | FlightMode
+)

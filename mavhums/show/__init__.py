@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mavhums.show.recording import Recorder
     from mavhums.show.report import markdown
     from mavhums.show.terminal import render
-    from mavhums.show.trend import record_trend
+    from mavhums.show.trend_recording import record_trend
 
 __all__ = ["LiveViewer", "Recorder", "layout", "markdown", "record_trend", "render"]
 
@@ -23,7 +23,7 @@ _HOMES = {
     "Recorder": "recording",
     "layout": "blueprint",
     "markdown": "report",
-    "record_trend": "trend",
+    "record_trend": "trend_recording",
     "render": "terminal",
 }
 

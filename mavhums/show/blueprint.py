@@ -47,6 +47,8 @@ class Lane(NamedTuple):
         What it is now, and the worst it was.
     present
         What there is to draw: the quantities that the log carries, ``friction`` and ``network``.
+    faults
+        Entity paths of what shows other faults, by fault.
     """
 
     root: str
@@ -54,6 +56,7 @@ class Lane(NamedTuple):
     condition: Condition
     worst: Condition
     present: frozenset[str]
+    faults: Mapping[str, str] = {}
 
 
 class _Axes(NamedTuple):
@@ -176,10 +179,13 @@ def _tab(lane: Lane) -> str:
 
 def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
     root, keys = lane.root, lane.present
-    answer = []
+    answer: list[rrb.View | rrb.Container] = []
     if "friction" in keys:
         contents = [f"{root}/friction", f"{root}/limits"]
         answer.append(_plot("Friction, N·m, against its limits", contents, axes.evidence))
+    if lane.faults:
+        others = [_plot(name.replace("_", " "), [path], axes.evidence) for name, path in lane.faults.items()]
+        answer = [rrb.Tabs(*answer, *others, active_tab=0)]
     if "network" in keys:
         title = "Network: P(emergency)"
         answer.append(_plot(title, [f"{root}/network"], axes.evidence, legend=False, span=(-0.05, 1.05)))
