@@ -24,9 +24,10 @@ model: .venv/.ready
 		$(BIN)/mavhums train --airframe paper --tier $$tier -o mavhums/learn/models/paper-$$tier.safetensors || exit 1; \
 	done
 
-# The pictures in the README; needs the Debian packages mesa-vulkan-drivers and ca-certificates.
+# The pictures of recordings in README and docs; needs the Debian packages mesa-vulkan-drivers and
+# ca-certificates, and for the real log's its folder in MAVHUMS_REAL_LOGS.
 pictures: .venv/.ready demo
-	$(BIN)/python examples/picture.py demo/flight.rrd docs/growing-friction.png
+	PYTHONPATH=. $(BIN)/python examples/pictures.py demo docs/recordings
 
 clean:
 	rm -rf .venv demo build dist .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis

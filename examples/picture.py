@@ -13,11 +13,20 @@ import sys
 import time
 from pathlib import Path
 
-__all__ = ["draw"]
+__all__ = ["alike", "draw", "save"]
 
 
-def draw(recording: Path, *, patience_s: float = 60.0) -> bytes:
-    """Return the recording as the viewer shows it on opening, as a PNG of 1920 × 1080.
+def draw(source: str | Path, *, settle_s: float = 0.0, patience_s: float = 120.0) -> bytes:
+    """Return what the viewer shows on opening a recording, as a PNG of 1920 × 1080.
+
+    Parameters
+    ----------
+    source
+        A recording, a log that an importer knows, or the URL of a live flight.
+    settle_s
+        How long to look at it at least: a viewer greets with messages that go away in six seconds.
+    patience_s
+        How long to wait until two pictures are alike, which is when all is drawn.
 
     Raises
     ------
@@ -37,27 +46,44 @@ def draw(recording: Path, *, patience_s: float = 60.0) -> bytes:
     with ViewerClient.spawn(
         headless=True, hide_welcome_screen=True, port=port, executable_path=viewer, memory_limit="1GB"
     ) as client:
-        client.open(str(recording))
-        deadline = time.monotonic() + patience_s
+        client.open(str(source))
+        start = time.monotonic()
         before, drawn = b"", client.take_screenshot()
-        while before != drawn or client.get_state().loading or not client.get_state().recordings:
-            if time.monotonic() > deadline:
-                raise TimeoutError(f"{recording}: the viewer does not come to rest")
+        while (
+            not alike(before, drawn)
+            or time.monotonic() < start + settle_s
+            or client.get_state().loading
+            or not client.get_state().recordings
+        ):
+            if time.monotonic() > start + patience_s:
+                raise TimeoutError(f"{source}: the viewer does not come to rest")
             time.sleep(0.3)
             before, drawn = drawn, client.take_screenshot()
         reports = [f"{view.name}: {report}" for view in client.get_state().views for report in view.reports]
     if reports:
-        raise RuntimeError(f"{recording}: {reports[0]}")
+        raise RuntimeError(f"{source}: {reports[0]}")
     return drawn
 
 
-def main(recording: Path, picture: Path) -> None:
-    """Draw ``recording`` and write it to ``picture`` in 256 colours, which is enough and small."""
+def alike(one: bytes, other: bytes) -> bool:
+    """Return whether two pictures are the same but for what flickers: less than a fiftieth of the pixels."""
+    import numpy as np
     from PIL import Image
 
-    with Image.open(io.BytesIO(draw(recording))) as image:
+    if not one or not other:
+        return False
+    with Image.open(io.BytesIO(one)) as left, Image.open(io.BytesIO(other)) as right:
+        differing = (np.asarray(left) != np.asarray(right)).any(axis=-1)
+    return bool(differing.mean() < 0.02)
+
+
+def save(source: str | Path, picture: Path) -> None:
+    """Draw ``source`` and write it to ``picture`` in 256 colours, which is enough and small."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(draw(source, settle_s=8.0))) as image:
         image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(picture, optimize=True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    save(sys.argv[1], Path(sys.argv[2]))

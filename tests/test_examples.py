@@ -15,10 +15,12 @@ from examples import (
     demo,
     follow_udp,
     own_recording,
+    pictures,
     quantities_to_pandas,
     selectors_in_a_pipeline,
     wear_over_flights,
 )
+from mavhums import analyse
 from mavhums_sim.campaign import PAPER_FRICTION_NM
 
 
@@ -157,3 +159,26 @@ def test_a_recording_of_ones_own(short_log: Path, tmp_path: Path, capsys: pytest
     own_recording.main(str(short_log), str(recording))
     assert recording.read_bytes().startswith(b"RRF")
     assert "elevator: up to" in capsys.readouterr().out
+
+
+def test_the_ten_hours_of_the_picture_are_one_flight(tmp_path: Path) -> None:
+    log = tmp_path / "ten-hours.tlog"
+    pictures.write_ten_hours(log, hour_s=200.0)
+    assessment = analyse(log)
+    assert assessment.log.duration_s == pytest.approx(2000, abs=1)
+    assert not assessment.log.losses.any
+    elevator = next(verdict for verdict in assessment.verdicts if verdict.actuator == "elevator")
+    assert (elevator.condition, elevator.coverage.late) == ("degraded", 0)
+    assert elevator.since is not None
+    assert elevator.since.flight_time_s == pytest.approx(1200, abs=30)
+
+
+def test_the_live_picture_is_of_the_middle_of_the_flight(
+    short_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rerun", reason="the viewer needs the extra 'viewer'")
+    seen: list[str] = []
+    monkeypatch.setattr(pictures, "save", lambda source, picture: seen.append(str(source)))
+    (tmp_path / "friction-growing.tlog").symlink_to(short_log)
+    pictures._live(tmp_path, tmp_path / "live.png")
+    assert seen[0].startswith("rerun+http://127.0.0.1:")

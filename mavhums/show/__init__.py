@@ -14,14 +14,16 @@ if TYPE_CHECKING:
     from mavhums.show.recording import Recorder
     from mavhums.show.report import markdown
     from mavhums.show.terminal import render
+    from mavhums.show.trend_recording import record_trend
 
-__all__ = ["LiveViewer", "Recorder", "layout", "markdown", "render"]
+__all__ = ["LiveViewer", "Recorder", "layout", "markdown", "record_trend", "render"]
 
 _HOMES = {
     "LiveViewer": "live",
     "Recorder": "recording",
     "layout": "blueprint",
     "markdown": "report",
+    "record_trend": "trend_recording",
     "render": "terminal",
 }
 

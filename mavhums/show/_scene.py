@@ -16,6 +16,7 @@ from mavhums.events import (
     ConditionChanged,
     Event,
     FlightMode,
+    Indication,
     Notice,
     Position,
     Samples,
@@ -78,6 +79,8 @@ class Scene:
                 case ConditionChanged():
                     self._track(event.vehicle, event.actuator).changed(event)
                     self._say(event.time_s, _LEVELS.get(event.after, "INFO"), _change(event))
+                case Indication():
+                    self._track(event.vehicle, event.actuator).indication(event)
                 case AirframeNamed():
                     self._name_airframe(event)
                 case Attitude():
@@ -140,7 +143,7 @@ class Scene:
 
     def shape(self) -> object:
         """Return what the layout depends on: where it stays the same, so does the layout."""
-        shown = [(track.root, track.held, track.present) for track in self.ranked()]
+        shown = [(track.root, track.held, track.present, len(track.faults)) for track in self.ranked()]
         return shown, self._surroundings()
 
     def ranked(self) -> list[Track]:
@@ -149,7 +152,7 @@ class Scene:
         return sorted(self._tracks.values(), key=lambda track: order.index(track.held))
 
     def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
-        return Lane(track.root, self._title(track), condition, worst, frozenset(track.present))
+        return Lane(track.root, self._title(track), condition, worst, track.present, dict(track.faults))
 
     def _title(self, track: Track) -> str:
         several = len({vehicle for vehicle, _ in self._tracks}) > 1
@@ -164,6 +167,7 @@ class Scene:
             modes=tuple(v.mode_path for v in self._vehicles.values() if v.mode_path),
             airframe=fitted[0].craft.root if fitted else None,
             positions=tuple(v.position_path for v in self._vehicles.values() if v.position_path),
+            extent_deg=max((v.extent_deg for v in self._vehicles.values() if v.extent_deg), default=None),
         )
 
     def _name_airframe(self, event: AirframeNamed) -> None:

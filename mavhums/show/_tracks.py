@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Limits
 from mavhums.assessment import Condition
-from mavhums.events import ConditionChanged, Samples, Window
+from mavhums.events import ConditionChanged, Indication, Samples, Window
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
@@ -25,6 +25,7 @@ _REACHED: Final[tuple[Condition, ...]] = ("undecided", "normal", "degraded", "em
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
 _ROWS_PER_CHUNK: Final = 4096
 _BEFORE_S, _AFTER_S = 10.0, 10.0
+_HALF_WINDOW_S: Final = 5.0
 _STYLES: Final = {
     "friction": rr.SeriesLines(
         names=["friction", "low (95 %)", "high (95 %)"],
@@ -68,6 +69,8 @@ class Track:
         Where it came into that condition; None before it was ever decided.
     latest
         The latest window in which something could be judged.
+    faults
+        Entity paths of what shows other faults than friction.
     last_s
         Until when it was heard of.
     """
@@ -83,6 +86,7 @@ class Track:
         self.since_s: float | None = None
         self.latest: Window | None = None
         self.last_s = 0.0
+        self.faults: dict[str, str] = {}
         self._stream = stream
         self._signals = Signals(stream, f"{self.root}/quantities", live=live, moved=self._move)
         self._drawn: set[str] = set()
@@ -127,6 +131,24 @@ class Track:
         self._windows.append(event)
         if len(self._windows) >= _ROWS_PER_CHUNK:
             self._flush_windows()
+
+    def indication(self, event: Indication) -> None:
+        """Take what shows a fault; friction is drawn as the windows have it."""
+        if event.fault == "friction" or not event.end_s.size:
+            return
+        if event.fault not in self.faults:
+            self.faults[event.fault] = rr.new_entity_path(
+                [*self.root.strip("/").split("/"), "faults", event.fault]
+            )
+            style = rr.SeriesLines(
+                names=[event.fault, "low (95 %)", "high (95 %)"],
+                colors=[BLUE, PALE_BLUE, PALE_BLUE],
+                widths=[2.5, 1, 1],
+            )
+            self._stream.log(self.faults[event.fault], style, static=True)
+        rows = np.stack([event.value, event.low, event.high], axis=1)
+        middle = event.end_s - _HALF_WINDOW_S
+        send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
 
     def changed(self, event: ConditionChanged) -> None:
         """Take a change of condition; the timeline shows it where it happened, not where it was certain."""

@@ -29,6 +29,8 @@ class Vehicle:
         Its airframe.
     mode_path, position_path
         Entity paths of its flight mode and of its position; None before either is known.
+    extent_deg
+        Of the whole way it went, the larger of north–south and west–east; None before the end.
     """
 
     def __init__(self, stream: rr.RecordingStream, vehicle: int | None, *, live: bool) -> None:
@@ -36,6 +38,7 @@ class Vehicle:
         self.craft = Craft(stream, vehicle)
         self.mode_path: str | None = None
         self.position_path: str | None = None
+        self.extent_deg: float | None = None
         self.turns = False
         self._name = name
         self._stream, self._live = stream, live
@@ -85,6 +88,7 @@ class Vehicle:
         if time.size:
             self._draw_positions(time, degrees)
             self._draw_path(static=True)
+            self.extent_deg = float(np.ptp(degrees, axis=0).max())
 
     def _draw_positions(self, time_s: np.ndarray, degrees: np.ndarray) -> None:
         content = rr.GeoPoints.columns(

@@ -12,6 +12,7 @@ __all__ = [
     "BLUE",
     "COLOURS",
     "PALE_BLUE",
+    "SERIES",
     "STALE",
     "STALE_COLOUR",
     "advice",
@@ -39,6 +40,7 @@ STALE: Final = "stale"
 STALE_COLOUR: Final = (60, 60, 66)
 BLUE: Final = (86, 180, 233)
 PALE_BLUE: Final = (60, 110, 145)
+SERIES: Final = (BLUE, (240, 228, 66), (204, 121, 167), (0, 158, 115))
 
 ADVICE: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log, so that the trend over flights can be followed",
@@ -154,7 +156,10 @@ def finding(item: Evidence) -> str:
     >>> finding(Evidence(kind="friction", start_s=38, end_s=68, value=0.41, limit=0.375, rule="above normal"))
     '38.0s to 1m08s: friction up to 0.410 N·m, above normal'
     """
-    value = f"friction up to {item.value:.3f} N·m" if item.kind == "friction" else f"{item.value:.3g}"
+    if item.kind == "friction":
+        value = f"friction up to {item.value:.3f} N·m"
+    else:
+        value = f"{item.kind.replace('_', ' ')} {item.value:.3g}"
     return f"{clock(item.start_s)} to {clock(item.end_s)}: {value}, {item.rule}"
 
 

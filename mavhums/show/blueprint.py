@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
@@ -13,6 +14,7 @@ from mavhums.assessment import Condition
 from mavhums.quantities import QUANTITIES
 from mavhums.show._signals import ARCHETYPE
 from mavhums.show._stream import TIMELINE
+from mavhums.show._words import SERIES
 
 __all__ = ["Lane", "Surroundings", "layout", "panels", "whole_flight"]
 
@@ -27,8 +29,8 @@ _PLOTS: Final = (
     ("output torque", ("V11",)),
     ("rotor rotation", ("V2",)),
 )
-_COLOURS = ((86, 180, 233), (240, 228, 66), (204, 121, 167))
 _QUANTITIES = {quantity.key: quantity for quantity in QUANTITIES}
+_MAP_PIXELS: Final = 100
 _LIVE_SIGNALS_S, _LIVE_EVIDENCE_S = 30, 120
 
 
@@ -45,6 +47,8 @@ class Lane(NamedTuple):
         What it is now, and the worst it was.
     present
         What there is to draw: the quantities that the log carries, ``friction`` and ``network``.
+    faults
+        Entity paths of what shows other faults, by fault.
     """
 
     root: str
@@ -52,6 +56,7 @@ class Lane(NamedTuple):
     condition: Condition
     worst: Condition
     present: frozenset[str]
+    faults: Mapping[str, str] = {}
 
 
 class _Axes(NamedTuple):
@@ -72,11 +77,14 @@ class Surroundings(NamedTuple):
         Entity path of the airframe to be shown; None without a profile.
     positions
         Entity paths of positions.
+    extent_deg
+        Of what the map must show; None if that is not known yet.
     """
 
     modes: tuple[str, ...] = ()
     airframe: str | None = None
     positions: tuple[str, ...] = ()
+    extent_deg: float | None = None
 
 
 def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: bool = False) -> rrb.Blueprint:
@@ -99,7 +107,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     middle = _vehicle(around)
     below = rrb.Horizontal(rrb.Tabs(*tabs, active_tab=0), middle, column_shares=[5, 3]) if tabs else middle
     rows = len(lanes) + len(around.modes)
-    share = min(0.075 + 0.0385 * rows, 0.5)
+    share = min(0.08 + 0.042 * rows, 0.5)
     conditions = rrb.StateTimelineView(
         origin="/",
         contents=[*around.modes, *(lane.root for lane in lanes)],
@@ -117,10 +125,10 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     )
 
 
-def panels() -> tuple[rrb.BlueprintPart, ...]:
+def panels(timeline: str = TIMELINE) -> tuple[rrb.BlueprintPart, ...]:
     """Return the viewer's own panels, out of the way, with the cursor at the end: what it has come to."""
     return (
-        rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
+        rrb.TimePanel(timeline=timeline, play_state="following", state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
     )
@@ -151,9 +159,17 @@ def _vehicle(around: Surroundings) -> rrb.Container:
         )
     if around.positions:
         contents = [f"{path}/**" for path in around.positions]
-        views.append(rrb.MapView(origin="/", contents=contents, name="Where it was"))
+        views.append(rrb.MapView(origin="/", contents=contents, name="Where it was", zoom=_zoom(around)))
     shares = [*([3] if around.airframe else []), *([2] if around.positions else []), 2]
     return rrb.Vertical(*views, events, row_shares=shares)
+
+
+def _zoom(around: Surroundings) -> float | None:
+    """Return the zoom at which the whole way fits: level 0 shows the world in 256 pixels."""
+    if around.extent_deg is None:
+        return None
+    degrees_per_pixel = max(around.extent_deg, 1e-3) / _MAP_PIXELS
+    return float(np.clip(np.log2(360 / 256 / degrees_per_pixel), 1, 18))
 
 
 def _tab(lane: Lane) -> str:
@@ -163,10 +179,13 @@ def _tab(lane: Lane) -> str:
 
 def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
     root, keys = lane.root, lane.present
-    answer = []
+    answer: list[rrb.View | rrb.Container] = []
     if "friction" in keys:
         contents = [f"{root}/friction", f"{root}/limits"]
         answer.append(_plot("Friction, N·m, against its limits", contents, axes.evidence))
+    if lane.faults:
+        others = [_plot(name.replace("_", " "), [path], axes.evidence) for name, path in lane.faults.items()]
+        answer = [rrb.Tabs(*answer, *others, active_tab=0)]
     if "network" in keys:
         title = "Network: P(emergency)"
         answer.append(_plot(title, [f"{root}/network"], axes.evidence, legend=False, span=(-0.05, 1.05)))
@@ -184,7 +203,7 @@ def _signals(root: str, subject: str, keys: list[str], axis: rrb.TimeAxis) -> rr
     path = f"{root}/quantities"
     lines = [
         rr.SeriesLines(names=_short(key), colors=colour, widths=1.0).visualizer(mappings=[_source(key)])
-        for key, colour in zip(keys, _COLOURS, strict=False)
+        for key, colour in zip(keys, SERIES, strict=False)
     ]
     title = f"{', '.join(keys)} {subject}, {_QUANTITIES[keys[0]].unit}"
     return _plot(title, [path], axis, legend=len(keys) > 1, overrides={path: lines})

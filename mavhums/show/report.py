@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Final
 
-from mavhums.assessment import NOTICE, Assessment, Interval, Verdict
+from mavhums.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
 from mavhums.quantities import QUANTITIES
 from mavhums.show._words import (
     advice,
@@ -25,6 +25,7 @@ from mavhums.show._words import (
 __all__ = ["markdown", "so_far"]
 
 _HEAD: Final = ("| actuator | condition | friction, N·m | network | since |", "|---|---|---|---|---|")
+_FIRST, _LAST = 4, 6
 _ACTIVE = re.compile(r"([\\`*\[\]<|])")
 
 
@@ -109,10 +110,12 @@ def _section(verdict: Verdict, title: str) -> str:
     elif since:
         lines.append(f"**Since:** {since}.")
     if verdict.evidence:
-        lines.append("\n".join(["**Why:**", *(f"- {_literal(finding(item))}" for item in verdict.evidence)]))
+        lines.append("\n".join(["**Why:**", *_findings(verdict)]))
     if verdict.suspects:
         suspects = (f"{_literal(item.fault)} ({percent(item.confidence)})" for item in verdict.suspects)
         lines.append(f"**Suspected:** {join(suspects)}.")
+    if verdict.indicators:
+        lines.append(_indicators(verdict.indicators))
     sure = []
     if verdict.friction_nm:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
@@ -124,6 +127,27 @@ def _section(verdict: Verdict, title: str) -> str:
     )
     lines.append(f"**How sure:** {'; '.join(sure)}.")
     return "\n\n".join(lines)
+
+
+def _findings(verdict: Verdict) -> Iterator[str]:
+    """Yield the findings; of many the first and the last."""
+    told = [f"- {_literal(finding(item))}" for item in verdict.evidence]
+    if len(told) > _FIRST + _LAST + 1:
+        left_out = len(told) - _FIRST - _LAST
+        told[_FIRST:-_LAST] = [f"- … {left_out} more findings (`mavhums analyse --json` has them all)"]
+    yield from told
+
+
+def _indicators(found: Iterable[Indicator]) -> str:
+    """Return a table of what was estimated of each fault, and what it should be."""
+    lines = ["| shows | quantity | value (95 %) | limit | own baseline |", "|---|---|---|---|---|"]
+    for item in found:
+        span = f"{item.value.estimate:.3g} ({item.value.low:.3g} to {item.value.high:.3g}) {item.unit}"
+        limit = "—" if item.limit is None else f"{item.limit:.3g}"
+        own = f"{item.baseline.low:.3g} to {item.baseline.high:.3g}" if item.baseline else "—"
+        cells = (item.fault.replace("_", " "), item.quantity, span, limit, own)
+        lines.append(f"| {' | '.join(_literal(cell) for cell in cells)} |")
+    return "\n".join(lines)
 
 
 def _undecided(assessment: Assessment) -> Iterator[str]:

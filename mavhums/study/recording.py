@@ -1,4 +1,4 @@
-"""The study as one Rerun recording: quantities, network outputs, accuracies, and the report itself."""
+"""The study as a Rerun recording: its answer, the outputs of figures 16 to 19, the quantities of 3 to 14."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
-from mavhums.quantities import KEYS
+from mavhums.quantities import KEYS, QUANTITIES
+from mavhums.show._stream import open_stream, send
+from mavhums.show._words import BLUE, COLOURS, SERIES
+from mavhums.show.blueprint import panels, whole_flight
 from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Experiment, emergency, held_decision
+from mavhums.study.figures import FIGURES_16_TO_19
 
 __all__ = ["record_study"]
 
-_TIMELINE = "flight_time"
-_STATES = {"normal": (0, 158, 115), "emergency": (213, 94, 0)}
+_STATES = {state: COLOURS[state] for state in ("normal", "emergency")}
 
 
 def record_study(
@@ -36,74 +38,115 @@ def record_study(
     experiments
         Of the same cyclogram; each with its network's output at every condition.
     """
-    with rr.RecordingStream("mavhums", recording_id="study-paper", send_properties=False) as stream:
-        stream.set_log_tick_enabled(False)
-        stream.set_log_time_enabled(False)
+    with open_stream("study-paper") as stream:
         stream.save(path, default_blueprint=_blueprint(flights, experiments))
         stream.send_recording_name("the paper's study")
         stream.log("report", rr.TextDocument(report, media_type="text/markdown"), static=True)
         for flown in flights:
-            index = [rr.TimeColumn(_TIMELINE, duration=_nanoseconds(flown.time_s))]
             for place, key in enumerate(KEYS):
                 entity = f"{_root(flown)}/{key}"
-                stream.log(entity, rr.SeriesLines(names=key), static=True)
-                content = rr.Scalars.columns(scalars=flown.values[:, place])
-                stream.send_columns(entity, indexes=index, columns=content, strict=True)
-            for experiment in experiments:
-                _log_output(stream, flown, experiment, index)
+                stream.log(entity, rr.SeriesLines(names=key, colors=BLUE, widths=1.0), static=True)
+                send(stream, entity, flown.time_s, rr.Scalars.columns(scalars=flown.values[:, place]))
+            for number, experiment in enumerate(experiments):
+                _log_output(stream, flown, experiment, SERIES[number % len(SERIES)])
 
 
 def _log_output(
-    stream: rr.RecordingStream, flown: Flown, experiment: Experiment, index: list[rr.TimeColumn]
+    stream: rr.RecordingStream, flown: Flown, experiment: Experiment, colour: tuple[int, int, int]
 ) -> None:
     entity = f"{_root(flown)}/output/{_inputs(experiment)}"
     probability = experiment.outputs[flown.friction_nm]
-    stream.log(entity, rr.SeriesLines(names=f"P(emergency), {_inputs(experiment)}"), static=True)
-    content = rr.Scalars.columns(scalars=probability)
-    stream.send_columns(entity, indexes=index, columns=content, strict=True)
+    names = f"P(emergency), {_short(experiment)}"
+    stream.log(entity, rr.SeriesLines(names=names, colors=colour, widths=1.0), static=True)
+    send(stream, entity, flown.time_s, rr.Scalars.columns(scalars=probability))
     decision, decided = held_decision(probability > 0.5, flown.moving)
     changes = np.flatnonzero(decided & (np.diff(decision, prepend=not decision[0]) | ~np.roll(decided, 1)))
-    held = f"{_root(flown)}/held/{_inputs(experiment)}"
+    held = _lane(flown, experiment)
     states = rr.StateConfiguration(
         values=list(_STATES), labels=list(_STATES), colors=[(*rgb, 255) for rgb in _STATES.values()]
     )
     stream.log(held, states, static=True)
-    stream.send_columns(
-        held,
-        indexes=[rr.TimeColumn(_TIMELINE, duration=_nanoseconds(flown.time_s[changes]))],
-        columns=rr.StateChange.columns(state=["emergency" if decision[k] else "normal" for k in changes]),
-        strict=True,
-    )
+    found = ["emergency" if decision[k] else "normal" for k in changes]
+    send(stream, held, flown.time_s[changes], rr.StateChange.columns(state=found))
 
 
 def _blueprint(flights: Sequence[Flown], experiments: Sequence[Experiment]) -> rrb.Blueprint:
-    everything = rrb.TimeRangeBoundary.infinite()
-    axis = rrb.TimeAxis(view_range=rr.TimeRange(start=everything, end=everything))
-    tabs: list[rrb.View | rrb.Container] = [rrb.TextDocumentView(origin="report", name="Report")]
-    for flown in flights:
-        root = _root(flown)
-        views: list[rrb.View | rrb.Container] = [
-            rrb.Grid(
-                *(rrb.TimeSeriesView(origin=f"{root}/{key}", name=key, axis_x=axis) for key in KEYS),
-                grid_columns=3,
-            ),
-            rrb.TimeSeriesView(origin=f"{root}/output", name="network output", axis_x=axis),
-        ]
-        if experiments:
-            views.append(rrb.StateTimelineView(origin=f"{root}/held", name="held decision", time_view=axis))
-        wanted = "emergency" if emergency(flown) else "normal"
-        name = f"{flown.friction_nm:.3f} N·m, {wanted}"
-        tabs.append(rrb.Vertical(*views, row_shares=[4, 1.5, 1][: len(views)], name=name))
-    return rrb.Blueprint(rrb.Tabs(*tabs), rrb.TimePanel(timeline=_TIMELINE, play_state="paused"))
+    left: list[rrb.View | rrb.Container] = []
+    if experiments:
+        lanes = [_lane(flown, experiment) for experiment in experiments for flown in _shown(flights)]
+        title = "Network's decision, by inputs and friction: above 0.375 N·m it should be an emergency"
+        left.append(rrb.StateTimelineView(origin="/", contents=lanes, name=title, time_view=whole_flight()))
+    tabs = [_quantities(flown) for flown in flights]
+    if experiments:
+        tabs.insert(0, _outputs(flights))
+    left.append(rrb.Tabs(*tabs, active_tab=0))
+    share = min(0.08 + 0.042 * len(_shown(flights)) * len(experiments), 0.45)
+    report = rrb.TextDocumentView(origin="report", name="Report")
+    shares = [share, 1 - share] if experiments else None
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(*left, row_shares=shares), report, column_shares=[2, 1]),
+        *panels(),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _outputs(flights: Sequence[Flown]) -> rrb.Container:
+    """Return figures 16 to 19."""
+    numbers = {friction: number for number, friction in FIGURES_16_TO_19.items()}
+    shown = _shown(flights)
+    plots = [
+        rrb.TimeSeriesView(
+            origin=f"{_root(flown)}/output",
+            name=f"{_figure(numbers.get(flown.friction_nm))}{_condition(flown)}",
+            axis_x=whole_flight(),
+            axis_y=rrb.ScalarAxis(range=(-0.05, 1.05)),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=flown is shown[0]),
+        )
+        for flown in shown
+    ]
+    return rrb.Grid(*plots, grid_columns=2, name="Network outputs: figures 16 to 19")
+
+
+def _quantities(flown: Flown) -> rrb.Container:
+    """Return figures 3 to 14 of one condition."""
+    plots = [
+        rrb.TimeSeriesView(
+            origin=f"{_root(flown)}/{quantity.key}",
+            name=f"Fig. {3 + place}: {quantity.key} {quantity.name}, {quantity.unit}",
+            axis_x=whole_flight(),
+            plot_legend=rrb.PlotLegend(visible=False),
+        )
+        for place, quantity in enumerate(QUANTITIES)
+    ]
+    return rrb.Grid(*plots, grid_columns=3, name=_condition(flown))
+
+
+def _shown(flights: Sequence[Flown]) -> list[Flown]:
+    """Return the flights of figures 16 to 19, as far as they were flown, in the order of friction."""
+    shown = [flown for flown in flights if flown.friction_nm in FIGURES_16_TO_19.values()]
+    return sorted(shown or flights[:4], key=lambda flown: flown.friction_nm)
+
+
+def _figure(number: int | None) -> str:
+    return f"Fig. {number}: " if number else ""
+
+
+def _condition(flown: Flown) -> str:
+    return f"{flown.friction_nm:.3f} N·m, {'emergency' if emergency(flown) else 'normal'}"
 
 
 def _root(flown: Flown) -> str:
     return f"friction_{round(1000 * flown.friction_nm):04d}"
 
 
+def _lane(flown: Flown, experiment: Experiment) -> str:
+    return f"/decision/{_short(experiment).replace(' ', '_')}/{flown.friction_nm:.3f}"
+
+
+def _short(experiment: Experiment) -> str:
+    return "all twelve" if len(experiment.inputs) == len(KEYS) else " ".join(experiment.inputs)
+
+
 def _inputs(experiment: Experiment) -> str:
     return f"{len(experiment.inputs)}_inputs_{'_'.join(experiment.inputs)}"
-
-
-def _nanoseconds(time_s: NDArray[np.float64]) -> NDArray[np.timedelta64]:
-    return np.rint(time_s * 1e9).astype(np.int64).astype("timedelta64[ns]")

@@ -79,7 +79,8 @@ def test_flight_modes_by_autopilot_and_vehicle() -> None:
 
 
 def test_one_component_speaks_for_the_vehicle() -> None:
-    other = log(attitude(5000, 3.0), component=154)
+    still = heartbeat(PLANE, NONE, 0, 0)
+    other = log(still, still, attitude(5000, 3.0), component=154)
     (found,) = told(log(attitude(1000, 0.1)) + other)
     assert isinstance(found, Attitude)
     np.testing.assert_allclose(found.roll_pitch_yaw_rad[:, 0], [0.1], rtol=1e-6)

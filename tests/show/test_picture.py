@@ -1,19 +1,24 @@
-"""The recording as a person sees it: the viewer draws it without a screen, and the colours are counted."""
+"""Recordings as a person sees them: viewers draw them without a screen, and the colours are counted."""
 
 from __future__ import annotations
 
 import io
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
 from examples.picture import draw
-from mavhums.assessment import Assessment
-from mavhums.show import Recorder
+from mavhums.assessment import Assessment, Verdict
+from mavhums.events import Attitude, Event, FlightMode, Position
+from mavhums.show import LiveViewer, Recorder, record_trend
+from tests.show.chromium import Chromium, find
 
 if TYPE_CHECKING:
     from tests.show.conftest import Flight
@@ -25,51 +30,155 @@ DRIVERS = [
     for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
     for file in Path(folder).glob("*.json")
 ]
+BROWSER = find()
+needs_vulkan = pytest.mark.skipif(
+    not DRIVERS, reason="no Vulkan driver; Debian has one in mesa-vulkan-drivers"
+)
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="the viewer draws without a screen on Linux"),
-    pytest.mark.skipif(not DRIVERS, reason="no Vulkan driver; Debian has one in mesa-vulkan-drivers"),
-]
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="viewers draw without a screen on Linux")
+
+New = Callable[..., Verdict]
+Assess = Callable[..., Assessment]
+Pixels = NDArray[np.int16]
+
+# The viewer dims the colours of states in the dark theme.
+LANES = {
+    "normal": (0, 126, 92),
+    "degraded": (184, 127, 0),
+    "emergency": (170, 75, 0),
+    "undecided": (122, 122, 122),
+}
+BLUE, YELLOW, AMBER, VERMILION = (86, 180, 233), (240, 228, 66), (230, 159, 0), (213, 94, 0)
+GREEN = (0, 158, 115)
 
 
-def picture(recording: Path) -> NDArray[np.int16]:
-    """Return what a viewer of its own draws of a recording, shape (height, width, 3)."""
+def pixels(png: bytes) -> Pixels:
+    """Return a picture as an array, shape (height, width, 3)."""
     from PIL import Image
 
-    with Image.open(io.BytesIO(draw(recording))) as image:
+    with Image.open(io.BytesIO(png)) as image:
         return np.asarray(image.convert("RGB")).astype(np.int16)
 
 
-def count(pixels: NDArray[np.int16], colour: tuple[int, int, int], tolerance: int = 60) -> int:
-    return int((np.abs(pixels - np.array(colour)).sum(axis=-1) <= tolerance).sum())
+def count(part: Pixels, colour: tuple[int, int, int], tolerance: int = 60) -> int:
+    return int((np.abs(part - np.array(colour)).sum(axis=-1) <= tolerance).sum())
 
 
-def test_a_person_sees_the_conditions_and_every_series(
-    tmp_path: Path, flight: Flight, assessment: Assessment
-) -> None:
-    path = tmp_path / "flight.rrd"
+def hue(part: Pixels, colour: tuple[int, int, int]) -> int:
+    """Count what has a colour's hue, in light or in shade."""
+    shade = part / np.maximum(part.max(axis=-1, keepdims=True), 1)
+    wanted = np.array(colour) / max(colour)
+    bright = part.max(axis=-1) > 60
+    return int((bright & (np.abs(shade - wanted).sum(axis=-1) < 0.35)).sum())
+
+
+def surroundings() -> list[Event]:
+    """A vehicle that turns, flies a line, and changes its mode."""
+    time_s = np.arange(0, 100, 0.2)
+    angles = np.stack([0.3 * np.sin(time_s / 5), 0 * time_s, time_s / 30], axis=1)
+    degrees = np.stack([51 + time_s / 1e4, time_s / 1e4], axis=1)
+    modes = [FlightMode(1, 0.0, "TAKEOFF"), FlightMode(1, 30.0, "AUTO")]
+    return [*modes, Attitude(1, time_s, angles), Position(1, time_s, degrees, time_s)]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory, flight: Flight, assessment: Assessment) -> Path:
+    path = tmp_path_factory.mktemp("picture") / "flight.rrd"
     with Recorder(path, recording_id="flight") as recorder:
+        recorder.consume(surroundings())
         recorder.consume(flight.events())
         recorder.close(assessment)
-    pixels = picture(path)
-    height, width, _ = pixels.shape
-    lanes = pixels[: height // 4, : width * 2 // 3]
-    # The viewer dims the colours of states.
-    for name, colour in {
-        "normal": (0, 126, 92),
-        "degraded": (184, 127, 0),
-        "emergency": (170, 75, 0),
-        "undecided": (122, 122, 122),
-    }.items():
+    return path
+
+
+def check(drawn: Pixels) -> None:
+    """Hold every view of the flight against what it must show."""
+    height, width, _ = drawn.shape
+    lanes = drawn[: height // 3, : width * 3 // 4]
+    for name, colour in LANES.items():
         assert count(lanes, colour) > 500, f"{name} is not on the timeline"
-    plots = pixels[height // 4 :, : width * 2 // 3]
+    plots = drawn[height // 3 :, : width * 15 // 32]
     for name, colour in {
-        "friction and V1": (86, 180, 233),
-        "normal limit": (230, 159, 0),
-        "emergency limit": (213, 94, 0),
-        "V3 and V9": (240, 228, 66),
-        "V12": (204, 121, 167),
+        "friction and V1": BLUE,
+        "normal limit": AMBER,
+        "emergency limit": VERMILION,
+        "V3 and V9": YELLOW,
     }.items():
-        assert count(plots, colour) > 300, f"{name} is in the legend at most"
-    report = pixels[:, width * 2 // 3 :]
-    assert (report.min(axis=-1) > 150).sum() > 5000, "the report is not drawn"
+        assert count(plots, colour) > 200, f"{name} is in the legend at most"
+    middle = drawn[height // 3 :, width * 15 // 32 : width * 3 // 4]
+    for name, colour in {"the healthy surfaces": GREEN, "the elevator": VERMILION}.items():
+        assert hue(middle, colour) > 200, f"{name} of the airframe"
+    assert count(middle, BLUE) > 30, "the line on the map"
+    report = drawn[:, width * 3 // 4 :]
+    assert (report.min(axis=-1) > 150).sum() > 3000, "the report is not drawn"
+
+
+@needs_vulkan
+def test_a_person_sees_every_view_with_its_data(recording: Path) -> None:
+    check(pixels(draw(recording)))
+
+
+@needs_vulkan
+def test_who_follows_a_flight_sees_it(flight: Flight) -> None:
+    with LiveViewer("serve", recording_id="live") as viewer:
+        events = [*surroundings()[:2], *flight.events()]
+        viewer.consume(events[: len(events) * 2 // 3])
+        time.sleep(0.3)
+        viewer.consume([])
+        drawn = pixels(draw(viewer.url))
+    height, width, _ = drawn.shape
+    for name in ("normal", "degraded", "undecided"):
+        assert count(drawn[: height // 3], LANES[name]) > 500, f"{name} is not on the timeline"
+    assert count(drawn[height // 3 :, : width // 2], BLUE) > 500, "no signals"
+    assert hue(drawn[height // 3 :, width // 2 :], AMBER) > 200, "no degraded elevator"
+
+
+@needs_vulkan
+def test_sixteen_actuators_and_nothing_to_judge_still_make_a_picture(
+    tmp_path: Path, new_verdict: New, new_assessment: Assess
+) -> None:
+    verdicts = [
+        new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"actuator": f"servo_{k}"})
+        for k in range(16)
+    ]
+    path = tmp_path / "none.rrd"
+    with Recorder(path, recording_id="none") as recorder:
+        recorder.close(new_assessment(*verdicts))
+    drawn = pixels(draw(path))
+    assert count(drawn[: drawn.shape[0] * 2 // 3], LANES["undecided"]) > 16 * 500
+
+
+@needs_vulkan
+def test_the_trend_over_flights_is_drawn(tmp_path: Path) -> None:
+    days = pd.date_range("2026-01-01", periods=20, tz="UTC")
+    friction = np.linspace(0.2, 0.9, 20)
+    trend = pd.DataFrame({"actuator": "elevator", "start_utc": days, "friction_nm": friction})
+    trend = trend.assign(friction_low_nm=friction - 0.05, friction_high_nm=friction + 0.05)
+    trend = trend.assign(normal_limit_nm=0.375, emergency_limit_nm=0.875)
+    trend["condition"] = np.where(
+        friction > 0.85, "emergency", np.where(friction > 0.4, "degraded", "normal")
+    )
+    record_trend(trend, tmp_path / "trend.rrd", report="# Four flights left")
+    drawn = pixels(draw(tmp_path / "trend.rrd"))
+    for name in ("normal", "degraded", "emergency"):
+        assert count(drawn[: drawn.shape[0] // 4], LANES[name]) > 300, f"{name} is not on the timeline"
+    for colour in (BLUE, AMBER, VERMILION):
+        assert count(drawn[drawn.shape[0] // 4 :], colour) > 500
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no browser; Debian has one in the package chromium")
+def test_the_browser_shows_the_same(recording: Path, flight: Flight, assessment: Assessment) -> None:
+    with LiveViewer("web", recording_id="flight") as viewer, Chromium(str(BROWSER)) as browser:
+        viewer.consume([*surroundings(), *flight.events()])
+        viewer.close(assessment)
+        browser.call("Page.navigate", url=f"{viewer.url}&renderer=webgl&hide_welcome_screen=1")
+        end = time.monotonic() + 120
+        while True:
+            time.sleep(2)
+            try:
+                check(pixels(browser.picture()))
+                break
+            except AssertionError:
+                if time.monotonic() > end:
+                    raise
+    assert not [error for error in browser.errors if "panicked" in error]

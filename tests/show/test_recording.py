@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mavhums import analyse
 from mavhums.actuator.profile import Limits, load_airframe
 from mavhums.assessment import NOTICE, Assessment, Interval, Verdict
 from mavhums.errors import MavhumsError
 from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.quantities import KEYS
 from mavhums.show import Recorder, markdown
+from tests.conftest import real_logs
 
 if TYPE_CHECKING:
     from tests.show.conftest import Flight
@@ -376,6 +378,19 @@ except MavhumsError as error:
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "is the disk full?" in done.stdout
     assert not list(tmp_path.iterdir())
+
+
+REAL = ("EAICS__flight.tlog", "Jordinaa-supervisor__mav.tlog", "ardusub_log_tools__pymavlink_bug.tlog")
+
+
+@pytest.mark.parametrize("log", [p for p in real_logs() if p.name in REAL], ids=lambda path: path.name)
+def test_recordings_of_real_logs_verify(log: Path, tmp_path: Path) -> None:
+    path = tmp_path / "real.rrd"
+    assessment = analyse(log, airframe="paper", recording=path)
+    command = Path(sysconfig.get_path("scripts")) / "rerun"
+    subprocess.run([command, "rrd", "verify", path], check=True, capture_output=True)
+    assert {f"/vehicle_{v.vehicle}/{v.actuator}" for v in assessment.verdicts} <= entities(path)
+    assert any(entity.startswith("/flight_mode/") for entity in entities(path))
 
 
 @pytest.mark.parametrize("maker", ["Recorder('flight.rrd'", "LiveViewer('serve'"])

@@ -5,7 +5,18 @@ from collections.abc import Callable
 
 import pytest
 
-from mavhums.assessment import NOTICE, Assessment, Condition, Losses, Since, Suspect, Verdict
+from mavhums.assessment import (
+    NOTICE,
+    Assessment,
+    Condition,
+    Evidence,
+    Indicator,
+    Interval,
+    Losses,
+    Since,
+    Suspect,
+    Verdict,
+)
 from mavhums.quantities import KEYS
 from mavhums.show import markdown
 
@@ -148,3 +159,28 @@ def test_since_outlives_rounding(new_verdict: New, new_assessment: Assess) -> No
     late = Since(flight_time_s=59.96, utc="2025-06-01T10:00:59Z")
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"since": late})
     assert first_line(new_assessment(verdict)) == "# elevator: DEGRADED since 1m00s"
+
+
+def test_evidence_of_any_kind_is_told_and_of_very_much_the_first_and_the_last(
+    new_verdict: New, new_assessment: Assess
+) -> None:
+    verdict = new_verdict("elevator", "degraded", 0.5, 1.0)
+    many = tuple(
+        Evidence(kind="supply_sag", start_s=k, end_s=k + 1, value=k / 10, limit=2.0, rule="below the bus")
+        for k in range(30)
+    )
+    text = markdown(new_assessment(verdict.model_copy(update={"evidence": many})))
+    assert "- 3.0s to 4.0s: supply sag 0.3, below the bus\n- … 20 more findings" in text
+    assert "- 29.0s to 30.0s: supply sag 2.9, below the bus" in text
+    assert text.count("supply sag") == 10
+
+
+def test_indicators_of_a_suspect_are_in_a_table(new_verdict: New, new_assessment: Assess) -> None:
+    value = Interval(estimate=0.21, low=0.19, high=0.23)
+    own = Interval(estimate=0.05, low=0.04, high=0.06)
+    backlash = Indicator(
+        fault="backlash", quantity="dead band", unit="°", value=value, windows=9, baseline=own
+    )
+    verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"indicators": (backlash,)})
+    text = markdown(new_assessment(verdict))
+    assert "| backlash | dead band | 0.21 (0.19 to 0.23) ° | — | 0.04 to 0.06 |" in text

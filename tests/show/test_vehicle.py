@@ -12,7 +12,16 @@ import pytest
 
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.assessment import Assessment
-from mavhums.events import AirframeNamed, Attitude, ConditionChanged, Event, FlightMode, Position, Samples
+from mavhums.events import (
+    AirframeNamed,
+    Attitude,
+    ConditionChanged,
+    Event,
+    FlightMode,
+    Indication,
+    Position,
+    Samples,
+)
 from mavhums.quantities import KEYS
 
 if TYPE_CHECKING:
@@ -22,9 +31,11 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 import rerun as rr
 
-from mavhums.show import Recorder
+from mavhums.show import Recorder, layout
 from mavhums.show._craft import _places
 from mavhums.show._words import COLOURS
+from mavhums.show.blueprint import Lane
+from tests.show.test_blueprint import names
 from tests.show.test_recording import entities, rows, scalars, static, write
 
 Assess = Callable[..., Assessment]
@@ -221,3 +232,18 @@ def test_no_line_is_drawn_across_a_gap(tmp_path: Path, new_assessment: Assess) -
     time, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
     assert time[np.isnan(found[:, 0])] == pytest.approx([4.991])
     assert np.count_nonzero(found == 1) == 1000
+
+
+def test_what_shows_another_fault_is_drawn_with_its_interval(
+    tmp_path: Path, flight: Flight, assessment: Assessment
+) -> None:
+    time = np.array([20.0, 21.0])
+    seen = Indication(1, "elevator", "backlash", time, time / 100, time / 200, time / 50)
+    same = Indication(1, "elevator", "friction", time, time, time, time)
+    path = write(tmp_path / "backlash.rrd", [*flight.events(), seen, same], assessment)
+    found_time, found = scalars(path, "/vehicle_1/elevator/faults/backlash")
+    assert found_time.tolist() == [15.0, 16.0]
+    assert found.tolist() == [[0.2, 0.1, 0.4], [0.21, 0.105, 0.42]]
+    assert "/vehicle_1/elevator/faults/friction" not in entities(path)
+    lane = Lane("/vehicle_1/a", "a", "normal", "normal", frozenset({"friction"}), {"supply_sag": "/x"})
+    assert "supply sag" in list(names(layout([lane]).root_container))

@@ -1,0 +1,136 @@
+"""Make the pictures of recordings that the documentation shows.
+
+    python examples/pictures.py demo docs/recordings
+
+takes the logs that ``make demo`` leaves in the first folder, flies and judges what is missing there, and
+draws every recording as the viewer opens it. The picture of a real log needs one: MAVHUMS_REAL_LOGS names
+the folder.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from pymavlink.dialects.v20 import ardupilotmega
+
+from examples.picture import save
+from mavhums import Engine, analyse
+from mavhums.learn import default_model
+from mavhums.log import read_blocks
+from mavhums.show import LiveViewer
+from mavhums_sim import Flight, fly
+from mavhums_sim.telemetry import messages
+
+REAL_LOG = "UAVLogViewer__vtol.tlog"
+HOUR_S, REPEATS = 3600, 10
+
+
+def main(demo: Path, pictures: Path) -> None:
+    """Draw all pictures."""
+    pictures.mkdir(parents=True, exist_ok=True)
+    makers: dict[str, Callable[[Path, Path], None]] = {
+        "healthy": lambda folder, out: _judged(folder / "friction-0.225.tlog", folder, out),
+        "growing-friction": lambda folder, out: _judged(folder / "friction-growing.tlog", folder, out),
+        "real-log": _real,
+        "ten-hours": _ten_hours,
+        "live": _live,
+        "importer": _imported,
+        "study": _study,
+    }
+    for name, make in makers.items():
+        print(f"{pictures / name}.png", flush=True)
+        make(demo, pictures / f"{name}.png")
+
+
+def _judged(log: Path, demo: Path, picture: Path) -> None:
+    recording = demo / f"{log.stem}.rrd"
+    analyse(log, recording=recording)
+    save(recording, picture)
+
+
+def _real(demo: Path, picture: Path) -> None:
+    original, log = Path(os.environ.get("MAVHUMS_REAL_LOGS", "")) / REAL_LOG, demo / REAL_LOG
+    if original.exists():
+        shutil.copyfile(original, log)
+        _judged(log, demo, picture)
+    else:
+        print(f"  kept as it is: no {REAL_LOG} in MAVHUMS_REAL_LOGS")
+
+
+def _ten_hours(demo: Path, picture: Path) -> None:
+    log = demo / "ten-hours.tlog"
+    if not log.exists():
+        partial = log.with_suffix(".partial")
+        write_ten_hours(partial)
+        partial.replace(log)
+    _judged(log, demo, picture)
+
+
+def write_ten_hours(path: Path, hour_s: float = HOUR_S) -> None:
+    """Write a flight of ten hours in gusts, in the seventh of which the elevator begins to bind.
+
+    An hour is six minutes ten times over: simulating them all would take minutes and sixteen gigabytes.
+    """
+    part_s = hour_s / REPEATS
+    link = ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1)
+    start_us = 1_767_258_000_000_000
+    with path.open("wb") as file:
+        for hour in range(10):
+            friction = 0.225 if hour < 6 else 0.55 + 0.03 * (hour - 6)
+            flight = Flight(
+                seed=hour,
+                duration_s=part_s,
+                rate_hz=10.0,
+                cyclogram="gusts",
+                tiers=("instrumented",),
+                friction_nm={"elevator": (friction, friction)},
+            )
+            sent = list(messages(fly(flight)))
+            times = [(getattr(m, "time_usec", None), getattr(m, "time_boot_ms", None)) for _, m in sent]
+            for repeat in range(REPEATS):
+                shift_s = hour * hour_s + repeat * part_s
+                for (time_s, message), (usec, boot_ms) in zip(sent, times, strict=True):
+                    if usec is not None:
+                        message.time_usec = usec + round(shift_s * 1e6)
+                    if boot_ms is not None:
+                        message.time_boot_ms = boot_ms + round(shift_s * 1e3)
+                    received = start_us + round((shift_s + time_s) * 1e6)
+                    file.write(struct.pack(">Q", received) + bytes(message.pack(link)))
+
+
+def _live(demo: Path, picture: Path) -> None:
+    """Draw a flight in the middle, as a viewer sees it that has followed it."""
+    engine = Engine(model=default_model(), vehicle_states=True)
+    with LiveViewer("serve", recording_id="live") as viewer:
+        blocks = list(read_blocks(demo / "friction-growing.tlog", size=4096))
+        for block in blocks[: len(blocks) * 2 // 3]:
+            viewer.consume(engine.feed(block))
+        time.sleep(0.5)
+        viewer.consume([])
+        save(viewer.url, picture)
+        viewer.close(engine.assessment())
+
+
+def _imported(demo: Path, picture: Path) -> None:
+    """Draw what ``rerun friction-growing.tlog`` opens; the importer must be on the PATH."""
+    os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    save(demo / "friction-growing.tlog", picture)
+
+
+def _study(demo: Path, picture: Path) -> None:
+    folder = demo / "study"
+    if not (folder / "study.rrd").exists():
+        command = [sys.executable, "-m", "mavhums", "study", "paper", "--quick", "-o", str(folder)]
+        subprocess.run(command, check=True)
+    save(folder / "study.rrd", picture)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
