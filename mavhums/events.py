@@ -91,22 +91,6 @@ class Indication:
     high: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Indication:
-    """The quantity that shows a fault, in the windows that end at ``end_s``; arrays of shape (n,).
-
-    ``low`` and ``high`` bound the 95 % interval. Windows that cannot show it are left out.
-    """
-
-    vehicle: int
-    actuator: str
-    fault: str
-    end_s: NDArray[np.float64]
-    value: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-
-
 @dataclass(frozen=True, slots=True)
 class AirframeNamed:
     """The profile by which a vehicle, every one if None, is judged from here on."""
