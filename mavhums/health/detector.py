@@ -21,7 +21,7 @@ from mavhums.health.least_squares import Fit
 from mavhums.health.motion import Motion
 from mavhums.health.slots import Slots
 
-__all__ = ["Detector", "EquationDetector", "Estimates", "Levels", "Seen", "detectors_for"]
+__all__ = ["Detector", "EquationDetector", "Estimates", "Levels", "Seen", "detectors_for", "to_inspect"]
 
 Array = NDArray[np.float64]
 
@@ -92,14 +92,14 @@ class Detector(Protocol):
         Whether the quantity is normal near zero and not below a value.
     levels
         Limits of the quantity.
-    advice
-        What the maintainer should do.
+    inspect
+        What the maintainer should inspect.
     """
 
     fault: ClassVar[str]
     quantity: ClassVar[str]
     unit: ClassVar[str]
-    advice: ClassVar[str]
+    inspect: ClassVar[str]
     equations: ClassVar[tuple[str, ...]]
     two_sided: ClassVar[bool]
     levels: Levels
@@ -156,6 +156,17 @@ def _discovered() -> tuple[type[Detector], ...]:
     names = sorted(module.name for module in pkgutil.iter_modules(detectors.__path__))
     modules = (importlib.import_module(f"{detectors.__name__}.{name}") for name in names)
     return tuple(module.Detector for module in modules)
+
+
+def to_inspect(fault: str) -> str | None:
+    """Return what a maintainer should inspect for a fault; None if no detector looks for it.
+
+    Examples
+    --------
+    >>> to_inspect("backlash")
+    'gear and linkage for play'
+    """
+    return next((detector.inspect for detector in _discovered() if detector.fault == fault), None)
 
 
 def detectors_for(actuator: Actuator) -> list[Detector]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from mavhums.assessment import ALL, Assessment, Condition, Evidence, Interval, Losses, Verdict
+from mavhums.health.detector import to_inspect
 
 __all__ = [
     "ADVICE",
@@ -47,10 +48,6 @@ ADVICE: Final[dict[Condition, str]] = {
     "degraded": "inspect {parts} before the next flight, and follow the trend over flights",
     "emergency": "do not fly; inspect {parts}; mend or replace the actuator and check it on the ground",
     "undecided": "no finding is not a good finding: judge it by other means, or make the log tell",
-}
-_PARTS: Final = {
-    "friction": "gearbox, bearings and hinge line",
-    "jam": "gearbox and linkage for what blocks them",
 }
 
 
@@ -144,7 +141,8 @@ def _all(part: list[Verdict], whole: list[Verdict]) -> str:
 def advice(verdict: Verdict) -> str:
     """Return what to do about an actuator, by the worst it went through and the fault suspected."""
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
-    parts = _PARTS.get(suspects[0].fault if suspects else "friction", "the actuator and its wiring")
+    faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
+    parts = next((parts for fault in faults if (parts := to_inspect(fault))), "the actuator and its wiring")
     return ADVICE[verdict.gravest].format(parts=parts)
 
 

@@ -97,7 +97,7 @@ class TestEvery:
     def test_says_what_it_looks_for(self, fault: str) -> None:
         detector = DETECTORS[fault]
         assert detector.quantity
-        assert detector.advice
+        assert detector.inspect
         assert detector.unit
         assert fault == type(detector).__module__.rpartition(".")[2]
         normal, emergency = detector.levels

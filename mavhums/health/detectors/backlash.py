@@ -21,7 +21,7 @@ class Detector(EquationDetector):
     fault: ClassVar[str] = "backlash"
     quantity: ClassVar[str] = "backlash"
     unit: ClassVar[str] = "°"
-    advice: ClassVar[str] = "check the gear's teeth and the linkage for play"
+    inspect: ClassVar[str] = "gear and linkage for play"
     equations: ClassVar[tuple[str, ...]] = ("gear",)
 
     def __init__(self, actuator: Actuator) -> None:

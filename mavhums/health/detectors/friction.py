@@ -29,7 +29,7 @@ class Detector(EquationDetector):
     fault: ClassVar[str] = "friction"
     quantity: ClassVar[str] = "Coulomb friction"
     unit: ClassVar[str] = "N·m"
-    advice: ClassVar[str] = "look for wear, dirt or lost lubricant in gear, bearings and linkage"
+    inspect: ClassVar[str] = "gearbox, bearings and hinge line"
     equations: ClassVar[tuple[str, ...]] = ("torque", "voltage")
 
     def __init__(self, actuator: Actuator) -> None:

@@ -40,7 +40,7 @@ class Detector:
     fault: ClassVar[str] = "jam"
     quantity: ClassVar[str] = "commanded travel not flown"
     unit: ClassVar[str] = "1"
-    advice: ClassVar[str] = "do not fly: free the surface, and check linkage, power and position sensor"
+    inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
     equations: ClassVar[tuple[str, ...]] = ()
     two_sided: ClassVar[bool] = False
 

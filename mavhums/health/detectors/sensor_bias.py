@@ -21,7 +21,7 @@ class Detector(EquationDetector):
     fault: ClassVar[str] = "sensor_bias"
     quantity: ClassVar[str] = "bias of the position sensor"
     unit: ClassVar[str] = "°"
-    advice: ClassVar[str] = "check the position sensor's mounting and calibrate it"
+    inspect: ClassVar[str] = "the position sensor's mounting and calibration"
     equations: ClassVar[tuple[str, ...]] = ("gear",)
     two_sided: ClassVar[bool] = True
 

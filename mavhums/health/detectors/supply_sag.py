@@ -26,7 +26,7 @@ class Detector(EquationDetector):
     fault: ClassVar[str] = "supply_sag"
     quantity: ClassVar[str] = "supply voltage lost"
     unit: ClassVar[str] = "V"
-    advice: ClassVar[str] = "check battery, regulator and wiring of the actuator's supply"
+    inspect: ClassVar[str] = "battery, regulator and wiring of its supply"
     equations: ClassVar[tuple[str, ...]] = ("supply",)
 
     def __init__(self, actuator: Actuator) -> None:

@@ -27,7 +27,7 @@ class Detector(EquationDetector):
     fault: ClassVar[str] = "torque_constant"
     quantity: ClassVar[str] = "torque constant lost"
     unit: ClassVar[str] = "1"
-    advice: ClassVar[str] = "check the motor's magnets: they age and suffer from heat"
+    inspect: ClassVar[str] = "the motor's magnets, which age and suffer from heat"
     equations: ClassVar[tuple[str, ...]] = ("voltage",)
 
     def __init__(self, actuator: Actuator) -> None:

@@ -26,7 +26,7 @@ class Detector(EquationDetector):
     fault: ClassVar[str] = "winding_resistance"
     quantity: ClassVar[str] = "winding resistance"
     unit: ClassVar[str] = "Ω"
-    advice: ClassVar[str] = "check winding, connectors and wiring for a poor contact"
+    inspect: ClassVar[str] = "winding, connectors and wiring for a poor contact"
     equations: ClassVar[tuple[str, ...]] = ("voltage",)
 
     def __init__(self, actuator: Actuator) -> None:
