@@ -114,14 +114,15 @@ class Course:
     def feed(self, estimates: Estimates, end_s: Array) -> list[Change]:
         """Take the estimates of the windows that end at ``end_s``, shape (k,); return the changes."""
         value = np.abs(estimates.value) if self.detector.two_sided else estimates.value
-        half = half_width(self._errors.feed(estimates), tail=tail_of(self._false_alarms))
-        shown = shown_by(value - half, value + half, self.detector.levels).tolist()
+        steadied, tail = self._errors.feed(estimates), tail_of(self._false_alarms)
+        shown = self._shown(value, half_width(steadied, tail=tail**0.5))
+        sure = (shown == SEVERITY["normal"]) | (self._shown(value, half_width(steadied, tail=tail)) > 0)
         changes, latest = [], None
         for k in np.flatnonzero(np.isfinite(value)).tolist():
             before, end, here = self.condition, float(end_s[k]), float(value[k])
             if end >= self._due_s:
                 self._alone(float(estimates.value[k]), float(estimates.error[k]), end)
-            decided = self._decision.feed(shown[k], end - self._window_s, end)
+            decided = self._decision.feed(int(shown[k]), end - self._window_s, end, sure=bool(sure[k]))
             self._extend(decided, end, here)
             if self.condition != before:
                 changes.append(Change(k, self.condition, self.since_s or 0.0, self.rule(self.condition)))
@@ -131,6 +132,9 @@ class Course:
                 *(float(a[latest]) for a in (estimates.value, estimates.error, estimates.freedom))
             )
         return changes
+
+    def _shown(self, value: Array, half: Array) -> NDArray[np.int64]:
+        return shown_by(value - half, value + half, self.detector.levels)
 
     def _alone(self, value: float, error: float, end_s: float) -> None:
         """Take a window that does not overlap the one before."""

@@ -2,8 +2,9 @@
 
 A window says *normal* unless its whole interval lies above the normal limit, *emergency* when the interval
 reaches the emergency limit, and *degraded* between them; where the interval holds both limits it says
-nothing. The interval is as wide as the false-alarm rate asks for. The condition changes when several
-windows in a row agree; windows that say nothing change nothing.
+nothing. With an allowed false-alarm probability α for a window of 10 s, that interval is left with √α to
+either side. The condition changes when windows in a row agree: as many as two windows that share no sample,
+or five if even the interval that is left with α would say so. Windows that say nothing change nothing.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from scipy.special import stdtrit
 from mavhums.assessment import Condition
 from mavhums.health.detector import Estimates, Levels
 
-__all__ = ["CONFIRM", "FALSE_ALARMS", "SEVERITY", "Decision", "half_width", "shown_by", "tail_of"]
+__all__ = ["CONFIRM", "FALSE_ALARMS", "LASTING", "SEVERITY", "Decision", "half_width", "shown_by", "tail_of"]
 
 CONFIRM = 5
+LASTING = 20
 FALSE_ALARMS = 1.0
 """How many false alarms 100 hours of an actuator may bring, by default."""
 
@@ -76,19 +78,23 @@ class Decision:
         self.since_s: float | None = None
         self.levels = levels
         self._candidate = -1
-        self._run = 0
+        self._run = self._sure = 0
         self._first_s = 0.0
 
-    def feed(self, shown: int, start_s: float, end_s: float) -> bool:
-        """Take the severity that one window shows, and return whether it changes the condition."""
+    def feed(self, shown: int, start_s: float, end_s: float, *, sure: bool = True) -> bool:
+        """Take the severity that one window shows, and return whether it changes the condition.
+
+        ``sure`` tells whether the wider interval says the same.
+        """
         if shown < 0:
             return False
         if shown != self._candidate:
-            self._candidate, self._run = shown, 0
+            self._candidate, self._run, self._sure = shown, 0, 0
             self._first_s = start_s if self.condition == "undecided" else (start_s + end_s) / 2
         self._run += 1
+        self._sure = self._sure + 1 if sure else 0
         after = _CONDITIONS[shown]
-        if after == self.condition or self._run < CONFIRM:
+        if after == self.condition or (self._sure < CONFIRM and self._run < LASTING):
             return False
         self.condition, self.since_s = after, self._first_s
         return True

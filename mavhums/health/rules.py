@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from mavhums.assessment import Condition
 from mavhums.health.baseline import Baseline
-from mavhums.health.decision import CONFIRM
 from mavhums.health.detector import Detector
 from mavhums.health.drift import Shift
 
@@ -14,7 +13,7 @@ __all__ = ["drift_rule", "limit_rule"]
 def limit_rule(detector: Detector, condition: Condition, false_alarms: float) -> str:
     """Return why the limits make the condition what it is."""
     normal, emergency = (_value(detector, level) for level in detector.levels)
-    sure = f"{CONFIRM} windows in a row, with at most {_alarms(false_alarms)}"
+    sure = f"windows in a row, with at most {_alarms(false_alarms)}"
     return {
         "normal": f"normal: {detector.quantity} not shown to lie above {normal}, {sure}",
         "degraded": f"degraded: {detector.quantity} above {normal}, {sure}",
@@ -27,7 +26,8 @@ def drift_rule(detector: Detector, baseline: Baseline, shift: Shift, false_alarm
     """Return how the quantity left the actuator's own baseline."""
     return (
         f"degraded: {detector.quantity} {_value(detector, shift.value, '+')} from its own baseline of "
-        f"{_value(detector, baseline.mean)} over {baseline.flights} flights, with at most {_alarms(false_alarms)}"
+        f"{_value(detector, baseline.mean)} over {baseline.flights} flights, "
+        f"with at most {_alarms(false_alarms)}"
     )
 
 

@@ -42,7 +42,7 @@ def test_growing_friction_reaches_the_ground_station(tmp_path: Path) -> None:
         screen.wait_for(lambda: "Telemetry log" in screen.output)
         live.wait_for(lambda: live.objects("start"))
         urls = [f"udpout:127.0.0.1:{port}" for port in (ground, monitor)]
-        flight = ["--duration", "24", "--friction", "elevator=0.4..1.3", "--seed", "3"]
+        flight = ["--duration", "26", "--friction", "elevator=0.5..1.2", "--seed", "3"]
         with running(tmp_path, "stream", *simulator("stream", *urls, *flight)) as stream:
             stream.process.wait(timeout=60)
         live.wait_for(lambda: len(live.objects("alert")) >= 2)
