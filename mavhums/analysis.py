@@ -13,6 +13,7 @@ from mavhums.assessment import Assessment
 from mavhums.engine import Engine
 from mavhums.errors import MavhumsError
 from mavhums.events import Event
+from mavhums.health.decision import FALSE_ALARMS
 from mavhums.history import FlightHistory, Since
 from mavhums.history_files import read_history
 from mavhums.learn import Model, load_model, packaged_models
@@ -29,6 +30,7 @@ def analyse(
     model: Model | Sequence[Model] | str | Path | None = None,
     history: FlightHistory | str | os.PathLike[str] | None = None,
     since: Since | None = None,
+    false_alarms: float = FALSE_ALARMS,
     dialect: str | os.PathLike[str] | None = None,
     key: bytes | str | os.PathLike[str] | None = None,
     recording: str | os.PathLike[str] | None = None,
@@ -52,6 +54,8 @@ def analyse(
         actuator its own baseline.
     since
         Dates from which they count, by actuator; None as the name of all others.
+    false_alarms
+        How many false alarms 100 hours of an actuator may bring.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
     key
@@ -109,6 +113,7 @@ def analyse(
                 model=models,
                 history=history,
                 since=since,
+                false_alarms=false_alarms,
                 dialect=dialect,
                 key=key,
                 vehicle_states=True,
@@ -119,7 +124,13 @@ def analyse(
         return assessment
     baselines = partial(history.baselines, since=since)
     engine = Engine(
-        profile, model=models, baselines=baselines, dialect=dialect, key=key, vehicle_states=vehicle_states
+        profile,
+        model=models,
+        baselines=baselines,
+        false_alarms=false_alarms,
+        dialect=dialect,
+        key=key,
+        vehicle_states=vehicle_states,
     )
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, dialect=dialect):
@@ -144,12 +155,14 @@ def record(
     model: Model | Sequence[Model] | str | Path | None = None,
     history: FlightHistory | str | os.PathLike[str] | None = None,
     since: Since | None = None,
+    false_alarms: float = FALSE_ALARMS,
     dialect: str | os.PathLike[str] | None = None,
     key: bytes | str | os.PathLike[str] | None = None,
 ) -> None:
     """Write the Rerun recording of an assessment, reading its log once more.
 
-    Give the ``airframe``, ``model``, ``history``, ``dialect`` and ``key`` that the assessment was made with.
+    Give the ``airframe``, ``model``, ``history``, ``false_alarms``, ``dialect`` and ``key`` that the
+    assessment was made with.
 
     Raises
     ------
@@ -169,6 +182,7 @@ def record(
         model=model,
         history=history,
         since=since,
+        false_alarms=false_alarms,
         dialect=dialect,
         key=key,
         recording=path,

@@ -13,7 +13,19 @@ import click
 from mavhums import __version__
 from mavhums.cli_learn import precedents, study, train
 from mavhums.cli_live import live
-from mavhums.cli_options import AIRFRAME, BASELINE_FROM, DIALECT, HISTORY, JSON, KEEP, KEY, LOG, LOGS, PATH
+from mavhums.cli_options import (
+    AIRFRAME,
+    BASELINE_FROM,
+    DIALECT,
+    FALSE_ALARMS,
+    HISTORY,
+    JSON,
+    KEEP,
+    KEY,
+    LOG,
+    LOGS,
+    PATH,
+)
 from mavhums.cli_progress import reading
 from mavhums.cli_tools import export, model, profile
 from mavhums.cli_trend import complain, opened_history, trend
@@ -46,6 +58,7 @@ def cli() -> None:
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
 @DIALECT
+@FALSE_ALARMS
 @HISTORY
 @KEEP
 @BASELINE_FROM
@@ -64,6 +77,7 @@ def analyse(
     airframe: str | None,
     model: str | None,
     dialect: Path | None,
+    false_alarms: float,
     history: Path | None,
     keep: bool,
     dates: tuple[tuple[str | None, datetime], ...],
@@ -107,6 +121,7 @@ def analyse(
                     log,
                     airframe=profile,
                     model=networks,
+                    false_alarms=false_alarms,
                     history=flown,
                     since=dict(dates),
                     dialect=dialect,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums.cli_options import AIRFRAME, DIALECT, KEY, PATH
+from mavhums.cli_options import AIRFRAME, BASELINE_FROM, DIALECT, FALSE_ALARMS, HISTORY, KEY, PATH
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,6 +33,9 @@ _LEVELS = ("debug", "info", "warning", "error")
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")
 @DIALECT
+@FALSE_ALARMS
+@HISTORY
+@BASELINE_FROM
 @KEY
 @click.option(
     "--record",
@@ -99,6 +102,8 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
         raise click.UsageError("name a link, for example udpin:14550")
     if options["record"] and options["rrd"] and options["record"] == options["rrd"]:
         raise click.UsageError("--record and --rrd name the same file")
+    if options["dates"] and options["history"] is None:
+        raise click.UsageError("--baseline-from needs --history DIR")
     level = "info" if verbose and log_level == "warning" else log_level
     with _told_to_stop(duration) as stop:
         assessment = _follow(options, level, stop, as_json=as_json)

@@ -7,7 +7,19 @@ from pathlib import Path
 
 import click
 
-__all__ = ["AIRFRAME", "BASELINE_FROM", "DIALECT", "HISTORY", "JSON", "KEEP", "KEY", "LOG", "LOGS", "PATH"]
+__all__ = [
+    "AIRFRAME",
+    "BASELINE_FROM",
+    "DIALECT",
+    "FALSE_ALARMS",
+    "HISTORY",
+    "JSON",
+    "KEEP",
+    "KEY",
+    "LOG",
+    "LOGS",
+    "PATH",
+]
 
 PATH: click.Path = click.Path(path_type=Path)
 LOG = click.argument("log", metavar="LOG", type=PATH)
@@ -25,6 +37,14 @@ KEY = click.option(
     type=PATH,
     metavar="FILE",
     help="Accept only frames signed (MAVLink 2) with the key in FILE: 32 bytes, or 64 hexadecimal digits.",
+)
+FALSE_ALARMS = click.option(
+    "--false-alarms",
+    type=click.FloatRange(0.001, 1000.0),
+    default=1.0,
+    show_default=True,
+    metavar="N",
+    help="False alarms that 100 hours of an actuator may bring: fewer are told later, more earlier.",
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 HISTORY = click.option(

@@ -18,6 +18,7 @@ from mavhums.actuator.vehicle_state import STATE_MESSAGES, VehicleStates
 from mavhums.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.events import AirframeNamed, Event, Notice, Samples
 from mavhums.health.baseline import Baseline, BaselineSource
+from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.monitor import Monitor
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
@@ -39,6 +40,8 @@ class Engine:
         that is for its airframe and whose quantities its samples carry.
     baselines
         What the flights before say of each actuator, or what gives it of an airframe and a time.
+    false_alarms
+        How many false alarms 100 hours of an actuator may bring.
     dialect
         A MAVLink XML file whose definitions go before the shipped ones.
     key
@@ -60,6 +63,7 @@ class Engine:
         *,
         model: Model | Sequence[Model] | None = None,
         baselines: BaselineSource | None = None,
+        false_alarms: float = FALSE_ALARMS,
         dialect: str | os.PathLike[str] | None = None,
         key: bytes | None = None,
         vehicle_states: bool = False,
@@ -71,6 +75,7 @@ class Engine:
         self._fleet = Fleet(airframe)
         self._models = () if model is None else (model,) if isinstance(model, Model) else tuple(model)
         self._baselines = baselines or {}
+        self._false_alarms = false_alarms
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._segments: dict[int, int] = {}
@@ -154,6 +159,7 @@ class Engine:
                 actuator,
                 self._serving(mapper.airframe),
                 baselines=self._baselines_of(key, mapper.airframe.name),
+                false_alarms=self._false_alarms,
             )
         yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
 

@@ -12,6 +12,7 @@ from mavhums.errors import MavhumsError
 from mavhums.events import Event, Samples
 from mavhums.learn import default_model
 from mavhums.learn.model import ModelError
+from mavhums_sim import Flight, fly, write_tlog
 
 
 def test_the_assessment_names_its_log(growing_log: Path) -> None:
@@ -71,3 +72,17 @@ def test_the_packaged_model_is_the_papers_actuators() -> None:
     assert model.card.metrics["validation_accuracy"] > 0.99
     assert "V1" not in model.network.keys
     assert model.card.command.startswith("mavhums train --airframe paper")
+
+
+def test_fewer_false_alarms_are_bought_with_a_later_verdict(tmp_path: Path) -> None:
+    """The same growing friction: the onset is told later where alarms may be false less often."""
+    log = tmp_path / "growing.tlog"
+    write_tlog(fly(Flight(seed=3, duration_s=60.0, friction_nm={"elevator": (0.225, 0.7)})), log)
+    told = []
+    for false_alarms in (0.001, 1.0, 100.0):
+        assessment = mavhums.analyse(log, false_alarms=false_alarms)
+        elevator = next(verdict for verdict in assessment.verdicts if verdict.actuator == "elevator")
+        assert elevator.since is not None
+        told.append(elevator.since.flight_time_s)
+    assert told[0] >= told[1] >= told[2]
+    assert told[0] > told[2]

@@ -13,7 +13,7 @@ __all__ = ["drift_rule", "limit_rule"]
 def limit_rule(detector: Detector, condition: Condition, false_alarms: float) -> str:
     """Return why the limits make the condition what it is."""
     normal, emergency = (_value(detector, level) for level in detector.levels)
-    sure = f"windows in a row, with at most {_alarms(false_alarms)}"
+    sure = f"with at most {_alarms(false_alarms)}"
     return {
         "normal": f"normal: {detector.quantity} not shown to lie above {normal}, {sure}",
         "degraded": f"degraded: {detector.quantity} above {normal}, {sure}",

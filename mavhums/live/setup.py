@@ -5,10 +5,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from mavhums.actuator.profile import load_airframe
 from mavhums.engine import Engine
+from mavhums.health.decision import FALSE_ALARMS
+from mavhums.history import FlightHistory
+from mavhums.history_files import read_history
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
@@ -43,6 +48,9 @@ class Options:
     airframe: str | None = None
     model: str | None = None
     dialect: Path | None = None
+    false_alarms: float = FALSE_ALARMS
+    history: Path | None = None
+    dates: Sequence[tuple[str | None, datetime]] = ()
     key: Path | None = None
     record: Path | None = None
     alerts: bool = False
@@ -67,6 +75,9 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
     profile = load_airframe(options.airframe) if options.airframe else None
     models = (load_model(options.model),) if options.model else packaged_models()
     key = load_key(options.key) if options.key else None
+    history = read_history(options.history) if options.history else FlightHistory()
+    for error in history.errors:
+        _LOG.warning("%s", error)
     seen = Seen(options.key) if options.key else None
     guard = Guard(key, latest=seen.load()) if key and seen else None
     _warm_up(options.dialect, models)
@@ -96,7 +107,14 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
     alerts = voice(ground_links, _UNKNOWN_VEHICLE if callers and not ground else None) if speaks else None
     greeter = voice(callers, None) if callers and (ground or not speaks) else None
     return Session(
-        Engine(profile, model=models, dialect=options.dialect, vehicle_states=vehicle_states),
+        Engine(
+            profile,
+            model=models,
+            baselines=partial(history.baselines, since=dict(options.dates)),
+            false_alarms=options.false_alarms,
+            dialect=options.dialect,
+            vehicle_states=vehicle_states,
+        ),
         stamper,
         links,
         recorder=recorder,
