@@ -279,7 +279,7 @@ def early(args: argparse.Namespace) -> Rows:
 
 def alarms(args: argparse.Namespace) -> Rows:
     """Count the false alarms of a healthy run whose flights nothing else uses."""
-    aircraft = range(500, 500 + args.count(12))
+    aircraft = range(530, 530 + args.count(12))
     baselines = reference(args, aircraft, 25.0, MODES)
     total, found, other = _found(args, baselines, aircraft, 25.0, MODES, 226, 0.0, 1000)
     hours = total * 100.0 / 3600.0

@@ -118,12 +118,11 @@ class Fit:
     def attenuation(self, term: int) -> Array:
         """How far errors in a term can have pulled the coefficients, shape (W, p).
 
-        Its own is pulled towards zero by at most 1 - r² of it, r being the term's partial correlation with
+        What is true of its own is at most 1/r² of what is seen, r being the term's partial correlation with
         the left side; the others shift with it.
         """
         own, inverse = self.coefficients[:, term], self._inverse
-        squared = own**2 / (self.variance * inverse[:, term, term])
-        pulled = np.abs(own) * self.count / (self.count + squared)
+        pulled = self.count * self.variance * inverse[:, term, term] / np.maximum(np.abs(own), _WEAK)
         shift: Array = np.abs(pulled[:, None] * inverse[:, :, term] / inverse[:, term, term, None])
         return shift
 

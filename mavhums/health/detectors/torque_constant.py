@@ -15,7 +15,7 @@ from mavhums.health.least_squares import Fit
 __all__ = ["Detector", "relative_constant"]
 
 _CURRENT, _BACK_EMF = 0, 1
-_WIDEST = 0.05
+_WIDEST = 0.02
 _CONTRADICTION = 0.5
 
 Array = NDArray[np.float64]
