@@ -133,6 +133,22 @@ class Course:
             )
         return changes
 
+    def conclude(
+        self, flight: Mapping[str, Fit], start_s: float, end_s: float
+    ) -> tuple[Change, Interval] | None:
+        """Judge by the whole flight where no run of windows could; return the change and the interval."""
+        overall = self.detector.overall(flight) if self.condition == "undecided" else None
+        if overall is None or not np.isfinite(overall.value[0]):
+            return None
+        shown = int(self._shown(overall.value, half_width(overall, tail=tail_of(self._false_alarms)))[0])
+        if not self._decision.settle(shown, start_s):
+            return None
+        value, half = float(overall.value[0]), float(half_width(overall, tail=0.025)[0])
+        self._latest = _Latest(value, float(overall.error[0]), float(overall.freedom[0]))
+        self._episodes.append(_Episode(self.condition, start_s, end_s, value))
+        change = Change(0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight")
+        return change, Interval(estimate=value, low=value - half, high=value + half)
+
     def _shown(self, value: Array, half: Array) -> NDArray[np.int64]:
         return shown_by(value - half, value + half, self.detector.levels)
 

@@ -81,6 +81,13 @@ class Decision:
         self._run = self._sure = 0
         self._first_s = 0.0
 
+    def settle(self, shown: int, start_s: float) -> bool:
+        """Take the severity that the whole flight shows, if no window could; return whether it decides."""
+        if shown < 0 or self.condition != "undecided":
+            return False
+        self.condition, self.since_s = _CONDITIONS[shown], start_s
+        return True
+
     def feed(self, shown: int, start_s: float, end_s: float, *, sure: bool = True) -> bool:
         """Take the severity that one window shows, and return whether it changes the condition.
 

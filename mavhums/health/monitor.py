@@ -123,8 +123,16 @@ class Monitor:
         yield from self._judge(self._cutter.feed(time_s, widen(values, measured, bus_v)))
 
     def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
-        """Judge what is left."""
+        """Judge what is left; by the whole flight, if its windows were too poor each by itself."""
         yield from self._judge(self._cutter.finish())
+        friction = self._courses.get("friction")
+        if friction is None or self._first is None or self._windows == 0:
+            return
+        end_s = self._cutter.latest_s
+        concluded = friction.conclude(self._fits.whole(), self._first * self._slot_s, end_s)
+        if concluded is not None:
+            change, self._friction = concluded
+            yield from self._changed([("friction", change)], end_s)
 
     def findings(self) -> Findings:
         """Return what was found so far."""

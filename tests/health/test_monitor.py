@@ -250,3 +250,16 @@ def test_a_condition_that_flaps_for_hours_fills_no_memory() -> None:
     assert len(stays) == 100
     assert stays[0].start_s == 0.0
     assert stays[-1].end_s > 25.0 * 129
+
+
+def test_windows_too_poor_each_by_itself_are_judged_together() -> None:
+    """Light air: the autopilot's corrections move the surface for moments only."""
+    worn = Condition.constant("friction", 0.7)
+    seen = telemetry(flown(worn, rate_hz=10.0, seconds=100.0, cyclogram="cruise"))
+    events, findings = watch(seen)
+    decided = [event for event in events if isinstance(event, ConditionChanged)]
+    assert findings.coverage.decidable < findings.coverage.windows
+    assert [(change.after, change.time_s) for change in decided] == [("emergency", findings.last_s)]
+    assert "over the whole flight" in decided[0].rule
+    assert findings.friction is not None
+    assert findings.friction.low < 0.925 < findings.friction.high

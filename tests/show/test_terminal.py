@@ -17,7 +17,10 @@ Assess = Callable[..., Assessment]
 def rendered(assessment: Assessment, *, width: int = 80, terminal: bool = False) -> str:
     file = io.StringIO()
     colours: Literal["auto", "truecolor"] = "truecolor" if terminal else "auto"
-    render(assessment, Console(file=file, width=width, force_terminal=terminal, color_system=colours))
+    render(
+        assessment,
+        Console(file=file, width=width, force_terminal=terminal, color_system=colours, no_color=False),
+    )
     return file.getvalue()
 
 
