@@ -172,5 +172,5 @@ def baselines_of(flights: list[tuple[str, list[Judged]]]) -> dict[str, dict[str,
 
 def replayed(logs: Path) -> list[object]:
     """Return cyclograms of real logs that carry commands and airspeed, at least 100 s of each."""
-    names = ("sitl/plane_hirate.tlog", "sitl/plane_normal.tlog")
+    names = ("sitl/plane_hirate.link1.tlog", "sitl/plane_normal.mavproxy.tlog")
     return [replay(logs / name).cyclogram for name in names if (logs / name).exists()]
