@@ -93,13 +93,20 @@ class Engine:
             events.extend(monitor.finish())
         return events
 
-    def assessment(self, path: str | None = None, sha256: str | None = None) -> Assessment:
-        """Return the verdicts on all that was fed so far."""
+    def assessment(
+        self, path: str | None = None, sha256: str | None = None, *, indicators: bool = True
+    ) -> Assessment:
+        """Return the verdicts on all that was fed so far.
+
+        Without ``indicators``, which look at all of the flight again, it costs next to nothing.
+        """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
         vehicles = vehicles_of(decoder.counts)
         names = self._fleet.airframes
-        verdicts = tuple(verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle))
+        verdicts = tuple(
+            verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
+        )
         voted = {verdict.model for verdict in verdicts}
         return Assessment(
             log=LogSummary(
@@ -175,7 +182,7 @@ class Engine:
             baselines = baselines(airframe, None if undated else _utc(first or 0))
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 
-    def _verdicts(self, vehicle: int | None) -> Iterator[Verdict]:
+    def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
         tier = self._fleet.tier(vehicle, self._decoder.counts)
         mapper = self._fleet.mapper(vehicle)
         if vehicle is None or mapper is None:
@@ -187,10 +194,10 @@ class Engine:
             provenance = mapper.provenance(vehicle, actuator)
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
-            elif actuator.blanks and monitor.findings().worst == "undecided":
+            elif actuator.blanks and monitor.worst == "undecided":
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance)
             else:
-                findings = monitor.findings()
+                findings = monitor.findings(indicators=indicators)
                 voted = findings.network
                 yield judged(
                     vehicle,

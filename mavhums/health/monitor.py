@@ -134,12 +134,17 @@ class Monitor:
             change, self._friction = concluded
             yield from self._changed([("friction", change)], end_s)
 
-    def findings(self) -> Findings:
-        """Return what was found so far."""
-        whole = self._fits.whole()
+    @property
+    def worst(self) -> Condition:
+        """The worst condition that the actuator was held to be in."""
+        return self._worst
+
+    def findings(self, *, indicators: bool = True) -> Findings:
+        """Return what was found so far; the ``indicators`` look at all of the flight again."""
+        whole = self._fits.whole() if indicators else {}
         courses = self._courses.values()
         suspects = [suspect for course in courses if (suspect := course.suspect())]
-        indicators = [indicator for course in courses if (indicator := course.indicator(whole))]
+        shown = [indicator for course in courses if whole and (indicator := course.indicator(whole))]
         evidence = sorted((e for course in courses for e in course.evidence()), key=lambda e: e.start_s)
         return Findings(
             condition=self._condition,
@@ -157,7 +162,7 @@ class Monitor:
             last_s=self._cutter.latest_s,
             suspects=tuple(sorted(suspects, key=lambda suspect: -suspect.confidence)),
             evidence=(*evidence, *self._network_evidence()),
-            indicators=tuple(indicators),
+            indicators=tuple(shown),
         )
 
     def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:

@@ -144,7 +144,7 @@ class Session:
         """Show the state; say to the ground station that we are there, and how the actuators are."""
         now_us = self.clock.now_us()
         self._due_us = max(self._due_us + _TICK_US, now_us)
-        assessment = self._engine.assessment()
+        assessment = self._engine.assessment(indicators=False)
         status, stale = self.watch.look(assessment, now_us)
         self._ticks += 1
         if self._remember and self._ticks % _REMEMBER_EVERY == 0:
@@ -217,7 +217,7 @@ class Session:
             return {}
         suspects = {
             (verdict.vehicle, verdict.actuator): max(verdict.suspects, key=lambda s: s.confidence).fault
-            for verdict in self._engine.assessment().verdicts
+            for verdict in self._engine.assessment(indicators=False).verdicts
             if verdict.suspects
         }
         found = {}
