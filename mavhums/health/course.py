@@ -122,7 +122,9 @@ class Course:
             before, end, here = self.condition, float(end_s[k]), float(value[k])
             if end >= self._due_s:
                 self._alone(float(estimates.value[k]), float(estimates.error[k]), end)
-            decided = self._decision.feed(int(shown[k]), end - self._window_s, end, sure=bool(sure[k]))
+            decided = self._decision.feed(
+                self._said(int(shown[k]), here), end - self._window_s, end, sure=bool(sure[k])
+            )
             self._extend(decided, end, here)
             if self.condition != before:
                 changes.append(Change(k, self.condition, self.since_s or 0.0, self.rule(self.condition)))
@@ -148,6 +150,13 @@ class Course:
         self._episodes.append(_Episode(self.condition, start_s, end_s, value))
         change = Change(0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight")
         return change, Interval(estimate=value, low=value - half, high=value + half)
+
+    def _said(self, shown: int, value: float) -> int:
+        """Let a window that only fails to show a fault not end one: its estimate must be normal, too."""
+        normal = self.detector.levels.normal
+        faulty = SEVERITY[self._decision.condition] > SEVERITY["normal"]
+        doubtful = shown == SEVERITY["normal"] and normal is not None and value > normal
+        return SEVERITY["undecided"] if faulty and doubtful else shown
 
     def _shown(self, value: Array, half: Array) -> NDArray[np.int64]:
         return shown_by(value - half, value + half, self.detector.levels)
