@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from sklearn.base import BaseEstimator, clone
-from sklearn.feature_selection import SelectorMixin
-from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.base import clone
 
+from mavhums.learn._classified import SupportSelector
 from mavhums.learn.ranking import ChiSquareRanking
 from mavhums.learn.regression import (
     IDENTITY,
@@ -50,7 +47,7 @@ class Dependence:
     model: NonlinearRegression
 
 
-class RegressionRedundancyFilter(SelectorMixin, BaseEstimator):
+class RegressionRedundancyFilter(SupportSelector):
     """Exclude features that the remaining ones explain, the least informative first.
 
     From the smallest chi-square upwards each feature is regressed, by Algorithm 1, on all features
@@ -104,7 +101,6 @@ class RegressionRedundancyFilter(SelectorMixin, BaseEstimator):
 
     dependences_: tuple[Dependence, ...]
     groups_: tuple[tuple[int, ...], ...]
-    support_: NDArray[np.bool_]
     ranking_: ChiSquareRanking
 
     def __init__(
@@ -140,8 +136,7 @@ class RegressionRedundancyFilter(SelectorMixin, BaseEstimator):
             raise ValueError(f"threshold must lie above 0 and not above 1, got {self.threshold!r}")
         if not isinstance(self.order, Integral) or self.order < 1:
             raise ValueError(f"order must be an integer of at least 1, got {self.order!r}")
-        values, target = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
-        check_classification_targets(target)
+        values, target = self._checked(X, y, ensure_min_samples=2)
         varying = np.flatnonzero(np.ptp(values, axis=0) > 0).tolist()
         if not varying:
             raise ValueError("every feature is constant, so none tells the classes apart")
@@ -179,16 +174,6 @@ class RegressionRedundancyFilter(SelectorMixin, BaseEstimator):
     ) -> NonlinearRegression:
         model = NonlinearRegression(self.functions, self.order, self.tolerance)
         return model.fit(values[:, needed], values[:, feature])
-
-    def _get_support_mask(self) -> NDArray[np.bool_]:
-        check_is_fitted(self)
-        return self.support_
-
-    def __sklearn_tags__(self) -> Any:
-        """Say that the classes are needed."""
-        tags = super().__sklearn_tags__()
-        tags.target_tags.required = True
-        return tags
 
 
 class _Squares:

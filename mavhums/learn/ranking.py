@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from numbers import Integral
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2_contingency
-from sklearn.base import BaseEstimator
 from sklearn.feature_selection import SelectorMixin
-from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
+from mavhums.learn._classified import Classified
 from mavhums.learn.scaling import unit_interval
 
 __all__ = ["ChiSquareRanking"]
 
 
-class ChiSquareRanking(SelectorMixin, BaseEstimator):
+class ChiSquareRanking(SelectorMixin, Classified):
     """Rank features by Pearson's chi-square between their bins and the classes.
 
     Unlike :func:`sklearn.feature_selection.chi2`, which takes feature values as counts and so
@@ -105,8 +104,7 @@ class ChiSquareRanking(SelectorMixin, BaseEstimator):
             raise ValueError(f"bins must be an integer of at least 2, got {self.bins!r}")
         if self.strategy not in ("width", "quantile"):
             raise ValueError(f"strategy must be 'width' or 'quantile', got {self.strategy!r}")
-        values, target = validate_data(self, X, y, dtype=np.float64)
-        check_classification_targets(target)
+        values, target = self._checked(X, y)
         limit = values.shape[1]
         if self.k != "all" and not (isinstance(self.k, Integral) and 1 <= self.k <= limit):
             raise ValueError(f"k must be 'all' or an integer from 1 to {limit}, got {self.k!r}")
@@ -127,12 +125,6 @@ class ChiSquareRanking(SelectorMixin, BaseEstimator):
         if self.k != "all":
             mask[np.argsort(-self.scores_, kind="stable")[self.k :]] = False
         return mask
-
-    def __sklearn_tags__(self) -> Any:
-        """Say that the classes are needed."""
-        tags = super().__sklearn_tags__()
-        tags.target_tags.required = True
-        return tags
 
 
 def _width_bins(feature: NDArray[np.float64], bins: int) -> NDArray[np.int64]:

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from numbers import Integral, Real
-from typing import Any
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import connected_components
-from sklearn.base import BaseEstimator, clone
-from sklearn.feature_selection import SelectorMixin
-from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.base import clone
 
+from mavhums.learn._classified import SupportSelector
 from mavhums.learn.ranking import ChiSquareRanking
 from mavhums.learn.scaling import unit_interval
 
 __all__ = ["PairwiseRedundancyFilter"]
 
 
-class PairwiseRedundancyFilter(SelectorMixin, BaseEstimator):
+class PairwiseRedundancyFilter(SupportSelector):
     """Of each group of features that explain one another, keep the most informative.
 
     Each feature is regressed on each other one by a polynomial. Two features are linked if either
@@ -76,7 +73,6 @@ class PairwiseRedundancyFilter(SelectorMixin, BaseEstimator):
 
     r2_: NDArray[np.float64]
     groups_: tuple[tuple[int, ...], ...]
-    support_: NDArray[np.bool_]
     ranking_: ChiSquareRanking
 
     def __init__(
@@ -105,8 +101,7 @@ class PairwiseRedundancyFilter(SelectorMixin, BaseEstimator):
             raise ValueError(f"threshold must lie above 0 and not above 1, got {self.threshold!r}")
         if not isinstance(self.degree, Integral) or self.degree < 1:
             raise ValueError(f"degree must be an integer of at least 1, got {self.degree!r}")
-        values, target = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
-        check_classification_targets(target)
+        values, target = self._checked(X, y, ensure_min_samples=2)
         scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
         varying = np.flatnonzero(scaled.any(axis=0))
         if not varying.size:
@@ -122,16 +117,6 @@ class PairwiseRedundancyFilter(SelectorMixin, BaseEstimator):
         for group in self.groups_:
             self.support_[max(group, key=lambda feature: self.ranking_.scores_[feature])] = True
         return self
-
-    def _get_support_mask(self) -> NDArray[np.bool_]:
-        check_is_fitted(self)
-        return self.support_
-
-    def __sklearn_tags__(self) -> Any:
-        """Say that the classes are needed."""
-        tags = super().__sklearn_tags__()
-        tags.target_tags.required = True
-        return tags
 
 
 def _pairwise_r2(scaled: NDArray[np.float64], degree: int) -> NDArray[np.float64]:

@@ -7,13 +7,12 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator
 from sklearn.cluster import KMeans
 from sklearn.metrics import pairwise_distances_argmin
 from sklearn.utils import check_random_state
-from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
+from mavhums.learn._classified import Classified
 from mavhums.learn.scaling import unit_interval
 
 __all__ = ["VectorThinning"]
@@ -21,7 +20,7 @@ __all__ = ["VectorThinning"]
 _ITERATIONS = 20
 
 
-class VectorThinning(BaseEstimator):
+class VectorThinning(Classified):
     """Keep some vectors of each class, and how many each of them stands for.
 
     Each class keeps its share of the vectors, at least one. Similarity is measured on features
@@ -98,8 +97,7 @@ class VectorThinning(BaseEstimator):
             raise ValueError(f"n_vectors must be an integer of at least 1, got {self.n_vectors!r}")
         if self.method not in ("kmeans", "random"):
             raise ValueError(f"method must be 'kmeans' or 'random', got {self.method!r}")
-        values, target = validate_data(self, X, y, dtype=np.float64)
-        check_classification_targets(target)
+        values, target = self._checked(X, y)
         random = check_random_state(self.random_state)
         scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
         choose = self._representatives if self.method == "kmeans" else self._drawn
@@ -149,9 +147,3 @@ class VectorThinning(BaseEstimator):
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         chosen = random.choice(len(scaled), size=count, replace=False)
         return chosen, np.full(count, len(scaled) / count)
-
-    def __sklearn_tags__(self) -> Any:
-        """Say that the classes are needed."""
-        tags = super().__sklearn_tags__()
-        tags.target_tags.required = True
-        return tags
