@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import subprocess
@@ -41,10 +42,9 @@ class Chromium:
         self._read, from_child = os.pipe()
 
         def wire() -> None:  # the protocol reads from descriptor 3 and writes to 4
-            os.dup2(to_child, 30)
-            os.dup2(from_child, 31)
-            os.dup2(30, 3)
-            os.dup2(31, 4)
+            ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 5) for end in (to_child, from_child)]
+            for descriptor, end in enumerate(ends, start=3):
+                os.dup2(end, descriptor)
 
         none = subprocess.DEVNULL
         self._process = subprocess.Popen(
@@ -56,6 +56,14 @@ class Chromium:
         )
         os.close(to_child)
         os.close(from_child)
+        try:
+            self._attach()
+        except BaseException:
+            self._end()
+            raise
+        return self
+
+    def _attach(self) -> None:
         targets = self.call("Target.getTargets")["targetInfos"]
         page = next(target for target in targets if target["type"] == "page")
         self._session = self.call("Target.attachToTarget", targetId=page["targetId"], flatten=True)[
@@ -64,7 +72,6 @@ class Chromium:
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         self.call("Emulation.setEmulatedMedia", features=dark)
         self.call("Runtime.enable")
-        return self
 
     def __exit__(
         self,
@@ -72,6 +79,9 @@ class Chromium:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._end()
+
+    def _end(self) -> None:
         self._process.terminate()
         self._process.wait()
         os.close(self._read)
