@@ -19,7 +19,7 @@ from mavhums.health import Monitor
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Findings
 from mavhums_sim import EmaParameters, Flight, FlightRecord
-from mavhums_sim.campaign import consume
+from mavhums_sim.campaign import PAPER_FRICTION_NM, consume
 from mavhums_sim.conditions import Condition
 from mavhums_sim.flight import ActuatorRecord
 from mavhums_sim.individuals import Individual
@@ -32,6 +32,7 @@ __all__ = [
     "Judged",
     "Task",
     "added",
+    "at_all_frictions",
     "baselines_of",
     "flight",
     "fly_all",
@@ -174,3 +175,18 @@ def replayed(logs: Path) -> list[object]:
     """Return cyclograms of real logs that carry commands and airspeed, at least 100 s of each."""
     names = ("sitl/plane_hirate.link1.tlog", "sitl/plane_normal.mavproxy.tlog")
     return [replay(logs / name).cyclogram for name in names if (logs / name).exists()]
+
+
+def frictions(number: int, aircraft: int) -> dict[str, tuple[float, float]]:
+    """Return one of the paper's eight frictions for each surface."""
+    drawn = np.random.default_rng([number, aircraft, 5]).choice(PAPER_FRICTION_NM, len(SURFACES))
+    return {surface: (float(f), float(f)) for surface, f in zip(SURFACES, drawn, strict=True)}
+
+
+def at_all_frictions(count: int, rate_hz: float, cyclograms: tuple[object, ...] = MODES) -> list[Task]:
+    tasks = []
+    for k in range(count):
+        cyclogram = cyclograms[k % len(cyclograms)]
+        flown = flight(k, k, rate_hz=rate_hz, mode=cyclogram, friction_nm=frictions(k, k))  # type: ignore[arg-type]
+        tasks.append(Task(f"{k}/{cyclogram if isinstance(cyclogram, str) else cyclogram.name}", flown))  # type: ignore[attr-defined]
+    return tasks

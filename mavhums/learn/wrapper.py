@@ -7,13 +7,11 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator
-from sklearn.feature_selection import SelectorMixin
 from sklearn.utils import ClassifierTags, check_random_state
-from sklearn.utils.multiclass import check_classification_targets, type_of_target
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.multiclass import type_of_target
 
 from mavhums.errors import MissingExtraError
+from mavhums.learn._classified import SupportSelector
 from mavhums.learn.splits import hold_out
 from mavhums.learn.subsets import Objective, SubsetSearch, exhaustive_search, genetic_search
 
@@ -70,7 +68,7 @@ def network_objective(
     return score
 
 
-class NetworkSubsetSelector(SelectorMixin, BaseEstimator):
+class NetworkSubsetSelector(SupportSelector):
     """Keep the subset of features whose network classifies the held-out flights best.
 
     Parameters
@@ -113,7 +111,6 @@ class NetworkSubsetSelector(SelectorMixin, BaseEstimator):
     """
 
     search_: SubsetSearch
-    support_: NDArray[np.bool_]
 
     def __init__(
         self,
@@ -162,8 +159,7 @@ class NetworkSubsetSelector(SelectorMixin, BaseEstimator):
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < 1:
                 raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
-        values, target = validate_data(self, X, y, dtype=np.float64)
-        check_classification_targets(target)
+        values, target = self._checked(X, y)
         if type_of_target(target) != "binary":
             message = "Only binary classification is supported. The type of the target is "
             raise ValueError(f"{message}{type_of_target(target)}.")
@@ -204,13 +200,8 @@ class NetworkSubsetSelector(SelectorMixin, BaseEstimator):
             rows = random.permutation(rows)[: self.max_samples]
         return values[rows], emergency[rows]
 
-    def _get_support_mask(self) -> NDArray[np.bool_]:
-        check_is_fitted(self)
-        return self.support_
-
     def __sklearn_tags__(self) -> Any:
         """Say that two classes are needed."""
         tags = super().__sklearn_tags__()
-        tags.target_tags.required = True
         tags.classifier_tags = ClassifierTags(multi_class=False)
         return tags

@@ -1,0 +1,147 @@
+"""How right the verdicts and the friction estimates are: sections of ``benchmarks/health.py``."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from _fleet import ACTUATORS, MODES, Task, at_all_frictions, fly_all, judge, quantities
+from numpy.typing import NDArray
+
+from mavhums import analyse
+from mavhums_sim import FlightRecord, write_tlog
+
+__all__ = ["flights", "friction", "windows"]
+
+Array = NDArray[np.float64]
+Rows = Iterator[str]
+
+MIDDLE = 0.625
+
+
+def _windows(
+    name: str, record: FlightRecord, window_s: float
+) -> dict[str, list[tuple[float, float, float, float]]]:
+    found: dict[str, list[tuple[float, float, float, float]]] = {}
+    for tier in ("instrumented", "esc-signed"):
+        rows = found.setdefault(tier, [])
+        for one in judge(name, record, tier=tier, window_s=window_s, keep_windows=True):
+            for window in one.windows:
+                interval = window.friction_nm
+                shown = (interval.estimate, interval.low, interval.high) if interval else (np.nan,) * 3
+                rows.append((one.truth["friction"], *shown))
+    return found
+
+
+def windows(args: argparse.Namespace, cyclograms: tuple[object, ...] = MODES) -> Rows:
+    yield "| tier | window | rate | windows | decidable | right of decidable | wrong |"
+    yield "|---|---|---|---|---|---|---|"
+    for window_s, rate_hz in ((1.0, 50.0), (1.0, 100.0), (5.0, 25.0), (10.0, 10.0)):
+        tasks = at_all_frictions(args.count(50), rate_hz, cyclograms)
+        by_tier: dict[str, list[Array]] = {}
+        for _, found in fly_all(tasks, partial(_windows, window_s=window_s), args.workers):
+            for tier, rows in found.items():
+                by_tier.setdefault(tier, []).append(np.array(rows))
+        for tier, parts in by_tier.items():
+            truth, estimate, low, high = np.concatenate(parts).T
+            decidable = (low > MIDDLE) | (high < MIDDLE)
+            right = (estimate > MIDDLE) == (truth > MIDDLE)
+            wrong = int(np.count_nonzero(decidable & ~right))
+            yield (
+                f"| {tier} | {window_s:g} s | {rate_hz:g} Hz | {truth.size} | {decidable.mean():.1%} | "
+                f"{1 - wrong / max(decidable.sum(), 1):.4%} | {wrong} |"
+            )
+
+
+def _log_verdicts(name: str, record: FlightRecord) -> list[tuple[float, str]]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "flight.tlog"
+        write_tlog(record, path)
+        verdicts = {v.actuator: v for v in analyse(path).verdicts}
+    return [
+        (float(flown.motion.friction[-1]), verdicts[surface].gravest)
+        for surface, flown in record.actuators.items()
+    ]
+
+
+def flights(args: argparse.Namespace) -> Rows:
+    yield "| tier | rate | actuator-flights | right | undecided | wrong |"
+    yield "|---|---|---|---|---|---|"
+    for tier, rate_hz in (
+        ("instrumented", 25.0),
+        ("esc-signed", 25.0),
+        ("named", 10.0),
+        ("esc-unsigned", 25.0),
+    ):
+        tasks = [
+            Task(task.name, dataclasses.replace(task.flight, tiers=(tier, "pwm")))
+            for task in at_all_frictions(args.count(125), rate_hz)
+        ]
+        counts: Counter[str] = Counter()
+        for name, verdicts in fly_all(tasks, _log_verdicts, args.workers):
+            for truth, condition in verdicts:
+                expected = "normal" if truth < MIDDLE else "emergency"
+                outcome = "right" if condition == expected else condition
+                counts[outcome if outcome in ("right", "undecided") else "wrong"] += 1
+                if outcome not in ("right", "undecided"):
+                    args.say(f"{tier} {name}: {truth} N·m called {condition}")
+        total = counts.total()
+        cells = " | ".join(str(counts[outcome]) for outcome in ("right", "undecided", "wrong"))
+        yield f"| {tier} | {rate_hz:g} Hz | {total} | {cells} |"
+
+
+def _estimates(name: str, record: FlightRecord) -> list[tuple[str, float, float, float, float]]:
+    rows = []
+    for tier in ("instrumented", "without load", "esc-signed"):
+        for one in judge(name, record, tier=tier, keep_windows=True):
+            for window in one.windows[::10]:
+                if window.friction_nm is not None:
+                    i = window.friction_nm
+                    rows.append((tier, one.truth["friction"], i.estimate, i.low, i.high))
+    for surface, flown in record.actuators.items():
+        rows += [
+            ("all but T_c known", flown.motion.friction[-1], bound, np.nan, np.nan)
+            for bound in _oracle(surface, flown)
+        ]
+    return rows
+
+
+def _oracle(surface: str, flown: object) -> list[float]:
+    """T_c in 10 s windows by one who knows the load, the inertia, the drag and the torque constant."""
+    times, values = quantities(flown, ACTUATORS[surface], "instrumented")  # type: ignore[arg-type]
+    own = flown.individual  # type: ignore[attr-defined]
+    speed = values[:, 6] * ACTUATORS[surface].rad_s(1.0)
+    inertia = ACTUATORS[surface].inertia_output * own.inertia + 0.004
+    torque = values[:, 4] * 4.38235 * own.torque_constant - values[:, 10]
+    rest = torque - inertia * np.gradient(speed, times) - own.viscous * speed
+    way = np.sign(speed) * (np.abs(speed) > 0.02)
+    steady = np.zeros(times.size, dtype=bool)
+    steady[2:-2] = (way[2:-2] != 0) & (way[2:-2] == way[:-4]) & (way[2:-2] == way[4:])
+    found = []
+    for start in range(0, 100, 10):
+        there = steady & (times >= start) & (times < start + 10)
+        if np.count_nonzero(there) > 20:
+            found.append(float(np.mean((rest * way)[there])))
+    return found
+
+
+def friction(args: argparse.Namespace, cyclograms: tuple[object, ...] = MODES) -> Rows:
+    yield "| mode | tier | windows | bias | sd, N·m | interval covers |"
+    yield "|---|---|---|---|---|---|"
+    rows: dict[tuple[str, str], list[tuple[float, float, float, float]]] = {}
+    for name, found in fly_all(at_all_frictions(args.count(75), 25.0, cyclograms), _estimates, args.workers):
+        for tier, *numbers in found:
+            for mode in (name.split("/")[1], "all"):
+                rows.setdefault((tier, mode), []).append(tuple(numbers))  # type: ignore[arg-type]
+    for (tier, mode), several in sorted(rows.items()):
+        truth, estimate, low, high = np.array(several).T
+        error = estimate - truth
+        covers = np.mean((low <= truth) & (truth <= high))
+        shown = "—" if np.isnan(low).all() else f"{covers:.1%}"
+        yield f"| {mode} | {tier} | {truth.size} | {error.mean():+.4f} | {error.std():.4f} | {shown} |"
