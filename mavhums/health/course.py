@@ -139,7 +139,7 @@ class Course:
         self, flight: Mapping[str, Fit], start_s: float, end_s: float
     ) -> tuple[Change, Interval] | None:
         """Judge by the whole flight where no run of windows could; return the change and the interval."""
-        overall = self.detector.overall(flight) if self.condition == "undecided" else None
+        overall = self.detector.conclusion(flight) if self.condition == "undecided" else None
         if overall is None or not np.isfinite(overall.value[0]):
             return None
         shown = int(self._shown(overall.value, half_width(overall, tail=tail_of(self._false_alarms)))[0])

@@ -263,3 +263,16 @@ def test_windows_too_poor_each_by_itself_are_judged_together() -> None:
     assert "over the whole flight" in decided[0].rule
     assert findings.friction is not None
     assert findings.friction.low < 0.925 < findings.friction.high
+
+
+@pytest.mark.parametrize(("friction", "expected"), [(0.0, "normal"), (0.75, "emergency")])
+def test_motion_too_brief_for_any_window_decides_the_flight(friction: float, expected: str) -> None:
+    """At 10 Hz hardly a sample of light air has neighbours that move with it."""
+    worn = (Condition.constant("friction", friction),) if friction else ()
+    seen = telemetry(flown(*worn, rate_hz=10.0, seconds=100.0, cyclogram="cruise", seed=931))
+    events, findings = watch(seen)
+    assert findings.coverage.decidable == 0
+    (change,) = [event for event in events if isinstance(event, ConditionChanged)]
+    assert (change.after, change.time_s) == (expected, findings.last_s)
+    assert findings.friction is not None
+    assert findings.friction.low < 0.23 + friction < findings.friction.high

@@ -76,3 +76,7 @@ class Detector:
     def overall(self, flight: Mapping[str, Fit]) -> None:
         """Return None: a jam has no mean."""
         return
+
+    def conclusion(self, flight: Mapping[str, Fit]) -> None:
+        """Return None: a jam has no mean."""
+        return
