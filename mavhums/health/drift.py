@@ -90,19 +90,27 @@ class Drift:
             self.alarm = most
         return most
 
+    def conclude(self, value: float, error: float, freedom: float, start_s: float) -> None:
+        """Take the estimate of a whole flight that began at ``start_s``, as one look more."""
+        shift = self._shift(value - self.baseline.mean, error**2, freedom, self._tail * _LOOKS, start_s)
+        if self.alarm is None and shift.ratio >= 1.0:
+            self.alarm = shift
+
     def _over(self, span: int) -> Shift:
         rows = np.array(self._windows)[-span:]
         weights = 1.0 / rows[:, 1]
         shift = float(weights @ rows[:, 0] / weights.sum())
         scatter = float(weights @ (rows[:, 0] - shift) ** 2 / max(span - 1, 1))
         own = float(max(scatter, 1.0) / weights.sum())
+        return self._shift(shift, own, 9.0 * span + _PRIOR_WEIGHT, self._tail, float(rows[0, 2]))
+
+    def _shift(self, shift: float, own: float, freedom: float, tail: float, since_s: float) -> Shift:
+        """Return a shift whose own variance is known so well, against what chance reaches in one look."""
         flight = self.baseline.flight_variance
         error = float(np.sqrt(own + flight))
-        freedom = _satterthwaite(own, 9.0 * span + _PRIOR_WEIGHT, flight, self.baseline.flights - 1.0)
+        freedom = _satterthwaite(own, freedom, flight, self.baseline.flights - 1.0)
         size = abs(shift) if self._two_sided else shift
-        return Shift(
-            shift, error, size / (float(stdtrit(freedom, 1.0 - self._tail)) * error), float(rows[0, 2])
-        )
+        return Shift(shift, error, size / (float(stdtrit(freedom, 1.0 - tail)) * error), since_s)
 
 
 def _satterthwaite(first: float, first_freedom: float, second: float, second_freedom: float) -> float:

@@ -132,3 +132,27 @@ def test_false_alarms_are_as_rare_as_promised(heavy: bool) -> None:
 
 def scatter(rng: np.random.Generator, shape: tuple[int, ...], heavy: bool) -> Array:
     return rng.standard_t(4, shape) / np.sqrt(2.0) if heavy else rng.standard_normal(shape)
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_a_whole_flight_is_one_look_at_the_rate_allowed(two_sided: bool) -> None:
+    """With 1,800 alarms in the 36,000 windows of 100 h, one healthy flight in twenty."""
+    rng = np.random.default_rng(8)
+    alarms, count = 0, 4000
+    for _ in range(count):
+        flights = BASELINE.mean + 0.003 * rng.standard_normal(BASELINE.flights)
+        own = replace(BASELINE, mean=float(flights.mean()), between=float(flights.std(ddof=1)), within=1e-6)
+        drift = Drift(own, two_sided=two_sided, false_alarms=1800.0)
+        drift.conclude(BASELINE.mean + 0.003 * rng.standard_normal(), 1e-6, 30.0, 0.0)
+        alarms += drift.alarm is not None
+    assert alarms / count == pytest.approx(0.05, abs=0.015)
+
+
+def test_what_no_window_showed_the_flight_shows() -> None:
+    drift = Drift(BASELINE)
+    drift.conclude(0.23, 0.003, 30.0, 2.0)
+    assert drift.alarm is None
+    drift.conclude(0.25, 0.003, 30.0, 2.0)
+    assert drift.alarm is not None
+    assert drift.alarm.value == pytest.approx(0.03)
+    assert drift.alarm.since_s == 2.0

@@ -276,3 +276,34 @@ def test_motion_too_brief_for_any_window_decides_the_flight(friction: float, exp
     assert (change.after, change.time_s) == (expected, findings.last_s)
     assert findings.friction is not None
     assert findings.friction.low < 0.23 + friction < findings.friction.high
+
+
+@pytest.mark.parametrize(
+    ("fault", "severity", "said"), [("backlash", 0.3, "backlash above"), ("sensor_bias", 0.8, "bias of")]
+)
+def test_a_fault_that_no_run_of_windows_shows_is_an_alarm_at_the_finish(
+    fault: str, severity: float, said: str
+) -> None:
+    """Light air presses the gear's other flank for moments only; over the flight often enough."""
+    for worn in ((), (Condition.constant(fault, severity),)):
+        seen = telemetry(flown(*worn, rate_hz=25.0, seconds=100.0, cyclogram="cruise", seed=901))
+        events, findings = watch(seen)
+        alarms = [e for e in events if isinstance(e, ConditionChanged) and e.after == "degraded"]
+        assert [suspect.fault for suspect in findings.suspects] == [fault] * len(worn)
+        assert len(alarms) == len(worn)
+        for alarm in alarms:
+            assert (alarm.fault, alarm.time_s) == (fault, findings.last_s)
+            assert said in alarm.rule
+            assert alarm.rule.endswith(", over the whole flight")
+
+
+def test_the_flight_as_a_whole_leaves_its_baseline(own: dict[str, Baseline]) -> None:
+    """Windows that scatter too much to show a change one by one show it together."""
+    sharp = Baseline(mean=own["friction"].mean, flights=40, between=0.001, windows=400, within=0.2)
+    worn = telemetry(flown(Condition.constant("friction", 0.1), rate_hz=25.0, seconds=100.0, seed=401))
+    events, findings = watch(worn, baselines={"friction": sharp})
+    change = [event for event in events if isinstance(event, ConditionChanged)][-1]
+    assert (change.after, change.fault, change.time_s) == ("degraded", "friction", findings.last_s)
+    assert "from its own baseline" in change.rule
+    assert change.rule.endswith(", over the whole flight")
+    assert findings.suspects[0].confidence > 0.99
