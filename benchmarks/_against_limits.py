@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mavhums import analyse
 from mavhums_sim import FlightRecord, write_tlog
+from mavhums_sim.rates import Rates
 
 __all__ = ["flights", "friction", "windows"]
 
@@ -80,7 +81,10 @@ def flights(args: argparse.Namespace) -> Rows:
         ("esc-unsigned", 25.0),
     ):
         tasks = [
-            Task(task.name, dataclasses.replace(task.flight, tiers=(tier, "pwm")))
+            Task(
+                task.name,
+                dataclasses.replace(task.flight, tiers=(tier, "pwm"), rates=Rates(esc=rate_hz)),
+            )
             for task in at_all_frictions(args.count(125), rate_hz)
         ]
         counts: Counter[str] = Counter()
