@@ -18,6 +18,7 @@ from mavhums.events import ConditionChanged, Window
 from mavhums.health import Monitor
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Findings
+from mavhums.quantities import KEYS
 from mavhums_sim import EmaParameters, Flight, FlightRecord
 from mavhums_sim.campaign import PAPER_FRICTION_NM, consume
 from mavhums_sim.conditions import Condition
@@ -120,6 +121,13 @@ def quantities(record: ActuatorRecord, actuator: Actuator, tier: str) -> tuple[A
     return record.time_s, Deriver(actuator).complete(aligned)
 
 
+def measured(tier: str, count: int) -> NDArray[np.bool_] | None:
+    """Return which of V1…V12 the tier's telemetry carries and which follow from them, shape (count, 12)."""
+    if tier != "esc-signed":
+        return None
+    return np.tile(np.isin(KEYS, ("V1", "V4", "V5", "V7")), (count, 1))
+
+
 def judge(
     name: str,
     record: FlightRecord,
@@ -135,7 +143,8 @@ def judge(
     for surface, flown in record.actuators.items():
         actuator = ACTUATORS[surface]
         monitor = Monitor(1, actuator, baselines=known.get(surface), window_s=window_s)
-        events = [*monitor.feed(*quantities(flown, actuator, tier)), *monitor.finish()]
+        times, values = quantities(flown, actuator, tier)
+        events = [*monitor.feed(times, values, measured(tier, times.size)), *monitor.finish()]
         windows = tuple(event for event in events if isinstance(event, Window))
         changes = tuple(event for event in events if isinstance(event, ConditionChanged))
         truth = {

@@ -23,7 +23,8 @@ _RAD_S = 2 * np.pi / 60
 _DEGREES_S = 6.0
 _AGREEMENT_DEG_S = 5.0
 _MAX_STEP_US = 500_000
-_MISFIT_V = 0.5  # sampling and quantisation: 10 mA in the winding is a quarter of a volt
+_STEP_A = 0.01  # of ESC_TELEMETRY's current, which in the winding is a quarter of a volt
+_MISFIT_V = 0.5  # sampling and quantisation
 _MISFIT_SHARE = 0.3  # a winding or a magnet that has aged
 
 Array = NDArray[np.float64]
@@ -94,7 +95,11 @@ class Deriver:
         self.derived["V7"] = "magnitude from {V7}, sign of the command's rate"
 
     def _sign_current(self, values: Array) -> None:
-        """Give V5 and V4 the signs with which the voltage equation holds best, NaN where none does."""
+        """Give V5 and V4 the signs with which the voltage equation holds best.
+
+        They stay unknown where it holds with neither, and where the back-EMF that tells them apart is less
+        than what one step of the current's resolution is worth.
+        """
         ema = self._actuator.known_ema()
         drop = ema.resistance * values[:, _V5]
         back_emf = ema.torque_constant * np.abs(values[:, _V7]) * _RAD_S
@@ -103,7 +108,8 @@ class Deriver:
         misfit = np.minimum(driving, opposing)
         allowed = _MISFIT_V + _MISFIT_SHARE * np.maximum(back_emf, drop)
         along = np.where(driving <= opposing, 1.0, -1.0) * np.sign(values[:, _V7])
-        values[:, _V5] *= np.where(misfit <= allowed, along, np.nan)
+        told = (misfit <= allowed) & (back_emf > ema.resistance * _STEP_A)
+        values[:, _V5] *= np.where(told, along, np.nan)
         volts = ema.resistance * values[:, _V5] + ema.torque_constant * values[:, _V7] * _RAD_S
         values[:, _V4] *= np.sign(volts)
         self.derived["V5"] = "magnitude from {V5}, sign from the voltage equation"

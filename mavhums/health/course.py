@@ -72,6 +72,8 @@ class Course:
     ----------
     detector
         As given.
+    concluded
+        95 % interval of the whole flight's estimate, if that decided; else None.
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class Course:
         self._errors = PooledErrors()
         self._due_s = -np.inf
         self._latest: _Latest | None = None
+        self.concluded: Interval | None = None
 
     @property
     def condition(self) -> Condition:
@@ -138,21 +141,39 @@ class Course:
         )
         return changes
 
-    def conclude(
-        self, flight: Mapping[str, Fit], start_s: float, end_s: float
-    ) -> tuple[Change, Interval] | None:
-        """Judge by the whole flight where no run of windows could; return the change and the interval."""
-        overall = self.detector.overall(flight) if self.condition == "undecided" else None
-        if overall is None or not np.isfinite(overall.value[0]):
+    def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> Change | None:
+        """Judge by the whole flight, which may show what no run of windows could; return the change.
+
+        It is one look more against the limits and one against the baseline, as another window would be.
+        """
+        before = self.condition
+        self._conclude_drift(self.detector.overall(flight), start_s)
+        self._conclude_limits(self.detector.conclusion(flight), start_s, end_s)
+        if self.condition == before:
             return None
-        shown = int(self._shown(overall.value, half_width(overall, tail=tail_of(self._false_alarms)))[0])
+        return Change(0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight")
+
+    def _conclude_drift(self, overall: Estimates | None, start_s: float) -> None:
+        if self._drift is None or overall is None or not np.isfinite(overall.value[0]):
+            return
+        value, error, freedom = (float(a[0]) for a in (overall.value, overall.error, overall.freedom))
+        self._drift.conclude(value, error, freedom, start_s)
+        if self._latest is None:
+            self._latest = _Latest(value, error, freedom)
+
+    def _conclude_limits(self, judged: Estimates | None, start_s: float, end_s: float) -> None:
+        if judged is None or not np.isfinite(judged.value[0]):
+            return
+        size = np.abs(judged.value) if self.detector.two_sided else judged.value
+        shown = int(self._shown(size, half_width(judged, tail=tail_of(self._false_alarms)))[0])
         if not self._decision.settle(shown, start_s):
-            return None
-        value, half = float(overall.value[0]), float(half_width(overall, tail=0.025)[0])
-        self._latest = _Latest(value, float(overall.error[0]), float(overall.freedom[0]))
-        self._episodes.append(_Episode(self.condition, start_s, end_s, value))
-        change = Change(0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight")
-        return change, Interval(estimate=value, low=value - half, high=value + half)
+            return
+        value, half = float(judged.value[0]), float(half_width(judged, tail=0.025)[0])
+        self.concluded = Interval(estimate=value, low=value - half, high=value + half)
+        self._latest = _Latest(value, float(judged.error[0]), float(judged.freedom[0]))
+        if self._episodes:
+            self._episodes[-1].end_s = start_s
+        self._episodes.append(_Episode(self._decision.condition, start_s, end_s, float(size[0])))
 
     def _said(self, shown: int, value: float) -> int:
         """Let a window that only fails to show a fault not end one: its estimate must be normal, too."""

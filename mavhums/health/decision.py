@@ -82,8 +82,11 @@ class Decision:
         self._first_s = 0.0
 
     def settle(self, shown: int, start_s: float) -> bool:
-        """Take the severity that the whole flight shows, if no window could; return whether it decides."""
-        if shown < 0 or self.condition != "undecided":
+        """Take the severity that the whole flight shows; return whether it decides.
+
+        It does where no run of windows could, and where it is a fault and they were normal.
+        """
+        if shown < 0 or SEVERITY[self.condition] > 0 or _CONDITIONS[shown] == self.condition:
             return False
         self.condition, self.since_s = _CONDITIONS[shown], start_s
         return True

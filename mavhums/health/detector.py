@@ -121,6 +121,10 @@ class Detector(Protocol):
         """Return the quantity over the whole flight, as one window; None if it has no such meaning."""
         ...
 
+    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        """Return the quantity by which a finished flight may be judged; None if only its windows count."""
+        ...
+
 
 class EquationDetector:
     """A detector that reads its quantity from the fits of equations, of windows and of the flight alike."""
@@ -143,6 +147,10 @@ class EquationDetector:
     def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:
         """Return the quantity over the whole flight."""
         return self.read(flight, flight)
+
+    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        """Return the quantity by which a finished flight may be judged: that of all of it."""
+        return self.overall(flight)
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the quantity that the fits show, given those of the flight so far."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.health.equations import gear, supply, torque, voltage
+from mavhums.health.equations import brief, gear, supply, torque, voltage
 from mavhums.health.least_squares import Fit
 from mavhums.health.motion import Motion
 from mavhums.health.normal_equations import row_length, sums_of_slots
@@ -18,7 +18,13 @@ from mavhums.health.windows import Windows
 
 __all__ = ["Fits"]
 
-_EQUATIONS: dict[str, ModuleType] = {"torque": torque, "voltage": voltage, "gear": gear, "supply": supply}
+_EQUATIONS: dict[str, ModuleType] = {
+    "torque": torque,
+    "brief": brief,
+    "voltage": voltage,
+    "gear": gear,
+    "supply": supply,
+}
 _GROUPS = 32
 
 Array = NDArray[np.float64]

@@ -86,16 +86,29 @@ class Fit:
         """Of a residual, shape (W,)."""
         return self._solution[2]
 
-    def attenuation(self, term: int) -> Array:
-        """How far errors in a term can have pulled the coefficients, shape (W, p).
+    def both_ways(self, term: int, constant: int) -> NDArray[np.int64]:
+        """Return in how many slots a term of ±1 had its rarer sign, shape (W,).
 
-        What is true of its own is at most 1/r² of what is seen, r being the term's partial correlation with
-        the left side; the others shift with it.
+        ``constant`` is the term that is 1 in every sample.
         """
-        coefficients, _, variance, inverse = self._solution
-        own = np.maximum(np.abs(coefficients[:, term]), _LEAST)
-        shift: Array = (self.count * variance / own)[:, None] * np.abs(inverse[:, :, term])
-        return shift
+        p = self._prior.mean.size
+        first, last = sorted((term, constant))
+        balance = self._sums[:, :, 2 + p + first * p - first * (first - 1) // 2 + last - first]
+        count = self._sums[:, :, 0]
+        slots = [np.count_nonzero(count + signed > 0.5, axis=1) for signed in (balance, -balance)]
+        return np.asarray(np.minimum(*slots))
+
+    def corrected(self, term: int) -> tuple[Array, Array]:
+        """Return coefficients and standard errors that allow for errors in a term, shapes (W, p).
+
+        Noise in a term pulls its coefficient towards zero, and the others with it: what is true of its own
+        lies between what is seen and 1/r² of that, r being the term's partial correlation with the left
+        side. The middle is returned, and errors that hold either end.
+        """
+        coefficients, errors, variance, inverse = self._solution
+        own = np.copysign(np.maximum(np.abs(coefficients[:, term]), _LEAST), coefficients[:, term])
+        most = (self.count * variance / own)[:, None] * inverse[:, :, term]
+        return coefficients + most / 2, np.hypot(errors, most / np.sqrt(12.0))
 
     @cached_property
     def _solution(self) -> tuple[Array, Array, Array, Array]:

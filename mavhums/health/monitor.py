@@ -123,16 +123,17 @@ class Monitor:
         yield from self._judge(self._cutter.feed(time_s, widen(values, measured, bus_v)))
 
     def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
-        """Judge what is left; by the whole flight, if its windows were too poor each by itself."""
+        """Judge what is left, and by the whole flight what its windows were too poor for."""
         yield from self._judge(self._cutter.finish())
-        friction = self._courses.get("friction")
-        if friction is None or self._first is None or self._windows == 0:
+        if self._first is None or self._windows == 0 or self._jammed():
             return
-        end_s = self._cutter.latest_s
-        concluded = friction.conclude(self._fits.whole(), self._first * self._slot_s, end_s)
-        if concluded is not None:
-            change, self._friction = concluded
-            yield from self._changed([("friction", change)], end_s)
+        whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._cutter.latest_s
+        concluded = [
+            (fault, course.conclude(whole, start_s, end_s)) for fault, course in self._courses.items()
+        ]
+        yield from self._changed([(fault, change) for fault, change in concluded if change], end_s)
+        friction = self._courses.get("friction")
+        self._friction = (friction and friction.concluded) or self._friction
 
     @property
     def worst(self) -> Condition:
@@ -260,6 +261,10 @@ class Monitor:
         if SEVERITY[gravest] > SEVERITY["normal"]:
             return gravest
         return self._shown["friction"].condition if "friction" in self._shown else "undecided"
+
+    def _jammed(self) -> bool:
+        """Return whether the shaft was held, where no balance of torques or angles holds."""
+        return "jam" in self._shown and self._shown["jam"].condition == "emergency"
 
     def _deciding(self) -> Collection[str]:
         """Return the faults that can make the condition what it is: only the friction makes it normal."""

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from mavhums.quantities import KEYS, column
 
-__all__ = ["APART", "BUS", "COLUMNS", "GUARD_S", "SHAFT", "SlotCutter", "Slots", "widen"]
+__all__ = ["APART", "BUS", "COLUMNS", "GUARD_S", "SENSED", "SHAFT", "SlotCutter", "Slots", "widen"]
 
-BUS, SHAFT, APART = (len(KEYS) + k for k in range(3))
-COLUMNS = len(KEYS) + 3
+BUS, SHAFT, SENSED, APART = (len(KEYS) + k for k in range(4))
+COLUMNS = len(KEYS) + 4
 GUARD_S = 0.06
 _ABSURD = 1e9
 _V2, _V3, _V7 = (column(key) for key in ("V2", "V3", "V7"))
@@ -39,7 +39,7 @@ class Slots:
     judged
         Which of the samples these slots judge; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, 15), increasing in time; the columns are those of :func:`widen`.
+        Shapes (n,) and (n, 16), increasing in time; the columns are those of :func:`widen`.
     """
 
     index: NDArray[np.int64]
@@ -62,8 +62,9 @@ def widen(values: Array, measured: NDArray[np.bool_] | None = None, bus_v: Array
     """Return V1…V12 with what only some of health needs beside them, shape (n, ``COLUMNS``).
 
     Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle where it does not rest
-    on a sign that was derived; ``APART`` is 1 where V2 and V3 were measured each by a sensor of its own. What
-    is not finite, or absurd, is NaN.
+    on a sign that was derived; ``SENSED`` is 1 where that angle is a sensor's and not the rotor's, and
+    ``APART`` where V2 and V3 were measured each by a sensor of its own. What is not finite, or absurd, is
+    NaN.
 
     Parameters
     ----------
@@ -77,10 +78,11 @@ def widen(values: Array, measured: NDArray[np.bool_] | None = None, bus_v: Array
     wide = np.full((len(values), COLUMNS), np.nan)
     wide[:, : len(KEYS)] = values
     wide[:, SHAFT] = values[:, _V3]
-    wide[:, APART] = 1.0
+    wide[:, [SENSED, APART]] = 1.0
     if bus_v is not None:
         wide[:, BUS] = bus_v
     if measured is not None:
+        wide[:, SENSED] = measured[:, _V3]
         wide[:, APART] = measured[:, _V2] & measured[:, _V3]
         wide[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan
     wide[~(np.abs(wide) < _ABSURD)] = np.nan
@@ -114,7 +116,7 @@ class SlotCutter:
         self._pending: tuple[Array, Array] = self._before
 
     def feed(self, time_s: Array, values: Array) -> Slots | None:
-        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 15)."""
+        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 16)."""
         if time_s.size == 0:
             return None
         latest = np.maximum(np.maximum.accumulate(time_s), self.latest_s)

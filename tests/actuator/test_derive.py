@@ -53,12 +53,23 @@ def test_magnitudes_find_their_signs(flown: tuple[Array, Array]) -> None:
     }
     deriver = Deriver(ACTUATOR)
     values = deriver.complete(aligned(given, "esc-unsigned", signed=False, rate=rate))
-    clear = (np.abs(current) > 0.02) & (np.abs(rpm) > 60)
+    clear = (np.abs(current) > 0.02) & (np.abs(rpm) > 150)
     assert np.array_equal(np.sign(values[clear, V["V5"]]), np.sign(current[clear]))
     assert np.array_equal(np.sign(values[clear, V["V7"]]), np.sign(speed[clear]))
     strong = clear & (np.abs(voltage) > 0.3)
     assert np.array_equal(np.sign(values[strong, V["V4"]]), np.sign(voltage[strong]))
     assert "voltage equation" in deriver.derived["V5"]
+    slow = np.abs(rpm) < 145
+    assert slow.any()
+    assert np.isnan(values[slow][:, [V["V4"], V["V5"]]]).all()
+
+
+def test_at_standstill_no_voltage_tells_which_way_the_current_flows() -> None:
+    """A current of unknown sign is missing, not zero."""
+    given = {"V4": np.array([5.66]), "V5": np.array([0.25]), "V7": np.array([0.0])}
+    values = Deriver(ACTUATOR).complete(aligned(given, "esc-unsigned", signed=False, rate=np.zeros(1)))
+    assert values[0, V["V7"]] == 0.0
+    assert np.isnan(values[0, [V["V4"], V["V5"]]]).all()
 
 
 def test_a_speed_that_the_command_does_not_explain_has_no_sign() -> None:
@@ -72,9 +83,9 @@ def test_a_speed_that_the_command_does_not_explain_has_no_sign() -> None:
 
 def test_a_voltage_that_no_sign_explains_is_not_this_actuators() -> None:
     """The ESC of a propulsion motor must not pass for a servo's."""
-    given = {"V4": np.full(2, 11.1), "V5": np.full(2, 0.8), "V7": np.full(2, 60.0)}
+    given = {"V4": np.full(2, 11.1), "V5": np.full(2, 2.0), "V7": np.full(2, 600.0)}
     values = Deriver(ACTUATOR).complete(
-        aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 60 * 6 / 300))
+        aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 600 * 6 / 300))
     )
     assert np.isnan(values[:, V["V5"]]).all()
 

@@ -98,3 +98,24 @@ def test_windows_that_show_nothing_change_nothing(shown: list[int], data: st.Dat
     held, held_changes = follow(padded)
     assert held.condition == decision.condition
     assert [change[0] for change in held_changes] == [change[0] for change in changes]
+
+
+@pytest.mark.parametrize(
+    ("windows", "flight", "after"),
+    [
+        (NOTHING, NORMAL, "normal"),
+        (NOTHING, EMERGENCY, "emergency"),
+        (NORMAL, DEGRADED, "degraded"),
+        (NORMAL, NORMAL, None),
+        (DEGRADED, NORMAL, None),
+        (DEGRADED, EMERGENCY, None),
+        (NORMAL, NOTHING, None),
+    ],
+)
+def test_the_whole_flight_may_add_a_fault_and_never_ends_one(
+    windows: int, flight: int, after: Condition | None
+) -> None:
+    decision, _ = follow([windows] * 30)
+    before = decision.condition, decision.since_s
+    assert decision.settle(flight, 3.0) == (after is not None)
+    assert (decision.condition, decision.since_s) == ((after, 3.0) if after else before)

@@ -24,6 +24,7 @@ from mavhums.health.detector import Detector, Estimates, Seen, detectors_for
 from mavhums.health.fits import Fits
 from mavhums.health.motion import motion
 from mavhums.health.slots import SlotCutter, widen
+from mavhums.quantities import KEYS, column
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
 from tests.conftest import real_logs
@@ -182,8 +183,8 @@ def test_absurd_numbers_raise_nothing(kinds: list[tuple[int, float, int, int]], 
     seen = telemetry(flown(rate_hz=25.0, esc_side="bus"))
     assert seen.bus_v is not None
     values, bus_v = seen.values.copy(), seen.bus_v.copy()
-    for column, number, first, count in kinds:
-        target = bus_v if column == 12 else values[:, column]
+    for place, number, first, count in kinds:
+        target = bus_v if place == 12 else values[:, place]
         target[first : first + count] = number
     blocks = [
         Telemetry(seen.time_s[a:b], values[a:b], bus_v[a:b])
@@ -229,6 +230,26 @@ def test_an_angle_of_guessed_sign_shows_no_jam() -> None:
     assert [s.fault for s in watch(seen, measured=measured)[1].suspects] == ["jam"]
     measured[6] = False
     assert watch(seen, measured=measured)[1].suspects == ()
+
+
+def test_a_jam_shows_in_light_air() -> None:
+    """Where three seconds command too little travel, ten command enough."""
+    record = flown(Condition.constant("jam", 10.0), rate_hz=25.0, seconds=100.0, cyclogram="cruise")
+    _, findings = watch(telemetry(record))
+    assert [suspect.fault for suspect in findings.suspects] == ["jam"]
+
+
+@pytest.mark.parametrize(("flown_deg", "jammed"), [(0.7, True), (1.6, False), (3.0, False)])
+def test_a_rotor_that_winds_up_its_gear_moves_no_surface(flown_deg: float, jammed: bool) -> None:
+    """An angle divided from the rotor's shows what the gear gives, too; a sensor's at the shaft does not."""
+    time_s = np.arange(0.0, 30.0, 0.04)
+    values = np.full((time_s.size, 12), np.nan)
+    values[:, column("V1")] = 3.0 * np.sin(2.0 * time_s)
+    values[:, column("V3")] = np.clip(values[:, column("V1")], -flown_deg, flown_deg)
+    values[:, column("V7")] = np.gradient(values[:, column("V3")], time_s) * 50.0
+    rotors, sensors = np.isin(KEYS, ["V1", "V7"]), np.isin(KEYS, ["V1", "V3", "V7"])
+    found = [watch(Telemetry(time_s, values), measured=measured)[1] for measured in (rotors, sensors)]
+    assert [bool(findings.suspects) for findings in found] == [jammed, False]
 
 
 def test_a_jam_leaves_the_friction_undecided() -> None:

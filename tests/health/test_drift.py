@@ -168,3 +168,19 @@ def test_the_whole_flight_counts_where_it_is_known_better_than_its_windows() -> 
 
 def scatter(rng: np.random.Generator, shape: tuple[int, ...], heavy: bool) -> Array:
     return rng.standard_t(4, shape) / np.sqrt(2.0) if heavy else rng.standard_normal(shape)
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_a_whole_flight_is_one_look_at_the_rate_allowed(two_sided: bool) -> None:
+    """With 3,600 alarms in the 36,000 windows of 100 h, half of them at the end, one flight in twenty."""
+    rng = np.random.default_rng(8)
+    alarms, count = 0, 4000
+    for _ in range(count):
+        flights = BASELINE.mean + 0.003 * rng.standard_normal(BASELINE.flights)
+        between = float(flights.std(ddof=1))
+        error = between / np.sqrt(BASELINE.flights)
+        own = Baseline(float(flights.mean()), error, BASELINE.flights, between, spread=between)
+        drift = Drift(own, two_sided=two_sided, false_alarms=3600.0)
+        drift.conclude(BASELINE.mean + 0.003 * rng.standard_normal(), 1e-6, 30.0, 0.0)
+        alarms += drift.alarm is not None
+    assert alarms / count == pytest.approx(0.05, abs=0.015)

@@ -163,3 +163,57 @@ def test_a_gap_interrupts_motion() -> None:
     at = [0.0, 0.1, 0.2, 0.3, 1.0, 1.1, 1.2, 1.3]
     there, _ = moving(at, [100.0] * 8)
     assert there == [False, True, True, False, False, True, True, False]
+
+
+def corrections(friction: float, *, v11: bool = True) -> tuple[Array, Array]:
+    """An autopilot's small corrections at 10 Hz: steps to and fro, each over within a tenth of a second."""
+    rng = np.random.default_rng(5)
+    t: Array = (np.arange(1000) + rng.uniform(0.3, 0.7, 1000)) / 10.0
+    step, phase = np.floor(t / 0.3), np.mod(t, 0.3)
+    way = np.where(np.isin(np.mod(step, 6), [0, 3, 4]), 1.0, -1.0)
+    speed = way * np.where(phase < 0.1, 0.2 * (1.0 - phase / 0.1), 0.0)
+    angle = np.cumsum(np.append(0.0, np.diff(t)) * speed)
+    load = 4.0 * angle + 0.2
+    torque = friction * np.sign(speed) + EMA.viscous * speed + load
+    values = np.full((t.size, COLUMNS), np.nan)
+    values[:, column("V3")] = np.degrees(angle)
+    values[:, column("V7")] = speed / PAPER.rad_s(1.0)
+    values[:, column("V8")] = torque / EMA.gear_ratio
+    if v11:
+        values[:, column("V11")] = load
+    return t, values
+
+
+def concluded(time_s: Array, values: Array) -> tuple[Estimates, Estimates | None]:
+    """The friction over a whole flight: from lasting motion, and the one that it is judged by."""
+    slots = slots_of(time_s, values)
+    fits = Fits(KNOWN, Detector.equations)
+    fits.feed(slots, motion(KNOWN, slots))
+    detector = Detector(KNOWN)
+    return detector.overall(fits.whole()), detector.conclusion(fits.whole())
+
+
+@pytest.mark.parametrize("v11", [True, False])
+@pytest.mark.parametrize("friction", [0.225, 0.975])
+def test_motion_that_is_over_at_once_shows_the_friction_of_a_flight(friction: float, v11: bool) -> None:
+    lasting, brief = concluded(*corrections(friction, v11=v11))
+    assert np.isnan(lasting.value[0])
+    assert brief is not None
+    assert brief.value[0] == pytest.approx(friction, abs=0.01)
+    assert brief.error[0] >= 0.05 * friction
+
+
+def test_a_balance_that_does_not_hold_shows_no_friction() -> None:
+    """A rotor that winds up the gear of a jammed shaft."""
+    time_s, values = corrections(0.225)
+    wound_up = 400.0 * np.radians(values[:, column("V3")] - values[:, column("V3")].mean())
+    values[:, column("V8")] += wound_up / EMA.gear_ratio
+    brief = concluded(time_s, values)[1]
+    assert brief is not None
+    assert np.isnan(brief.value[0])
+
+
+def test_a_flight_is_judged_by_the_motion_that_shows_more_of_it() -> None:
+    lasting, judged_by = concluded(*synthetic(0.4))
+    assert judged_by is not None
+    assert judged_by.value[0] == lasting.value[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -263,3 +264,47 @@ def test_windows_too_poor_each_by_itself_are_judged_together() -> None:
     assert "over the whole flight" in decided[0].rule
     assert findings.friction is not None
     assert findings.friction.low < 0.925 < findings.friction.high
+
+
+@pytest.mark.parametrize(("friction", "expected"), [(0.0, "normal"), (0.75, "emergency")])
+def test_motion_too_brief_for_any_window_decides_the_flight(friction: float, expected: str) -> None:
+    """At 10 Hz hardly a sample of light air has neighbours that move with it."""
+    worn = (Condition.constant("friction", friction),) if friction else ()
+    seen = telemetry(flown(*worn, rate_hz=10.0, seconds=100.0, cyclogram="cruise", seed=931))
+    events, findings = watch(seen)
+    assert findings.coverage.decidable == 0
+    (change,) = [event for event in events if isinstance(event, ConditionChanged)]
+    assert (change.after, change.time_s) == (expected, findings.last_s)
+    assert findings.friction is not None
+    assert findings.friction.low < 0.23 + friction < findings.friction.high
+
+
+@pytest.mark.parametrize(
+    ("fault", "severity", "said"), [("backlash", 0.3, "backlash above"), ("sensor_bias", 0.8, "bias of")]
+)
+def test_a_fault_that_no_run_of_windows_shows_is_an_alarm_at_the_finish(
+    fault: str, severity: float, said: str
+) -> None:
+    """Light air presses the gear's other flank for moments only; over the flight often enough."""
+    for worn in ((), (Condition.constant(fault, severity),)):
+        seen = telemetry(flown(*worn, rate_hz=25.0, seconds=100.0, cyclogram="cruise", seed=901))
+        events, findings = watch(seen)
+        alarms = [e for e in events if isinstance(e, ConditionChanged) and e.after == "degraded"]
+        assert [suspect.fault for suspect in findings.suspects] == [fault] * len(worn)
+        assert len(alarms) == len(worn)
+        for alarm in alarms:
+            assert (alarm.fault, alarm.time_s) == (fault, findings.last_s)
+            assert said in alarm.rule
+            assert alarm.rule.endswith(", over the whole flight")
+
+
+def test_the_flight_as_a_whole_leaves_its_baseline(own: dict[str, Baseline]) -> None:
+    """Windows that scatter too much to show a change one by one show it together."""
+    sharp = replace(own["friction"], error=0.001, flights=40, between=0.001)
+    worn = telemetry(flown(Condition.constant("friction", 0.03), rate_hz=25.0, seconds=100.0, seed=401))
+    events, findings = watch(worn, baselines={"friction": sharp})
+    change = [event for event in events if isinstance(event, ConditionChanged)][-1]
+    assert (change.after, change.fault, change.time_s) == ("degraded", "friction", findings.last_s)
+    assert "from its own baseline" in change.rule
+    assert change.rule.endswith(", over the whole flight")
+    assert findings.suspects[0].confidence > 0.99

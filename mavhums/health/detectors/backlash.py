@@ -7,11 +7,11 @@ from typing import ClassVar
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.equations.gear import BIAS, FLANK, LEAST_SLOTS
 from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector"]
 
-_FLANK = 0
 _WIDEST_DEG = 0.05
 
 
@@ -36,6 +36,8 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the backlash; undecidable unless the load presses on both flanks."""
         fit = fits["gear"]
-        error = 2.0 * fit.errors[:, _FLANK]
-        shown = fit.spread & (error < _WIDEST_DEG)
-        return Estimates.of(-2.0 * fit.coefficients[:, _FLANK], error, fit.freedom, shown)
+        error = 2.0 * fit.errors[:, FLANK]
+        both = fit.spread & (fit.both_ways(FLANK, BIAS) >= LEAST_SLOTS)
+        return Estimates.of(
+            -2.0 * fit.coefficients[:, FLANK], error, fit.freedom, both & (error < _WIDEST_DEG)
+        )

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
+
 from mavhums.actuator.profile import Actuator
 from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.equations.gear import BIAS, FLANK, LEAST_SLOTS, prior
 from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector"]
 
-_BIAS = 3
 _WIDEST_DEG = 0.05
 
 
@@ -28,6 +30,7 @@ class Detector(EquationDetector):
     def __init__(self, actuator: Actuator) -> None:
         super().__init__(actuator)
         self.levels = Levels(actuator.known_limits().sensor_bias_deg)
+        self._play = float(prior(actuator).deviation[FLANK])
 
     @staticmethod
     def suits(actuator: Actuator) -> bool:
@@ -35,8 +38,9 @@ class Detector(EquationDetector):
         return not actuator.blanks
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
-        """Return the bias; undecidable unless the load presses on both flanks."""
+        """Return the bias; where the load presses on one flank alone, within the play that there may be."""
         fit = fits["gear"]
-        error = fit.errors[:, _BIAS]
+        one_sided = fit.both_ways(FLANK, BIAS) < LEAST_SLOTS
+        error = np.maximum(fit.errors[:, BIAS], np.where(one_sided, self._play, 0.0))
         shown = fit.spread & (error < _WIDEST_DEG)
-        return Estimates.of(fit.coefficients[:, _BIAS], error, fit.freedom, shown)
+        return Estimates.of(fit.coefficients[:, BIAS], error, fit.freedom, shown)

@@ -40,11 +40,10 @@ class Detector(EquationDetector):
         A loss or gain of half contradicts the data sheet: this motor is not the profile's.
         """
         ema = self.actuator.known_ema()
-        fit, nominal = fits["voltage"], ema.torque_constant * ema.gear_ratio
-        error = np.hypot(fit.errors[:, _BACK_EMF], fit.attenuation(_CURRENT)[:, _BACK_EMF]) / nominal
-        loss = 1.0 - fit.coefficients[:, _BACK_EMF] / nominal
-        shown = fit.spread & (error < _WIDEST) & (np.abs(loss) < _CONTRADICTION)
-        return Estimates.of(loss, error, fit.freedom, shown)
+        fit = fits["voltage"]
+        constant, error = _seen(fit, ema)
+        shown = fit.spread & (error < _WIDEST) & (np.abs(1.0 - constant) < _CONTRADICTION)
+        return Estimates.of(1.0 - constant, error, fit.freedom, shown)
 
 
 def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
@@ -52,9 +51,14 @@ def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
 
     What the back-EMF shows and what the profile knows, each weighted with its certainty.
     """
-    nominal = ema.torque_constant * ema.gear_ratio
-    shown = voltage.coefficients[:, _BACK_EMF] / nominal
-    error = np.hypot(voltage.errors[:, _BACK_EMF], voltage.attenuation(_CURRENT)[:, _BACK_EMF]) / nominal
+    shown, error = _seen(voltage, ema)
     known = max(ema.torque_uncertainty / 2, 1e-6)
     weight = known**2 / (known**2 + error**2)
     return 1.0 + weight * (shown - 1.0), np.sqrt(weight) * error
+
+
+def _seen(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
+    """Return what the back-EMF alone shows of it; noise in the current is allowed for."""
+    nominal = ema.torque_constant * ema.gear_ratio
+    coefficients, errors = voltage.corrected(_CURRENT)
+    return coefficients[:, _BACK_EMF] / nominal, errors[:, _BACK_EMF] / nominal

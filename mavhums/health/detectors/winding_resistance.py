@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-import numpy as np
-
 from mavhums.actuator.profile import Actuator
 from mavhums.health.detector import EquationDetector, Estimates, Levels
 from mavhums.health.least_squares import Fit
@@ -38,6 +36,7 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the resistance; undecidable where the current varies too little to show it."""
         fit, nominal = fits["voltage"], self.actuator.known_ema().resistance
-        error = np.hypot(fit.errors[:, _RESISTANCE], fit.attenuation(_RESISTANCE)[:, _RESISTANCE])
+        coefficients, errors = fit.corrected(_RESISTANCE)
+        error = errors[:, _RESISTANCE]
         shown = fit.spread & (error < _WIDEST * nominal)
-        return Estimates.of(fit.coefficients[:, _RESISTANCE], error, fit.freedom, shown)
+        return Estimates.of(coefficients[:, _RESISTANCE], error, fit.freedom, shown)
