@@ -123,9 +123,13 @@ class Deriver:
         self.dropped.update(("V4", "V5"))
 
     def _fill(self, values: Array) -> None:
+        missing = np.isnan(values)
+        wanted = missing.any(axis=0)
         for target, how, rule in _RULES:
+            if not wanted[target]:
+                continue
             result = rule(values, self._actuator.ema or _OPEN)
-            empty = np.isnan(values[:, target]) & np.isfinite(result)
+            empty = missing[:, target] & np.isfinite(result)
             if empty.any():
                 values[empty, target] = result[empty]
                 self.derived[KEYS[target]] = how

@@ -184,7 +184,7 @@ class Mapper:
         ours = table.frame >= self._from_frame
         if self._vehicle is not None:
             ours &= table.system == self._vehicle
-        return table if ours.all() else table.select(ours)
+        return table.select(ours)
 
 
 def messages_for(actuators: Sequence[Actuator] = ()) -> frozenset[str]:

@@ -32,7 +32,7 @@ def reading(
         {key: "x"},
         np.array(frames, dtype=np.int64),
         np.array(times_ms, dtype=np.int64) * 1000,
-        blank(len(frames), [column], [np.array(values)]),
+        blank([column], np.array(values)[:, None]),
     )
 
 
@@ -174,7 +174,7 @@ def test_a_sample_does_not_wait_for_what_it_has_itself() -> None:
 
 def both(frame: int, time_ms: int) -> Reading:
     """A message that carries command and current."""
-    values = blank(1, [0, 4], [np.array([1.0]), np.array([2.0])])
+    values = blank([0, 4], np.array([[1.0, 2.0]]))
     fields = {"V1": "x", "V5": "y"}
     return Reading(
         1, ACTUATOR, "both", "instrumented", fields, np.array([frame]), np.array([time_ms * 1000]), values
