@@ -125,9 +125,10 @@ class Aligner:
         )  # fmt: skip
         time_us, clock = self._due[: limit.size, 0].copy(), self._due[: limit.size, 2]
         self._due = self._due[limit.size :]
-        ends = [*(np.flatnonzero(clock[1:] != clock[:-1]) + 1).tolist(), limit.size] if limit.size else []
+        starts = [0, *((clock[1:] != clock[:-1]).nonzero()[0] + 1).tolist()] if clock.size else []
         return [
-            self._align(time_us[a:b], limit[a:b], self.sources[clock[a]]) for a, b in pairwise([0, *ends])
+            self._align(time_us[a:b], limit[a:b], self.sources[clock[a]])
+            for a, b in pairwise([*starts, clock.size])
         ]
 
     def _take(self, readings: Sequence[Reading]) -> None:
