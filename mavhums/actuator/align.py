@@ -5,29 +5,30 @@ quantities are interpolated to it. What a sample holds depends on the order of t
 it was cut into blocks. A sample is settled by the message with which every source that could add to
 it has reached its time; at the latest by the first clock sample that lies ``SETTLE_S`` later, and
 where the clock fell silent by whatever lies three seconds later. Only what came until then counts.
+A sample that comes more than three seconds behind another source is settled without any value.
 In the first three seconds nobody knows what sources there are, and ``SETTLE_S`` is waited for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.actuator._align import NEVER, Rows, combine, limits, take
 from mavhums.actuator.readings import Reading
 from mavhums.quantities import KEYS, column
 
-__all__ = ["SETTLE_S", "Aligned", "Aligner", "Series"]
+__all__ = ["SETTLE_S", "Aligned", "Aligner", "Origin"]
 
 SETTLE_S = 0.25
+_SETTLE_US = round(SETTLE_S * 1e6)
 _MAX_SPAN_US = 2_000_000
 _KEEP_US = 3_000_000
-_LAZY_US = 1_000_000
 _SLOPE_US = 80_000
-_NEVER = 2**62
 _CLOCK_ORDER = tuple(column(key) for key in ("V5", "V7", "V3", "V1"))
 
 
@@ -56,72 +57,13 @@ class Aligned(NamedTuple):
     signed: bool
 
 
-class Series:
-    """One source's values, increasing in time; what comes out of order is left out and counted."""
+class Origin(NamedTuple):
+    """A source of an actuator's values: the message, its tier, the field behind each quantity."""
 
-    def __init__(self, first: Reading) -> None:
-        self.source, self.tier, self.fields, self.signed = (
-            first.source,
-            first.tier,
-            first.fields,
-            first.signed,
-        )
-        self.time_us = np.empty(0, dtype=np.int64)
-        self.frame = np.empty(0, dtype=np.int64)
-        self.values = np.empty((0, len(KEYS)))
-        self.first_frame = int(first.frame[0])
-        self.columns = [column(key) for key in first.fields]
-        given = np.isfinite(first.values[0])
-        self.clock_rank = next((k for k, c in enumerate(_CLOCK_ORDER) if given[c]), len(_CLOCK_ORDER))
-        self.late = 0
-        self.latest_us = -_NEVER
-
-    def add(self, reading: Reading) -> NDArray[np.bool_]:
-        """Append what is later than all before, and return which rows that were."""
-        utc_us, frame, values = reading.utc_us, reading.frame, reading.values
-        before = np.concatenate([[self.latest_us], utc_us[:-1]])
-        later = utc_us > before
-        if not later.all():
-            later = utc_us > np.maximum.accumulate(before)
-            utc_us, frame, values = utc_us[later], frame[later], values[later]
-            self.late += int(np.count_nonzero(~later))
-        self.latest_us = max(self.latest_us, int(reading.utc_us.max()))
-        self.time_us = np.concatenate([self.time_us, utc_us])
-        self.frame = np.concatenate([self.frame, frame])
-        self.values = np.concatenate([self.values, values])
-        return later
-
-    def forget_before(self, time_us: int) -> None:
-        """Drop what is older than ``time_us``, some time later."""
-        if self.time_us.size == 0 or self.time_us[0] > time_us - _LAZY_US:
-            return
-        start = int(np.searchsorted(self.time_us, time_us))
-        if start:
-            self.time_us, self.frame = self.time_us[start:], self.frame[start:]
-            self.values = self.values[start:]
-
-    def reached(self, time_us: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the frame of the first value at or after each time (n,); ``_NEVER`` where there is none."""
-        return np.append(self.frame, _NEVER)[np.searchsorted(self.time_us, time_us)]
-
-    def at(self, time_us: NDArray[np.int64], limit: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Interpolate to ``time_us`` (n,) from messages before frames ``limit`` (n,), shape (n, 12)."""
-        out = np.full((time_us.size, len(KEYS)), np.nan)
-        if self.time_us.size == 0:
-            return out
-        right = np.searchsorted(self.time_us, time_us)
-        known = np.searchsorted(self.frame, limit)
-        there = (right < known) & (self.time_us[known - 1] - time_us <= _KEEP_US)
-        right = np.minimum(right, self.time_us.size - 1)
-        exact = there & (self.time_us[right] == time_us)
-        out[exact] = self.values[right[exact]]
-        left = right - 1
-        span = self.time_us[right] - self.time_us[np.maximum(left, 0)]
-        between = there & ~exact & (left >= 0) & (span <= _MAX_SPAN_US)
-        a, b = left[between], right[between]
-        part = ((time_us[between] - self.time_us[a]) / span[between])[:, None]
-        out[between] = self.values[a] * (1.0 - part) + self.values[b] * part
-        return out
+    source: str
+    tier: str
+    fields: dict[str, str]
+    signed: bool
 
 
 class Aligner:
@@ -141,96 +83,102 @@ class Aligner:
     """
 
     def __init__(self, trust: Sequence[str], lag_s: float) -> None:
-        self.sources: list[Series] = []
+        self.sources: list[Origin] = []
         self._trust = {tier: rank for rank, tier in enumerate(trust)}
         self._lag_us = round(lag_s * 1e6)
-        self._clock = -1
-        self._due = np.empty((3, 0), dtype=np.int64)  # time, frame, source
-        self._latest_due_us = -_NEVER
-        self._known_from_us = _NEVER
+        self._places: dict[str, int] = {}
+        self._clock, self._clock_rank = -1, (len(_CLOCK_ORDER) + 1, 0)
+        self._known_from_us = NEVER
+        self._rows: Rows = (
+            np.empty(0, dtype=np.int64),
+            np.empty(0, dtype=np.int64),
+            np.empty((0, len(KEYS))),
+        )
+        self._bounds = np.zeros(1, dtype=np.int64)
+        self._latest_us, self._late = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        self._first_frame, self._rank = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        self._gives = np.empty((0, len(KEYS)), dtype=np.bool_)
+        self._by_trust = {signed: np.empty(0, dtype=np.int64) for signed in (True, False)}
+        self._due = np.empty((0, 3), dtype=np.int64)  # time, frame, source
+        self._latest_due_us = -NEVER
 
-    def feed(self, readings: Iterable[Reading], *, final: bool = False) -> list[Aligned]:
-        """Take new readings and return the samples that they settle; ``final`` settles what is left."""
-        self._enqueue(list(readings))
-        time_us, _, clock = self._due
-        limit = self._limits()
-        settled = time_us.size if final else int(np.argmax(np.append(limit, _NEVER) == _NEVER))
-        bounds = _runs(clock[:settled])
-        aligned = [self._align(time_us[a:b], limit[a:b], self.sources[clock[a]]) for a, b in pairwise(bounds)]
-        self._due = self._due[:, settled:]
-        oldest = int(self._due[0, 0]) if self._due.size else _NEVER
-        for series in self.sources:
-            series.forget_before(min(oldest, series.latest_us) - _KEEP_US - _MAX_SPAN_US)
-        return aligned
+    @property
+    def late(self) -> int:
+        """How many values came out of order, or twice, and were left out."""
+        return int(self._late.sum())
 
-    def _limits(self) -> NDArray[np.int64]:
-        """Return for each sample that is due the frame from which on nothing counts for it.
+    @property
+    def kept(self) -> int:
+        """How many values of all sources are kept."""
+        return self._rows[0].size
 
-        ``_NEVER`` where it is not settled yet.
+    def feed(self, readings: Sequence[Reading], *, final: bool = False) -> list[Aligned]:
+        """Take new readings, at most one of a source, and return the samples that they settle.
+
+        ``final`` settles what is left.
         """
-        time_us, frame, clock = self._due
-        settler = np.searchsorted(time_us, time_us + round(SETTLE_S * 1e6))
-        limit = np.append(frame, _NEVER)[settler]
-        for series in self.sources:
-            if time_us.size and series.latest_us >= time_us[0] + _KEEP_US:
-                limit = np.minimum(limit, series.reached(time_us + _KEEP_US))
-        for a, b in pairwise(_runs(clock)):
-            complete = self._completed(time_us[a:b], frame[a:b], int(clock[a]))
-            sources_known = time_us[a:b] >= self._known_from_us
-            limit[a:b] = np.where(sources_known, np.minimum(limit[a:b], complete + 1), limit[a:b])
-        limit[limit > _NEVER] = _NEVER
-        return limit
+        if readings:
+            self._take(readings)
+        limit = limits(
+            self._due, self._rows, self._bounds, self._first_frame, self._rank, self._gives,
+            _SETTLE_US, _KEEP_US, self._known_from_us, final,
+        )  # fmt: skip
+        time_us, clock = self._due[: limit.size, 0].copy(), self._due[: limit.size, 2]
+        self._due = self._due[limit.size :]
+        starts = [0, *((clock[1:] != clock[:-1]).nonzero()[0] + 1).tolist()] if clock.size else []
+        return [
+            self._align(time_us[a:b], limit[a:b], self.sources[clock[a]])
+            for a, b in pairwise([*starts, clock.size])
+        ]
 
-    def _completed(
-        self, time_us: NDArray[np.int64], frame: NDArray[np.int64], clock: int
-    ) -> NDArray[np.int64]:
-        """Return the frame by which every source that could add to a sample has reached its time.
-
-        Such a source had spoken before the sample, and gives what the sample lacks or is trusted more.
-        """
-        own = self.sources[clock]
-        lacking = np.isnan(own.values[np.searchsorted(own.time_us, time_us)])
-        complete = frame
-        for k, series in enumerate(self.sources):
-            better = self._trust[series.tier] < self._trust[own.tier]
-            if k == clock or not (better or lacking[:, series.columns].any()):
-                continue
-            adds = lacking[:, series.columns].any(axis=1) | better
-            adds &= frame > series.first_frame
-            complete = np.where(adds, np.maximum(complete, series.reached(time_us)), complete)
-        return complete
-
-    def _enqueue(self, readings: list[Reading]) -> None:
-        """Add readings to their series, and the clock's to the samples that are due."""
-        known = {series.source: k for k, series in enumerate(self.sources)}
-        added: dict[int, tuple[Reading, NDArray[np.bool_]]] = {}
+    def _take(self, readings: Sequence[Reading]) -> None:
+        """Add readings to the rows of their sources, and the clock's to the samples that are due."""
         reigns = [(self._clock, -1)]
+        new: dict[int, Reading] = {}
         for reading in sorted(readings, key=lambda reading: int(reading.frame[0])):
-            k = known.get(reading.source)
+            k = self._places.get(reading.source)
             if k is None:
-                if not known:
-                    self._known_from_us = int(reading.utc_us[0]) + _KEEP_US
-                k = known[reading.source] = len(self.sources)
-                self.sources.append(Series(reading))
-                if self._clock < 0 or self._rank(k) < self._rank(self._clock):
-                    self._clock = k
+                k = self._introduce(reading)
+                if k == self._clock:
                     reigns.append((k, int(reading.frame[0])))
-            added[k] = reading, self.sources[k].add(reading)
-        for (k, start), (_, end) in pairwise([*reigns, (-1, _NEVER)]):
-            if k in added:
-                reading, rows = added[k]
-                rows = rows & (reading.frame >= start) & (reading.frame < end)
-                rows &= reading.utc_us > self._latest_due_us
-                if rows.any():
-                    due = np.stack([reading.utc_us[rows], reading.frame[rows], np.full(rows.sum(), k)])
-                    self._due = np.concatenate([self._due, due], axis=1)
-                    self._latest_due_us = int(due[0, -1])
+            new[k] = reading
+        places = sorted(new)
+        rows = (
+            np.concatenate([new[k].utc_us for k in places]),
+            np.concatenate([new[k].frame for k in places]),
+            np.concatenate([new[k].values for k in places]),
+        )
+        sizes = [new[k].utc_us.size if k in new else 0 for k in range(len(self.sources))]
+        bounds = np.array([0, *accumulate(sizes)])
+        self._rows, self._bounds, self._due = take(
+            self._rows, self._bounds, self._due, rows, bounds, np.array(reigns), self._latest_us, self._late,
+            self._latest_due_us, self._lag_us + _SLOPE_US // 2, _KEEP_US + _MAX_SPAN_US,
+        )  # fmt: skip
+        if len(self._due):
+            self._latest_due_us = int(self._due[-1, 0])
 
-    def _rank(self, source: int) -> tuple[int, int]:
-        series = self.sources[source]
-        return series.clock_rank, self._trust[series.tier]
+    def _introduce(self, reading: Reading) -> int:
+        """Add a source, and return its place; it is the new clock if it is a better one."""
+        k = self._places[reading.source] = len(self.sources)
+        if k == 0:
+            self._known_from_us = int(reading.utc_us[0]) + _KEEP_US
+        self.sources.append(Origin(reading.source, reading.tier, reading.fields, reading.signed))
+        given = np.isfinite(reading.values[0])
+        first = next((rank for rank, c in enumerate(_CLOCK_ORDER) if given[c]), len(_CLOCK_ORDER))
+        rank = first, self._trust[reading.tier]
+        if rank < self._clock_rank:
+            self._clock, self._clock_rank = k, rank
+        self._bounds = np.append(self._bounds, self._bounds[-1])
+        self._latest_us, self._late = np.append(self._latest_us, -NEVER), np.append(self._late, 0)
+        self._first_frame = np.append(self._first_frame, reading.frame[0])
+        self._rank = np.append(self._rank, self._trust[reading.tier])
+        self._gives = np.vstack([self._gives, [key in reading.fields for key in KEYS]])
+        by_trust = np.argsort(self._rank, kind="stable")
+        signed = np.array([source.signed for source in self.sources])
+        self._by_trust = {True: by_trust[signed[by_trust]], False: by_trust}
+        return k
 
-    def _align(self, time_us: NDArray[np.int64], limit: NDArray[np.int64], clock: Series) -> Aligned:
+    def _align(self, time_us: NDArray[np.int64], limit: NDArray[np.int64], clock: Origin) -> Aligned:
         values, origin = self._combine(time_us, limit, signed=clock.signed)
         rate = np.full(time_us.size, np.nan)
         if not clock.signed:
@@ -247,20 +195,5 @@ class Aligner:
 
         Magnitudes are not mixed among signed values.
         """
-        values = np.full((time_us.size, len(KEYS)), np.nan)
-        origin = np.full(values.shape, -1, dtype=np.int8)
-        for k in sorted(range(len(self.sources)), key=lambda k: self._trust[self.sources[k].tier]):
-            if signed and not self.sources[k].signed:
-                continue
-            if not np.isnan(values[:, self.sources[k].columns]).any():
-                continue
-            found = self.sources[k].at(time_us, limit)
-            better = np.isnan(values) & np.isfinite(found)
-            values[better] = found[better]
-            origin[better] = k
-        return values, origin
-
-
-def _runs(clock: NDArray[np.int64]) -> list[int]:
-    """Return the bounds of the runs of one clock."""
-    return [0, *(np.flatnonzero(np.diff(clock)) + 1).tolist(), clock.size] if clock.size else []
+        by_trust = self._by_trust[signed]
+        return combine(time_us, limit, by_trust, self._rows, self._bounds, _KEEP_US, _MAX_SPAN_US)

@@ -71,7 +71,11 @@ class SenderClock:
 
     def _end_of_segment(self, lag: NDArray[np.int64]) -> int:
         """Return where the present offset ceases to hold, or the size; keep the run of astray samples."""
-        good = np.flatnonzero(np.abs(lag - self._offset_us) <= _JUMP_US)
+        holds = np.abs(lag - self._offset_us) <= _JUMP_US
+        if holds.all():
+            self._astray = 0
+            return lag.size
+        good = np.flatnonzero(holds)
         edges = np.concatenate([[-1 - self._astray], good, [lag.size]])
         long = np.flatnonzero(np.diff(edges) > _CONFIRM)
         if long.size:

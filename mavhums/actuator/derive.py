@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.profile import Actuator, Ema
+from mavhums.log._jit import kernel
 from mavhums.quantities import KEYS, column
 
 __all__ = ["Deriver"]
@@ -55,8 +56,7 @@ class Deriver:
         self.derived: dict[str, str] = {}
         self.dropped: set[str] = set()
         self._actuator = actuator
-        self._rotor_deg = 0.0
-        self._last: tuple[int, float] | None = None
+        self._turned = np.full(3, np.nan)
 
     def complete(self, aligned: Aligned) -> Array:
         """Return V1…V12 of shape (n, 12), what can be derived filled in."""
@@ -129,34 +129,47 @@ class Deriver:
         self.dropped.update(("V4", "V5"))
 
     def _fill(self, values: Array) -> None:
+        missing: NDArray[np.bool_] = np.isnan(values)
+        incomplete: NDArray[np.bool_] = np.any(missing, axis=0)
         for target, how, rule in _RULES:
+            if not incomplete[target]:
+                continue
             result = rule(values, self._actuator.ema or _OPEN)
-            empty = np.isnan(values[:, target]) & np.isfinite(result)
+            empty = missing[:, target] & np.isfinite(result)
             if empty.any():
                 values[empty, target] = result[empty]
                 self.derived[KEYS[target]] = how
 
     def _integrate(self, utc_us: NDArray[np.int64], values: Array) -> None:
-        """Fill V2 and V3 with the integral of V7, which drifts; the command, if known, is its start."""
-        if utc_us.size == 0 or np.isnan(values[:, _V7]).all():
-            return
+        """Fill V2 with the integral of V7, which drifts, and V3 with V2."""
         ratio = self._actuator.known_ema().gear_ratio
-        if np.isnan(values[:, _V2]).any():
-            speed = np.nan_to_num(values[:, _V7])
-            if self._last is None:
-                start = values[0, _V1]
-                self._rotor_deg = 0.0 if np.isnan(start) else float(start) * ratio
-                self._last = int(utc_us[0]), float(speed[0])
-            times = np.concatenate([[self._last[0]], utc_us])
-            speeds = np.concatenate([[self._last[1]], speed])
-            step_s = np.minimum(np.diff(times), _MAX_STEP_US) * 1e-6
-            steps = step_s * (speeds[1:] + speeds[:-1]) / 2 * _DEGREES_S
-            turned = np.cumsum(np.concatenate([[self._rotor_deg], steps]))[1:]
-            self._rotor_deg = float(turned[-1])
-            self._last = int(utc_us[-1]), float(speed[-1])
-            known = np.isfinite(values[:, _V2])
-            values[:, _V2] = np.where(known, values[:, _V2], turned)
+        if _integrate(utc_us, values, ratio, self._turned):
             self.derived["V2"] = "integral of V7, drifts"
-        if np.isnan(values[:, _V3]).any():
-            values[:, _V3] = np.where(np.isfinite(values[:, _V3]), values[:, _V3], values[:, _V2] / ratio)
+        empty = np.isnan(values[:, _V3]) & np.isfinite(values[:, _V2])
+        if empty.any():
+            values[empty, _V3] = values[empty, _V2] / ratio
             self.derived["V3"] = "V2/N"
+
+
+@kernel
+def _integrate(utc_us: NDArray[np.int64], values: Array, ratio: float, turned: Array) -> bool:
+    """Fill in V2 from the first known V7 on, and return whether there was something to fill.
+
+    It goes on from the latest V2, measured or not; where there is none it starts at the command, if
+    known. ``turned`` carries time, V7 and V2 from block to block.
+    """
+    filled = False
+    for k in range(utc_us.size):
+        unknown = np.isnan(values[k, _V7])
+        if unknown and np.isnan(turned[2]):
+            continue
+        speed = 0.0 if unknown else values[k, _V7]
+        if np.isnan(values[k, _V2]):
+            filled = True
+            if np.isnan(turned[2]):
+                values[k, _V2] = 0.0 if np.isnan(values[k, _V1]) else values[k, _V1] * ratio
+            else:
+                step_s = min(utc_us[k] - turned[0], _MAX_STEP_US) * 1e-6
+                values[k, _V2] = turned[2] + step_s * (speed + turned[1]) / 2 * _DEGREES_S
+        turned[0], turned[1], turned[2] = utc_us[k], speed, values[k, _V2]
+    return filled

@@ -151,7 +151,7 @@ class Mapper:
     def late(self, vehicle: int, actuator: Actuator) -> int:
         """Return how many values came out of order, or twice, and were left out."""
         track = self._tracks.get((vehicle, actuator.name))
-        return sum(series.late for series in track.aligner.sources) if track else 0
+        return track.aligner.late if track else 0
 
     def provenance(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
         """Return where each quantity came from.
@@ -184,7 +184,7 @@ class Mapper:
         ours = table.frame >= self._from_frame
         if self._vehicle is not None:
             ours &= table.system == self._vehicle
-        return table if ours.all() else table.select(ours)
+        return table.select(ours)
 
 
 def messages_for(actuators: Sequence[Actuator] = ()) -> frozenset[str]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,13 @@ from mavhums.actuator.profile import Actuator
 from mavhums.log import Table
 from mavhums.quantities import KEYS
 
-__all__ = ["Clocks", "Reading", "blank"]
+__all__ = ["Clocks", "Reading", "Rows", "blank", "each"]
+
+Rows = NDArray[Any] | slice
+"""What picks rows: a mask, or places; all of them are a slice, for which nothing is copied."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class Reading(NamedTuple):
     """New values from one source: a message, and which of its instances.
 
     Attributes
@@ -73,10 +75,8 @@ class Clocks:
         """
         utc_us = np.empty(len(table), dtype=np.int64)
         sent_us = table[field].astype(np.int64) * scale
-        senders = table.system.astype(np.int64) * 256 + table.component
-        for sender in np.unique(senders):
-            rows = senders == sender
-            key = (int(sender) // 256, int(sender) % 256, table.name)
+        for sender, rows in each(table.system.astype(np.int64) * 256 + table.component):
+            key = (sender // 256, sender % 256, table.name)
             clock = self._clocks.setdefault(key, SenderClock(wrap_us))
             utc_us[rows] = clock.to_utc_us(sent_us[rows], table.time_us[rows])
         return utc_us
@@ -86,11 +86,28 @@ class Clocks:
         return max((clock.segments for key, clock in self._clocks.items() if key[0] == vehicle), default=0)
 
 
-def blank(
-    count: int, columns: Sequence[int] = (), values: Sequence[NDArray[np.float64]] = ()
-) -> NDArray[np.float64]:
-    """Return V1…V12 of shape (count, 12), NaN but for the given columns."""
-    out = np.full((count, len(KEYS)), np.nan)
-    for column, part in zip(columns, values, strict=True):
-        out[:, column] = part
+def each(keys: NDArray[Any], among: NDArray[np.bool_] | None = None) -> Iterator[tuple[int, Rows]]:
+    """Yield each of the whole numbers ``keys`` (n,) that occur, and where, in the order of their size.
+
+    ``among`` (n,) are the rows that count; all if None.
+
+    Examples
+    --------
+    >>> [(key, rows.tolist()) for key, rows in each(np.array([7, 3, 7]))]
+    [(3, [1]), (7, [0, 2])]
+    """
+    if among is not None and not among.all():
+        places = np.flatnonzero(among)
+        yield from ((key, places[rows]) for key, rows in each(keys[places]))
+    elif len(keys) and (keys == keys[0]).all():
+        yield int(keys[0]), slice(None)
+    else:
+        for key in np.unique(keys):
+            yield int(key), np.flatnonzero(keys == key)
+
+
+def blank(columns: Sequence[int], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return V1…V12 of shape (n, 12), NaN but for the given columns, whose values are (n, k)."""
+    out = np.full((len(values), len(KEYS)), np.nan)
+    out[:, columns] = values
     return out

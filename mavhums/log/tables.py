@@ -58,6 +58,8 @@ class Table:
 
     def select(self, rows: NDArray[Any]) -> Table:
         """Return the rows that a mask or an index array names."""
+        if rows.dtype == np.bool_ and rows.all():
+            return self
         return Table(self.name, **{part: getattr(self, part)[rows] for part in _PARTS})
 
     @classmethod

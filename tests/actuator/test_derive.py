@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -146,16 +148,36 @@ def test_the_integral_starts_at_the_command_and_does_not_depend_on_blocks() -> N
     assert expected[0, V["V2"]] == 5.0 * 300
     exact = 5.0 + 500.0 * 6 / 300 * np.sin(3 * time) / 3
     assert expected[:, V["V3"]] == pytest.approx(exact, abs=0.02)
+    assert np.array_equal(in_parts(whole, 1, 120), expected, equal_nan=True)
+
+
+def test_the_integral_waits_for_the_first_speed_and_bridges_gaps_whatever_the_blocks() -> None:
+    speed = np.full(300, 100.0)
+    speed[:50] = speed[120:160] = np.nan
+    rotor = np.full(300, np.nan)
+    rotor[200:250] = 77.0
+    whole = aligned({"V7": speed, "V2": rotor, "V1": np.arange(300.0), "V5": np.zeros(300)}, "esc-signed")
+    expected = Deriver(ACTUATOR).complete(whole)[:, V["V2"]]
+    assert np.isnan(expected[:50]).all()
+    assert expected[50] == 50.0 * 300
+    assert expected[119] == pytest.approx(50.0 * 300 + 69 * 6.0)
+    assert np.ptp(expected[121:160]) == 0
+    assert (expected[200:250] == 77.0).all()
+    assert expected[299] == pytest.approx(77.0 + 50 * 6.0)
+    for cuts in ((10, 49, 130, 150), (50, 120, 160, 210, 240), (1, 51, 121, 161, 299)):
+        assert np.array_equal(in_parts(whole, *cuts)[:, V["V2"]], expected, equal_nan=True)
+
+
+def in_parts(whole: Aligned, *cuts: int) -> Array:
+    """What is derived from samples that come in parts."""
     deriver = Deriver(ACTUATOR)
     parts = []
-    for rows in (slice(0, 1), slice(1, 120), slice(120, 300)):
-        part = Aligned(
-            whole.utc_us[rows],
-            whole.values[rows],
-            whole.origin[rows],
-            whole.command_rate[rows],
-            whole.tier,
-            whole.signed,
+    for a, b in itertools.pairwise((0, *cuts, len(whole.utc_us))):
+        part = whole._replace(
+            utc_us=whole.utc_us[a:b],
+            values=whole.values[a:b],
+            origin=whole.origin[a:b],
+            command_rate=whole.command_rate[a:b],
         )
         parts.append(deriver.complete(part))
-    assert np.array_equal(np.concatenate(parts), expected, equal_nan=True)
+    return np.concatenate(parts)

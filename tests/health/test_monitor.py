@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -299,8 +300,8 @@ def test_a_fault_that_no_run_of_windows_shows_is_an_alarm_at_the_finish(
 
 def test_the_flight_as_a_whole_leaves_its_baseline(own: dict[str, Baseline]) -> None:
     """Windows that scatter too much to show a change one by one show it together."""
-    sharp = Baseline(mean=own["friction"].mean, flights=40, between=0.001, windows=400, within=0.2)
-    worn = telemetry(flown(Condition.constant("friction", 0.1), rate_hz=25.0, seconds=100.0, seed=401))
+    sharp = replace(own["friction"], error=0.001, flights=40, between=0.001)
+    worn = telemetry(flown(Condition.constant("friction", 0.03), rate_hz=25.0, seconds=100.0, seed=401))
     events, findings = watch(worn, baselines={"friction": sharp})
     change = [event for event in events if isinstance(event, ConditionChanged)][-1]
     assert (change.after, change.fault, change.time_s) == ("degraded", "friction", findings.last_s)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, FieldMapping
-from mavhums.actuator.readings import Clocks, Reading, blank
+from mavhums.actuator.readings import Clocks, Reading, blank, each
 from mavhums.log import Table
 from mavhums.quantities import column
 
@@ -21,16 +21,25 @@ _TIMES = (("time_usec", 1), ("time_boot_ms", 1000))
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
-    """Yield a reading for each vehicle, actuator and mapped quantity."""
+    """Yield a reading for each vehicle, actuator and kind of message that its quantities come from."""
     utc_us: dict[str, NDArray[np.int64]] = {}
     for actuator in actuators:
-        for key, mapping in actuator.fields.items():
-            table = tables.get(mapping.message)
+        for mappings in _by_message(actuator):
+            message = next(iter(mappings.values())).message
+            table = tables.get(message)
             if table is None:
                 continue
-            if mapping.message not in utc_us:
-                utc_us[mapping.message] = _times(table, clocks)
-            yield from _mapped(table, actuator, key, mapping, utc_us[mapping.message])
+            if message not in utc_us:
+                utc_us[message] = _times(table, clocks)
+            yield from _mapped(table, actuator, mappings, utc_us[message])
+
+
+def _by_message(actuator: Actuator) -> list[dict[str, FieldMapping]]:
+    """Return the mappings by quantity, those together whose fields the same messages carry."""
+    kinds: dict[tuple[str, str], dict[str, FieldMapping]] = {}
+    for key, mapping in actuator.fields.items():
+        kinds.setdefault((mapping.message, repr(mapping.where)), {})[key] = mapping
+    return list(kinds.values())
 
 
 def _column(table: Table, field: str) -> NDArray[Any]:
@@ -49,23 +58,24 @@ def _times(table: Table, clocks: Clocks) -> NDArray[np.int64]:
 
 
 def _mapped(
-    table: Table, actuator: Actuator, key: str, mapping: FieldMapping, utc_us: NDArray[np.int64]
+    table: Table, actuator: Actuator, mappings: Mapping[str, FieldMapping], utc_us: NDArray[np.int64]
 ) -> Iterator[Reading]:
+    where = next(iter(mappings.values())).where
     chosen = np.ones(len(table), dtype=bool)
-    for field, wanted in mapping.where.items():
+    for field, wanted in where.items():
         values = _column(table, field)
         chosen &= values == (wanted.encode() if isinstance(wanted, str) else wanted)
-    values = _column(table, mapping.field).astype(np.float64) * mapping.scale + mapping.offset
-    for vehicle in np.unique(table.system[chosen]):
-        rows = chosen & (table.system == vehicle)
-        which = ",".join(str(value) for value in mapping.where.values())
+    which = ",".join(str(value) for value in where.values())
+    columns = [column(key) for key in mappings]
+    parts = [_column(table, m.field).astype(np.float64) * m.scale + m.offset for m in mappings.values()]
+    for vehicle, rows in each(table.system, chosen):
         yield Reading(
-            int(vehicle),
+            vehicle,
             actuator,
-            f"{mapping.message}[{which}]" if which else mapping.message,
+            f"{table.name}[{which}]" if which else table.name,
             "named",
-            {key: mapping.field},
+            {key: mapping.field for key, mapping in mappings.items()},
             table.frame[rows],
             utc_us[rows],
-            blank(int(rows.sum()), [column(key)], [values[rows]]),
+            blank(columns, np.stack([part[rows] for part in parts], axis=1)),
         )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading, blank
+from mavhums.actuator.readings import Clocks, Reading, blank, each
 from mavhums.log import Table
 from mavhums.quantities import column
 
@@ -20,6 +20,8 @@ __all__ = ["MESSAGES", "read"]
 MESSAGES = frozenset({"ESC_STATUS"})
 
 _BATCH = 4
+_FIELDS = {"V4": "voltage", "V5": "current", "V7": "rpm"}
+_COLUMNS = [column(key) for key in _FIELDS]
 _READINGS = ("time_usec", "rpm", "voltage", "current")
 
 
@@ -30,26 +32,25 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
         return
     table = table.select(~_repeated(table))
     utc_us = clocks.utc_us(table, 1, "time_usec")
-    for vehicle in np.unique(table.system):
+    values = np.stack([table[field].astype(np.float64) for field in _FIELDS.values()], axis=2)
+    places = dict(each(table.system.astype(np.int64) << 8 | table["index"]))
+    for vehicle in sorted({place >> 8 for place in places}):
         for actuator in actuators:
             if actuator.esc is None:
                 continue
-            batch, k = actuator.esc // _BATCH * _BATCH, actuator.esc % _BATCH
-            rows = (table.system == vehicle) & (table["index"] == batch)
-            if not rows.any():
-                continue
-            columns = [column(key) for key in ("V4", "V5", "V7")]
-            parts = [table[field][rows, k].astype(np.float64) for field in ("voltage", "current", "rpm")]
-            yield Reading(
-                int(vehicle),
-                actuator,
-                f"ESC_STATUS[{actuator.esc}]",
-                "esc-signed",
-                {"V4": "voltage", "V5": "current", "V7": "rpm"},
-                table.frame[rows],
-                utc_us[rows],
-                blank(int(rows.sum()), columns, parts),
-            )
+            k = actuator.esc % _BATCH
+            rows = places.get(vehicle << 8 | actuator.esc - k)
+            if rows is not None:
+                yield Reading(
+                    vehicle,
+                    actuator,
+                    f"ESC_STATUS[{actuator.esc}]",
+                    "esc-signed",
+                    _FIELDS,
+                    table.frame[rows],
+                    utc_us[rows],
+                    blank(_COLUMNS, values[rows, k]),
+                )
 
 
 def _repeated(table: Table) -> NDArray[np.bool_]:

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading, blank
+from mavhums.actuator.readings import Clocks, Reading, blank, each
 from mavhums.log import Table
 from mavhums.quantities import column
 
@@ -20,32 +21,36 @@ _BATCH = 4
 _NAMES = tuple(f"ESC_TELEMETRY_{first}_TO_{first + _BATCH - 1}" for first in range(1, 33, _BATCH))
 MESSAGES = frozenset(_NAMES)
 
+_FIELDS = {"V4": "voltage", "V5": "current", "V7": "rpm"}
+_COLUMNS = [column(key) for key in _FIELDS]
+_UNITS = (0.01, 0.01, 1.0)
+
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
     """Yield a reading for each vehicle and actuator that has an ESC."""
+    values = {name: _values(tables[name]) for name in _NAMES if name in tables}
     for actuator in actuators:
         if actuator.esc is None:
             continue
         name, k = _NAMES[actuator.esc // _BATCH], actuator.esc % _BATCH
-        table = tables.get(name)
-        if table is None:
+        if name not in values:
             continue
-        parts = [
-            table[field][:, k] * scale
-            for field, scale in (("voltage", 0.01), ("current", 0.01), ("rpm", 1.0))
-        ]
-        there = np.any([part != 0 for part in parts], axis=0)
-        for vehicle in np.unique(table.system[there]):
-            rows = (table.system == vehicle) & there
-            columns = [column(key) for key in ("V4", "V5", "V7")]
+        table, there = tables[name], (values[name][:, k] != 0).any(axis=1)
+        for vehicle, rows in each(table.system, there):
             yield Reading(
-                int(vehicle),
+                vehicle,
                 actuator,
                 f"{name}[{k}]",
                 "esc-unsigned",
-                {"V4": "voltage", "V5": "current", "V7": "rpm"},
+                _FIELDS,
                 table.frame[rows],
                 table.time_us[rows],
-                blank(int(rows.sum()), columns, [part[rows] for part in parts]),
+                blank(_COLUMNS, values[name][rows, k]),
                 signed=False,
             )
+
+
+def _values(table: Table) -> NDArray[np.float64]:
+    """Return voltage, current and speed of the four ESCs, V, A, rev/min, shape (n, 4, 3)."""
+    parts = [table[field] * unit for field, unit in zip(_FIELDS.values(), _UNITS, strict=True)]
+    return np.stack(parts, axis=2)

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading
+from mavhums.actuator.readings import Clocks, Reading, each
 from mavhums.log import Table
 from mavhums.quantities import KEYS
 
 __all__ = ["MESSAGES", "is_instrumented", "read"]
 
 MESSAGES = frozenset({"DEBUG_FLOAT_ARRAY"})
+
+_FIELDS = {key: f"data[{k}]" for k, key in enumerate(KEYS)}
 
 
 def is_instrumented(table: Table) -> NDArray[np.bool_]:
@@ -32,19 +34,20 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
         return
     table = table.select(is_instrumented(table))
     utc_us = clocks.utc_us(table, 1, "time_usec")
-    for vehicle in np.unique(table.system):
+    values = table["data"][:, : len(KEYS)].astype(np.float64)
+    values[~np.isfinite(values)] = np.nan
+    places = dict(each(table.system.astype(np.int64) << 16 | table["array_id"]))
+    for vehicle in sorted({place >> 16 for place in places}):
         for actuator in actuators:
-            rows = (table.system == vehicle) & (table["array_id"] == actuator.servo)
-            if rows.any():
-                values = table["data"][rows, : len(KEYS)].astype(np.float64)
-                values[~np.isfinite(values)] = np.nan
+            rows = places.get(vehicle << 16 | actuator.servo)
+            if rows is not None:
                 yield Reading(
-                    int(vehicle),
+                    vehicle,
                     actuator,
                     f"DEBUG_FLOAT_ARRAY[EMA,{actuator.servo}]",
                     "instrumented",
-                    {key: f"data[{k}]" for k, key in enumerate(KEYS)},
+                    _FIELDS,
                     table.frame[rows],
                     utc_us[rows],
-                    values,
+                    values[rows],
                 )

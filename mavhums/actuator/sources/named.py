@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading, blank
+from mavhums.actuator.readings import Clocks, Reading, Rows, blank, each
 from mavhums.log import Table
 from mavhums.quantities import KEYS
 
@@ -31,19 +32,27 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
     if table is None:
         return
     utc_us = clocks.utc_us(table, 1000, "time_boot_ms")
-    for actuator in actuators:
-        for k, key in enumerate(KEYS):
-            name = f"S{actuator.servo}V{k + 1:02d}"
-            named = table["name"] == name.encode()
-            for vehicle in np.unique(table.system[named]):
-                rows = named & (table.system == vehicle)
-                yield Reading(
-                    int(vehicle),
-                    actuator,
-                    f"NAMED_VALUE_FLOAT[{name}]",
-                    "named",
-                    {key: "value"},
-                    table.frame[rows],
-                    utc_us[rows],
-                    blank(int(rows.sum()), [k], [table["value"][rows].astype(np.float64)]),
-                )
+    places = _places(table)
+    for actuator, (k, key) in product(actuators if places else (), enumerate(KEYS)):
+        name = f"S{actuator.servo}V{k + 1:02d}"
+        for vehicle, rows in places.get(name.encode(), ()):
+            yield Reading(
+                vehicle,
+                actuator,
+                f"NAMED_VALUE_FLOAT[{name}]",
+                "named",
+                {key: "value"},
+                table.frame[rows],
+                utc_us[rows],
+                blank([k], table["value"][rows, None].astype(np.float64)),
+            )
+
+
+def _places(table: Table) -> dict[bytes, list[tuple[int, Rows]]]:
+    """Return where the values of each name are, by vehicle."""
+    names, which = np.unique(table["name"], return_inverse=True)
+    return {
+        bytes(name): list(each(table.system, which == k))
+        for k, name in enumerate(names)
+        if _NAME.fullmatch(bytes(name))
+    }

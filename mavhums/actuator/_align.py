@@ -1,0 +1,237 @@
+"""The loops of :mod:`mavhums.actuator.align`: rows of several sources in, settled samples out.
+
+The rows of all sources lie in one set of arrays, times, frames and values: those of source k from
+``bounds[k]`` to ``bounds[k + 1]``, increasing in time and in frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.log._jit import kernel
+
+__all__ = ["NEVER", "Rows", "combine", "limits", "take"]
+
+NEVER = 2**62
+
+Integers = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Rows = tuple[Integers, Integers, Floats]
+
+
+@kernel
+def _first(values: Integers, start: int, end: int, least: int) -> int:
+    """Return the first place from ``start`` on whose value is at least ``least``, else ``end``."""
+    while start < end:
+        middle = (start + end) // 2
+        if values[middle] < least:
+            start = middle + 1
+        else:
+            end = middle
+    return start
+
+
+@kernel
+def _merge(
+    rows: Rows,
+    bounds: Integers,
+    new: Rows,
+    new_bounds: Integers,
+    latest_us: Integers,
+    late: Integers,
+    needed_us: int,
+    oldest_us: int,
+    keep_us: int,
+) -> tuple[Rows, Integers, Flags]:
+    """Join old and new rows; return them, their bounds, and which new rows were taken.
+
+    Of the old rows what stands before ``needed_us`` is left out, but for the last of each source,
+    and what stands ``keep_us`` before both ``oldest_us`` and the source's latest; of the new ones
+    what is not later than all before, which ``late`` counts. ``latest_us`` is carried on.
+    """
+    time, frame, values = rows
+    new_time, new_frame, new_values = new
+    sources = latest_us.size
+    start = np.empty(sources, dtype=np.int64)
+    taken = np.zeros(new_time.size, dtype=np.bool_)
+    total = 0
+    for k in range(sources):
+        needed = max(needed_us, min(oldest_us, latest_us[k]) - keep_us)
+        start[k] = max(_first(time, bounds[k], bounds[k + 1], needed) - 1, bounds[k])
+        total += bounds[k + 1] - start[k]
+        for row in range(new_bounds[k], new_bounds[k + 1]):
+            if new_time[row] > latest_us[k]:
+                latest_us[k] = new_time[row]
+                taken[row] = True
+                total += 1
+            else:
+                late[k] += 1
+    out_time, out_frame = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)
+    out_values = np.empty((total, values.shape[1]))
+    out_bounds = np.zeros(sources + 1, dtype=np.int64)
+    end = 0
+    for k in range(sources):
+        for row in range(start[k], bounds[k + 1]):
+            out_time[end], out_frame[end], out_values[end] = time[row], frame[row], values[row]
+            end += 1
+        for row in range(new_bounds[k], new_bounds[k + 1]):
+            if taken[row]:
+                out_time[end], out_frame[end] = new_time[row], new_frame[row]
+                out_values[end] = new_values[row]
+                end += 1
+        out_bounds[k + 1] = end
+    return (out_time, out_frame, out_values), out_bounds, taken
+
+
+@kernel
+def _enlist(
+    due: Integers,
+    clock: int,
+    new: Rows,
+    new_bounds: Integers,
+    taken: Flags,
+    start: int,
+    end: int,
+    latest_due_us: int,
+) -> Integers:
+    """Append to what is due, (n, 3), the clock's new rows of frames from ``start`` to before ``end``."""
+    time, frame, _ = new
+    chosen = np.zeros(time.size, dtype=np.bool_)
+    for row in range(new_bounds[clock], new_bounds[clock + 1]):
+        chosen[row] = taken[row] and start <= frame[row] < end and time[row] > latest_due_us
+    rows = np.flatnonzero(chosen)
+    out = np.empty((len(due) + rows.size, 3), dtype=np.int64)
+    out[: len(due)] = due
+    for k in range(rows.size):
+        out[len(due) + k] = time[rows[k]], frame[rows[k]], clock
+    return out
+
+
+@kernel
+def take(
+    rows: Rows,
+    bounds: Integers,
+    due: Integers,
+    new: Rows,
+    new_bounds: Integers,
+    reigns: Integers,
+    latest_us: Integers,
+    late: Integers,
+    latest_due_us: int,
+    reach_us: int,
+    keep_us: int,
+) -> tuple[Rows, Integers, Integers]:
+    """Join old and new rows; return them, their bounds, and what is due: (n, 3), time, frame, source.
+
+    Due are the new rows of the clock: ``reigns`` are, (n, 2), a source and the frame from which on
+    it is the clock. Old rows that nobody can ask for any more are left out: what stands ``reach_us``
+    before all that is or will be due, or ``keep_us`` before that and the source's latest.
+    ``latest_us`` is carried on; ``late`` counts what is not later than all before it.
+    """
+    oldest_us = due[0, 0] if len(due) else NEVER
+    needed_us = min(oldest_us, latest_due_us) - reach_us
+    rows, bounds, taken = _merge(
+        rows, bounds, new, new_bounds, latest_us, late, needed_us, oldest_us, keep_us
+    )
+    for k in range(len(reigns)):
+        end = reigns[k + 1, 1] if k + 1 < len(reigns) else NEVER
+        if len(due):
+            latest_due_us = max(latest_due_us, due[-1, 0])
+        due = _enlist(due, reigns[k, 0], new, new_bounds, taken, reigns[k, 1], end, latest_due_us)
+    return rows, bounds, due
+
+
+@kernel
+def limits(
+    due: Integers,
+    rows: Rows,
+    bounds: Integers,
+    first_frame: Integers,
+    rank: Integers,
+    gives: Flags,
+    settle_us: int,
+    keep_us: int,
+    known_from_us: int,
+    final: bool,
+) -> Integers:
+    """Return of each sample that is settled the frame from which on nothing counts for it.
+
+    The samples that are due, (n, 3), are settled in their order, all of them if ``final``; the frame
+    is 0 where a sample came more than ``keep_us`` behind a source, so that nothing counts at all.
+    """
+    time, frame, values = rows
+    count = len(due)
+    out = np.empty(count, dtype=np.int64)
+    settler = 0
+    for i in range(count):
+        at_us, own_frame, clock = due[i]
+        while settler < count and due[settler, 0] < at_us + settle_us:
+            settler += 1
+        limit = due[settler, 1] if settler < count else NEVER
+        for k in range(rank.size):
+            row = _first(time, bounds[k], bounds[k + 1], at_us + keep_us)
+            limit = min(limit, frame[row] if row < bounds[k + 1] else NEVER)
+        if limit < own_frame:
+            limit = 0
+        if at_us >= known_from_us:
+            own = _first(time, bounds[clock], bounds[clock + 1], at_us)
+            complete = own_frame
+            for k in range(rank.size):
+                if k == clock or own_frame <= first_frame[k]:
+                    continue
+                adds = rank[k] < rank[clock]
+                for column in range(values.shape[1]):
+                    adds = adds or (gives[k, column] and np.isnan(values[own, column]))
+                if adds:
+                    row = _first(time, bounds[k], bounds[k + 1], at_us)
+                    complete = max(complete, frame[row] if row < bounds[k + 1] else NEVER)
+            limit = min(limit, complete + 1)
+        if limit >= NEVER and not final:
+            return out[:i]
+        out[i] = min(limit, NEVER)
+    return out
+
+
+@kernel
+def combine(
+    at_us: Integers,
+    limit: Integers,
+    order: Integers,
+    rows: Rows,
+    bounds: Integers,
+    keep_us: int,
+    span_us: int,
+) -> tuple[Floats, NDArray[np.int8]]:
+    """Return the value of each quantity at each time, of the first source in ``order`` that has it.
+
+    From messages before frames ``limit`` (n,); shapes (n, 12). Also which source that was, −1 for none.
+    """
+    time, frame, values = rows
+    columns = values.shape[1]
+    out = np.full((at_us.size, columns), np.nan)
+    origin = np.full((at_us.size, columns), -1, dtype=np.int8)
+    for i in range(at_us.size):
+        missing = columns
+        for k in order:
+            if missing == 0:
+                break
+            right = _first(time, bounds[k], bounds[k + 1], at_us[i])
+            known = _first(frame, bounds[k], bounds[k + 1], limit[i])
+            if right >= known or time[known - 1] - at_us[i] > keep_us:
+                continue
+            left, part = right, 0.0
+            if time[right] != at_us[i]:
+                left = right - 1
+                if left < bounds[k] or time[right] - time[left] > span_us:
+                    continue
+                part = (at_us[i] - time[left]) / (time[right] - time[left])
+            for column in range(columns):
+                found = values[right, column]
+                if left != right:
+                    found = values[left, column] * (1.0 - part) + found * part
+                if np.isnan(out[i, column]) and np.isfinite(found):
+                    out[i, column], origin[i, column] = found, k
+                    missing -= 1
+    return out, origin
