@@ -148,21 +148,21 @@ def _indicators(found: Sequence[Indicator]) -> str:
         unit = "" if item.unit == "1" else f", {item.unit}"
         limit = "—" if item.limit is None else f"{item.limit:.3g}"
         own = _span(item.baseline) if item.baseline else "—"
-        value = f"{item.value.estimate:.{_digits(item.value)}f} ({_span(item.value)})"
+        value = f"{_figure(item.value.estimate, item.value)} ({_span(item.value)})"
         rows.append([_literal(cell) for cell in (f"{item.quantity}{unit}", value, limit, own)])
     width = len(head) if any(item.baseline for item in found) else len(head) - 1
     return "\n".join(f"| {' | '.join(row[:width])} |" for row in rows)
 
 
 def _span(interval: Interval) -> str:
-    digits = _digits(interval)
-    return f"{interval.low:.{digits}f} to {interval.high:.{digits}f}"
+    return f"{_figure(interval.low, interval)} to {_figure(interval.high, interval)}"
 
 
-def _digits(interval: Interval) -> int:
-    """Return how many decimals tell two figures of an interval's half."""
+def _figure(value: float, interval: Interval) -> str:
+    """Write a value with as many decimals as tell two figures of half the interval; zero has no sign."""
     half = (interval.high - interval.low) / 2
-    return min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
+    digits = min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
+    return f"{value:z.{digits}f}"
 
 
 def _undecided(assessment: Assessment) -> Iterator[str]:

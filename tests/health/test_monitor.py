@@ -16,6 +16,7 @@ from mavhums.events import ConditionChanged, Event, Indication, Window
 from mavhums.health import Monitor
 from mavhums.health.baseline import Baseline
 from mavhums.learn import default_model
+from mavhums.quantities import column
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
@@ -263,3 +264,19 @@ def test_windows_too_poor_each_by_itself_are_judged_together() -> None:
     assert "over the whole flight" in decided[0].rule
     assert findings.friction is not None
     assert findings.friction.low < 0.925 < findings.friction.high
+
+
+def test_which_direction_is_called_positive_changes_no_verdict() -> None:
+    """A servo mounted the other way round: all that has a direction changes its sign."""
+    worn = telemetry(flown(Condition.constant("friction", 0.4), rate_hz=25.0))
+    turned = Telemetry(worn.time_s, worn.values.copy())
+    directed = ("V1", "V2", "V3", "V4", "V5", "V7", "V8", "V10", "V11")
+    turned.values[:, [column(key) for key in directed]] *= -1
+    one, other = watch(worn)[1], watch(turned)[1]
+    assert (other.condition, other.since_s) == (one.condition, one.since_s) == ("degraded", 0.0)
+    assert [i.fault for i in other.indicators] == [i.fault for i in one.indicators]
+    for mine, theirs in zip(one.indicators, other.indicators, strict=True):
+        sign = -1 if mine.fault == "sensor_bias" else 1
+        assert theirs.value.estimate == pytest.approx(sign * mine.value.estimate, rel=1e-6, abs=1e-9)
+        width = theirs.value.high - theirs.value.low
+        assert width == pytest.approx(mine.value.high - mine.value.low, rel=1e-6)
