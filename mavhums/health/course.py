@@ -113,26 +113,28 @@ class Course:
 
     def feed(self, estimates: Estimates, end_s: Array) -> list[Change]:
         """Take the estimates of the windows that end at ``end_s``, shape (k,); return the changes."""
+        at = np.flatnonzero(np.isfinite(estimates.value))
+        if not at.size:
+            return []
         value = np.abs(estimates.value) if self.detector.two_sided else estimates.value
-        steadied, tail = self._errors.feed(estimates), tail_of(self._false_alarms)
-        shown = self._shown(value, half_width(steadied, tail=tail**0.5))
-        sure = (shown == SEVERITY["normal"]) | (self._shown(value, half_width(steadied, tail=tail)) > 0)
-        changes, latest = [], None
-        for k in np.flatnonzero(np.isfinite(value)).tolist():
-            before, end, here = self.condition, float(end_s[k]), float(value[k])
+        tails = tail_of(self._false_alarms) ** np.array([[0.5], [1.0]])
+        shown, surely = self._shown(value, half_width(self._errors.feed(estimates), tail=tails))
+        sure = (shown == SEVERITY["normal"]) | (surely > 0)
+        changes = []
+        columns = (shown, sure, end_s, value, estimates.value, estimates.error)
+        for k, said, certain, end, here, signed, error in zip(
+            at.tolist(), *(column[at].tolist() for column in columns), strict=True
+        ):
+            before = self.condition
             if end >= self._due_s:
-                self._alone(float(estimates.value[k]), float(estimates.error[k]), end)
-            decided = self._decision.feed(
-                self._said(int(shown[k]), here), end - self._window_s, end, sure=bool(sure[k])
-            )
+                self._alone(signed, error, end)
+            decided = self._decision.feed(self._said(said, here), end - self._window_s, end, sure=certain)
             self._extend(decided, end, here)
             if self.condition != before:
                 changes.append(Change(k, self.condition, self.since_s or 0.0, self.rule(self.condition)))
-            latest = k
-        if latest is not None:
-            self._latest = _Latest(
-                *(float(a[latest]) for a in (estimates.value, estimates.error, estimates.freedom))
-            )
+        self._latest = _Latest(
+            *(float(a[at[-1]]) for a in (estimates.value, estimates.error, estimates.freedom))
+        )
         return changes
 
     def conclude(

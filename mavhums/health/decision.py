@@ -35,10 +35,10 @@ def tail_of(false_alarms: float) -> float:
     return false_alarms / _WINDOWS_OF_100_H
 
 
-def half_width(estimates: Estimates, *, tail: float) -> Array:
+def half_width(estimates: Estimates, *, tail: float | Array) -> Array:
     """Return half the width of intervals that are left to either side with this probability, shape (k,).
 
-    Few degrees of freedom make heavy tails.
+    Few degrees of freedom make heavy tails. Several tails, shape (t, 1), give shape (t, k).
     """
     width: Array = stdtrit(estimates.freedom, 1.0 - tail) * estimates.error
     return width

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.equations import gear, supply, torque, voltage
-from mavhums.health.least_squares import Fit, moments
+from mavhums.health.least_squares import Fit
 from mavhums.health.motion import Motion
+from mavhums.health.normal_equations import row_length, sums_of_slots
 from mavhums.health.slots import Slots
 from mavhums.health.windows import Windows
 
@@ -26,6 +27,9 @@ Array = NDArray[np.float64]
 class Fits:
     """The fits of some equations for one actuator, in memory that does not grow.
 
+    It keeps one row of sums, which holds every equation's: of each slot of the window, of the flight, and of
+    the flight in up to 32 equal parts.
+
     Parameters
     ----------
     actuator
@@ -35,45 +39,35 @@ class Fits:
     """
 
     def __init__(self, actuator: Actuator, names: Collection[str]) -> None:
-        self._tracks = {name: _Track(actuator, _EQUATIONS[name]) for name in sorted(names)}
-
-    def feed(self, slots: Slots, motion: Motion) -> tuple[dict[str, Fit], dict[str, Fit]]:
-        """Return the fits of the windows that end with each slot, and of all slots until then."""
-        windows, flight = {}, {}
-        for name, track in self._tracks.items():
-            windows[name], flight[name] = track.feed(slots, motion)
-        return windows, flight
-
-    def whole(self) -> dict[str, Fit]:
-        """Return the fits of the whole flight so far, each one window."""
-        return {name: track.whole() for name, track in self._tracks.items()}
-
-
-class _Track:
-    """One equation's sums: of the window, of the flight, and of the flight in up to 32 equal parts."""
-
-    def __init__(self, actuator: Actuator, equation: ModuleType) -> None:
         self._actuator = actuator
-        self._equation = equation
-        self._prior = equation.prior(actuator)
-        p = self._prior.mean.size
-        columns = 2 + p + p * (p + 1) // 2
-        self._windows = Windows(columns)
-        self._sofar = np.zeros(columns)
-        self._groups = np.zeros((_GROUPS, columns))
+        self._equations = {name: _EQUATIONS[name] for name in sorted(names)}
+        self._priors = {name: equation.prior(actuator) for name, equation in self._equations.items()}
+        ends = np.cumsum([0, *(row_length(prior.mean.size) for prior in self._priors.values())]).tolist()
+        self._columns = dict(zip(self._equations, map(slice, ends, ends[1:]), strict=False))
+        self._windows = Windows(ends[-1])
+        self._flight = np.zeros((1, ends[-1]))
+        self._groups = np.zeros((_GROUPS, ends[-1]))
         self._of_group = 1
         self._slots = 0
 
-    def feed(self, slots: Slots, motion: Motion) -> tuple[Fit, Fit]:
-        sums = slots.sums(moments(*self._equation.terms(self._actuator, motion)))
-        sofar = np.cumsum(np.vstack([self._sofar, sums]), axis=0)[1:]
-        self._sofar = sofar[-1]
+    def feed(self, slots: Slots, motion: Motion) -> tuple[dict[str, Fit], dict[str, Fit]]:
+        """Return the fits of the windows that end with each slot, and of all slots until then."""
+        sums = np.empty((slots.index.size, self._flight.size))
+        for name, equation in self._equations.items():
+            X, y, usable = equation.terms(self._actuator, motion)
+            sums[:, self._columns[name]] = sums_of_slots(X, y, usable, slots.start)
+        flight = np.cumsum(np.concatenate([self._flight, sums]), axis=0)
+        self._flight = flight[-1:]
         for row in sums:
             self._add(row)
-        return Fit(self._windows.feed(slots.index, sums), self._prior), Fit(sofar[:, None], self._prior)
+        return self._fit(self._windows.feed(slots.index, sums)), self._fit(flight[1:, None])
 
-    def whole(self) -> Fit:
-        return Fit(self._groups[None], self._prior)
+    def whole(self) -> dict[str, Fit]:
+        """Return the fits of the whole flight so far, each one window."""
+        return self._fit(self._groups[None])
+
+    def _fit(self, sums: Array) -> dict[str, Fit]:
+        return {name: Fit(sums[:, :, self._columns[name]], prior) for name, prior in self._priors.items()}
 
     def _add(self, row: Array) -> None:
         if self._slots == _GROUPS * self._of_group:

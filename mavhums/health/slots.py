@@ -94,8 +94,6 @@ class SlotCutter:
     ----------
     slot_s
         Length of a slot, s.
-    lateness_s
-        How long after its end a slot still waits for what was overtaken.
 
     Attributes
     ----------
@@ -105,9 +103,8 @@ class SlotCutter:
         Flight time of the latest sample; minus infinity before the first.
     """
 
-    def __init__(self, slot_s: float = 1.0, *, lateness_s: float = 0.0) -> None:
+    def __init__(self, slot_s: float = 1.0) -> None:
         self.late = 0
-        self._lateness_s = lateness_s
         self.latest_s = -np.inf
         self._slot_s = slot_s
         self._times: list[Array] = []
@@ -120,13 +117,13 @@ class SlotCutter:
         """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 15)."""
         if time_s.size == 0:
             return None
-        latest = np.maximum.accumulate(np.concatenate([[self.latest_s], time_s]))
-        in_time = time_s >= self._floor(latest[:-1] - self._lateness_s)
+        latest = np.maximum(np.maximum.accumulate(time_s), self.latest_s)
+        in_time = time_s >= self._begin(latest)
         self.late += int(np.count_nonzero(~in_time))
         self._times.append(time_s[in_time])
         self._values.append(values[in_time])
         self.latest_s = float(latest[-1])
-        horizon = float(self._floor(latest[-1:] - self._lateness_s)[0])
+        horizon = float(self._begin(latest[-1:])[0])
         if horizon <= self._closed:
             return None
         self._closed = horizon
@@ -136,15 +133,18 @@ class SlotCutter:
         """Return what is left, the last slot possibly not full."""
         return self._close(np.inf)
 
-    def _floor(self, time_s: Array) -> Array:
-        floor: Array = np.floor(time_s / self._slot_s) * self._slot_s
-        return floor
+    def _begin(self, time_s: Array) -> Array:
+        """Return where the slots of flight times begin."""
+        begin: Array = np.floor(time_s / self._slot_s) * self._slot_s
+        return begin
 
     def _close(self, horizon: float) -> Slots | None:
         if not self._times:
             return None
-        time_s, first = np.unique(np.concatenate(self._times), return_index=True)
-        values = np.concatenate(self._values)[first]
+        time_s, values = np.concatenate(self._times), np.concatenate(self._values)
+        if not (time_s[1:] > time_s[:-1]).all():
+            time_s, first = np.unique(time_s, return_index=True)
+            values = values[first]
         done = int(np.searchsorted(time_s, horizon))
         self._times, self._values = [time_s[done:]], [values[done:]]
         time_s = np.concatenate([self._pending[0], time_s[:done]])

@@ -46,8 +46,8 @@ class Windows:
             Shape (k, S, m), the oldest slot first.
         """
         last = int(index[0]) - 1 if self._last is None else self._last
-        steps = np.diff(index, prepend=last)
-        ahead = np.cumsum(np.minimum(steps, self._slots + 1))  # a clock's jump takes no memory
+        steps = index - np.concatenate([[last], index[:-1]])
+        ahead = np.minimum(steps, self._slots + 1).cumsum()  # a clock's jump takes no memory
         dense = np.full((self._slots + int(ahead[-1]), self._columns), self._empty)
         dense[: self._slots] = self._kept
         dense[self._slots + ahead - 1] = sums

@@ -7,16 +7,17 @@ from __future__ import annotations
 
 from math import exp
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from mavhums.jit import kernel
 
 __all__ = ["ABSTAINS", "vote"]
 
 ABSTAINS = -1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def vote(
     values: NDArray[np.float64],
     columns: NDArray[np.int64],

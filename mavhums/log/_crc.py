@@ -17,7 +17,7 @@ from numba import config, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from mavhums.log._jit import inlined, kernel
+from mavhums.jit import inlined, kernel
 
 __all__ = ["GUARD", "crc_of", "finish_crc", "load_word", "seed_of", "store_word"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.log._jit import inlined
+from mavhums.jit import inlined
 from mavhums.log.flags import MAVLINK1, SIGNED
 
 __all__ = [

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.jit import inlined, kernel
 from mavhums.log._crc import GUARD, load_word, store_word
-from mavhums.log._jit import inlined, kernel
 from mavhums.log.flags import MAVLINK1
 
 __all__ = ["SPARE", "count", "gather"]

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.jit import inlined, kernel
 from mavhums.log._crc import GUARD, crc_of, finish_crc, seed_of
 from mavhums.log._frame import (
     NO,
@@ -30,7 +31,6 @@ from mavhums.log._frame import (
     frame_end,
     parts_of,
 )
-from mavhums.log._jit import inlined, kernel
 from mavhums.log._times import DAY_US, judge_time, plausible, stamp_at, time_without_stamp
 from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
 

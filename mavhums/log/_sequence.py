@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.log._jit import inlined, kernel
+from mavhums.jit import inlined, kernel
 
 __all__ = ["LINK", "SENDER", "account"]
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.jit import inlined, kernel
 from mavhums.log._crc import load_word
 from mavhums.log._frame import NO, WAIT, YES, follows, frame_end
-from mavhums.log._jit import inlined, kernel
 
 __all__ = ["DAY_US", "STAMP", "judge_time", "plausible", "stamp_at", "time_without_stamp"]
 

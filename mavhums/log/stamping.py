@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.jit import kernel
 from mavhums.log._crc import GUARD
-from mavhums.log._jit import kernel
 from mavhums.log.dialect import Dialect
 from mavhums.log.flags import MAVLINK1
 from mavhums.log.scanner import Batch, FrameScanner

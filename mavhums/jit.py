@@ -1,7 +1,7 @@
-"""How this room compiles its kernels.
+"""How kernels are compiled: the inner loops that run once a byte or once a sample.
 
 What is kept on disk is renewed when the kernel's own module changes, not when one does that it
-inlines: after editing such a module remove ``mavhums/log/__pycache__``.
+inlines: after editing such a module remove the ``__pycache__`` beside it.
 """
 
 from __future__ import annotations

@@ -1,0 +1,160 @@
+"""The normal equations of least squares, compiled: what samples add to them, and their solutions.
+
+A row of sums holds, for p terms: the number of samples, y², X·y and the upper triangle of X·Xᵀ row by row;
+so it has m = 2 + p + p·(p + 1)/2 numbers.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.jit import kernel
+
+__all__ = ["row_length", "solve", "sums_of_slots"]
+
+_WEAK = 1e-8
+
+Array = NDArray[np.float64]
+
+
+def row_length(p: int) -> int:
+    """Return m, the length of a row of sums for p terms.
+
+    Examples
+    --------
+    >>> row_length(3)
+    11
+    """
+    return 2 + p + p * (p + 1) // 2
+
+
+@kernel
+def sums_of_slots(X: Array, y: Array, usable: NDArray[np.bool_], start: NDArray[np.int64]) -> Array:
+    """Return the sums of each slot's usable samples, shape (k, m).
+
+    Parameters
+    ----------
+    X, y
+        Terms, shape (n, p), and the left side, shape (n,).
+    usable
+        Samples that count, shape (n,); the others add nothing, whatever they hold.
+    start
+        Where each slot begins among the samples, shape (k,); the last one ends with them.
+    """
+    n, p = X.shape
+    out = np.zeros((len(start), 2 + p + p * (p + 1) // 2))
+    for slot in range(len(start)):
+        end = start[slot + 1] if slot + 1 < len(start) else n
+        row = out[slot]
+        for i in range(start[slot], end):
+            if not usable[i]:
+                continue
+            row[0] += 1.0
+            row[1] += y[i] * y[i]
+            column = 2 + p
+            for j in range(p):
+                row[2 + j] += X[i, j] * y[i]
+                for k in range(j, p):
+                    row[column] += X[i, j] * X[i, k]
+                    column += 1
+    return out
+
+
+@kernel
+def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Array, Array]:
+    """Fit windows, each of S slots.
+
+    Parameters
+    ----------
+    sums
+        Shape (W, S, m).
+    mean, deviation
+        What is known of the coefficients, shape (p,); a deviation is infinite where nothing is.
+
+    Returns
+    -------
+    tuple of NDArray
+        Coefficients, shape (W, p); their standard errors, shape (W, p); the variance of a residual,
+        shape (W,); the inverse of the normal matrix, the prior's part in it, shape (W, p, p).
+    """
+    W, S, m = sums.shape
+    p = len(mean)
+    coefficients, errors = np.empty((W, p)), np.empty((W, p))
+    variance, inverse = np.empty(W), np.empty((W, p, p))
+    total, rest, weights, unit = np.empty(m), np.empty(m), np.zeros(p), np.zeros(p)
+    factor, without = np.empty((p, p)), np.empty(p)
+    for w in range(W):
+        total[:] = 0.0
+        filled = 0
+        for s in range(S):
+            total += sums[w, s]
+            filled += sums[w, s, 0] > 0.0
+
+        weights[:] = 0.0
+        _posterior(total, weights, np.zeros(p), factor, without)
+        explained = 0.0
+        for j in range(p):
+            explained += without[j] * total[2 + j]
+        variance[w] = max((total[1] - explained) / max(total[0] - p, 1.0), 1e-12)
+
+        for j in range(p):
+            weights[j] = variance[w] / (deviation[j] * deviation[j])
+        _posterior(total, weights, mean, factor, coefficients[w])
+        for j in range(p):
+            unit[:] = 0.0
+            unit[j] = 1.0
+            _substitute(factor, unit, inverse[w, j])
+
+        errors[w] = 0.0
+        for s in range(S):
+            if sums[w, s, 0] > 0.0 and filled > 1:
+                rest[:] = total - sums[w, s]
+                _posterior(rest, weights, mean, factor, without)
+                for j in range(p):
+                    errors[w, j] += (without[j] - coefficients[w, j]) ** 2
+        for j in range(p):
+            jackknife = errors[w, j] * (filled - 1) / max(filled, 1)
+            errors[w, j] = sqrt(max(jackknife, variance[w] * inverse[w, j, j]))
+    return coefficients, errors, variance, inverse
+
+
+@kernel
+def _posterior(total: Array, weights: Array, mean: Array, factor: Array, out: Array) -> None:
+    """Write the coefficients that a row of sums gives, each held to its mean by its weight."""
+    p = len(mean)
+    column = 2 + p
+    for j in range(p):
+        for k in range(j, p):
+            factor[k, j] = total[column]
+            column += 1
+        square = factor[j, j]
+        ridge = weights[j] + _WEAK * (square + (1.0 if weights[j] == 0.0 else 0.0))
+        factor[j, j] += ridge
+        out[j] = total[2 + j] + ridge * mean[j]
+    for j in range(p):
+        for k in range(j):
+            factor[j, j] -= factor[j, k] * factor[j, k]
+        factor[j, j] = sqrt(factor[j, j])
+        for i in range(j + 1, p):
+            for k in range(j):
+                factor[i, j] -= factor[i, k] * factor[j, k]
+            factor[i, j] /= factor[j, j]
+    _substitute(factor, out.copy(), out)
+
+
+@kernel
+def _substitute(factor: Array, right: Array, out: Array) -> None:
+    """Solve for one right side by a matrix's lower Cholesky factor."""
+    p = len(right)
+    for j in range(p):
+        out[j] = right[j]
+        for k in range(j):
+            out[j] -= factor[j, k] * out[k]
+        out[j] /= factor[j, j]
+    for j in range(p - 1, -1, -1):
+        for k in range(j + 1, p):
+            out[j] -= factor[k, j] * out[k]
+        out[j] /= factor[j, j]
