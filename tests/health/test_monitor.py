@@ -19,7 +19,7 @@ from mavhums.learn import default_model
 from mavhums.quantities import column
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
-from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
+from tests.health.flown import Telemetry, actuator_of, flown, sensed, telemetry, watch, watch_blocks
 from tests.strategies import cuts
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ def data_sheet(friction: float, *, seconds: float = 30.0, rate_hz: float = 100.0
     flight = Flight(
         seed=41, duration_s=seconds, rate_hz=rate_hz, friction_nm={"elevator": (friction, friction)}
     )
-    return telemetry(fly(flight))
+    return telemetry(sensed(fly(flight)))
 
 
 def windows_of(events: Iterable[Event]) -> list[Window]:
