@@ -70,7 +70,7 @@ def follow(
 ) -> list[Change]:
     """Feed windows of 10 s that end a second after one another; return the changes."""
     array = np.array(values, dtype=float)
-    end_s = start_s + 10.0 + np.arange(array.size)
+    end_s = start_s + 10.0 + np.arange(array.size, dtype=np.float64)
     return followed.feed(Estimates(array, np.full(array.size, error), np.full(array.size, 9.0)), end_s)
 
 

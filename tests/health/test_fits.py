@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,8 @@ SECONDS = 100.0
 MOST_PARTS = 32
 
 
-class Found(NamedTuple):
+@dataclass(frozen=True)
+class Found:
     """What a fit says."""
 
     count: Array
@@ -34,7 +36,7 @@ class Found(NamedTuple):
 
     @classmethod
     def of(cls, fit: Fit) -> Found:
-        return cls(*(np.array(getattr(fit, name)) for name in cls._fields))
+        return cls(*(np.array(getattr(fit, field.name)) for field in fields(cls)))
 
 
 class Fed(NamedTuple):
@@ -49,7 +51,7 @@ def fed(places: Iterable[int]) -> Fed:
     """Feed a healthy flight of a hundred slots, cut at samples."""
     actuator, seen = actuator_of(), telemetry(flown(rate_hz=25.0, seconds=SECONDS, seed=300))
     cutter, fits = SlotCutter(), Fits(actuator, NAMES)
-    out = Fed(*({name: [] for name in NAMES} for _ in range(3)))
+    out = Fed({}, {}, {})
     values = widen(seen.values)
     for a, b in itertools.pairwise([0, *places, seen.time_s.size]):
         slots = cutter.feed(seen.time_s[a:b], values[a:b])
@@ -58,7 +60,7 @@ def fed(places: Iterable[int]) -> Fed:
         windows, sofar = fits.feed(slots, motion(actuator, slots))
         for part, found in zip(out, (windows, sofar, fits.whole()), strict=True):
             for name in NAMES:
-                part[name].append(Found.of(found[name]))
+                part.setdefault(name, []).append(Found.of(found[name]))
     return out
 
 
