@@ -126,8 +126,9 @@ def test_a_course_tells_its_episodes_with_their_peaks_and_limits() -> None:
 
 def test_of_other_faults_only_what_is_wrong_is_told() -> None:
     followed = course()
-    follow(followed, [0.2] * 30 + [0.7] * 30 + [0.2] * 30)
+    follow(followed, [0.2] * 30 + [0.7] * 10 + [0.8] + [0.7] * 19 + [0.2] * 30)
     (found,) = followed.evidence()
+    assert found.value == pytest.approx(0.8)
     assert (found.kind, found.start_s, found.end_s, found.limit) == ("wear", 35.0, 65.0, 0.5)
     assert found.rule.startswith("degraded")
     assert followed.condition == "normal"
@@ -200,7 +201,7 @@ def test_a_drift_degrades_what_the_limits_call_normal() -> None:
     assert change.condition == "degraded"
     assert change.rule.startswith("degraded: wear +0.")
     assert "from its own baseline of 0.2 mm over 10 flights" in change.rule
-    assert followed.since_s == change.since_s == pytest.approx(45.0, abs=11.0)
+    assert followed.since_s == change.since_s == 40.0  # start of the first window that shows it
     (found,) = followed.evidence()
     assert (found.kind, found.limit) == ("wear_drift", 0.2)
     assert found.value == pytest.approx(0.3, abs=0.05)
@@ -209,6 +210,24 @@ def test_a_drift_degrades_what_the_limits_call_normal() -> None:
     suspect = followed.suspect()
     assert suspect is not None
     assert suspect.confidence > 0.99
+
+
+def test_what_left_its_baseline_before_its_limit_has_been_degraded_since_then() -> None:
+    followed = course(baseline=BASELINE)
+    follow(followed, [0.2] * 40)
+    (drifted,) = follow(followed, [0.3] * 60, 40.0)
+    follow(followed, [0.7] * 60, 100.0)
+    assert (followed.condition, followed.since_s) == ("degraded", drifted.since_s)
+    assert {e.kind for e in followed.evidence()} == {"wear", "wear_drift"}
+    (worse,) = follow(followed, [1.2] * 60, 160.0)
+    assert (worse.condition, worse.since_s) == ("emergency", 165.0)
+
+
+def test_a_change_of_side_is_a_drift() -> None:
+    followed = course(Bias(), BASELINE)
+    follow(followed, [0.2] * 40 + [-0.2] * 40)
+    assert followed.condition == "degraded"
+    assert followed.evidence()[0].value == pytest.approx(-0.2, abs=0.05)
 
 
 def test_a_baseline_that_is_held_is_no_drift() -> None:
@@ -249,7 +268,7 @@ def test_an_indicator_is_the_whole_flights_with_its_interval_limits_and_baseline
 
 
 @pytest.mark.parametrize(
-    ("value", "condition"), [(0.2, "normal"), (0.7, "degraded"), (1.2, "emergency"), (0.5, "normal")]
+    ("value", "condition"), [(0.2, "normal"), (0.7, "degraded"), (1.2, "emergency"), (0.535, "normal")]
 )
 def test_what_no_window_shows_the_whole_flight_may(value: float, condition: Condition) -> None:
     followed = course(Friction(whole=one(value)))
