@@ -228,6 +228,9 @@ def test_a_change_of_side_is_a_drift() -> None:
     follow(followed, [0.2] * 40 + [-0.2] * 40)
     assert followed.condition == "degraded"
     assert followed.evidence()[0].value == pytest.approx(-0.2, abs=0.05)
+    suspect = followed.suspect()
+    assert suspect is not None
+    assert suspect.confidence > 0.99
 
 
 def test_a_baseline_that_is_held_is_no_drift() -> None:
