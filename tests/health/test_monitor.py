@@ -160,7 +160,10 @@ def test_an_indication_is_a_95_percent_interval_of_every_window_that_shows_the_f
     assert (friction.limit, friction.baseline) == (0.375, None)
 
 
-def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said() -> None:
+@pytest.mark.parametrize(("friction", "condition"), [(0.225, "normal"), (1.0, "emergency")])
+def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said(
+    friction: float, condition: str
+) -> None:
     network = default_model()
 
     class Contrary:
@@ -174,11 +177,11 @@ def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said() 
             return share
 
     for judge, disagrees in ((network, False), (Contrary(), True)):
-        events, findings = watch(data_sheet(0.225), networks=[judge])
-        assert [e.after for e in events if isinstance(e, ConditionChanged)] == ["normal"]
+        events, findings = watch(data_sheet(friction), networks=[judge])
+        assert [e.after for e in events if isinstance(e, ConditionChanged)] == [condition]
         vote = next(e for e in findings.evidence if e.kind == "network")
         assert ("disagrees" in vote.rule) == disagrees
-        assert (vote.value > 0.5) == disagrees
+        assert (vote.value > 0.5) == (disagrees != (condition == "emergency"))
 
 
 def test_the_suspect_is_friction_with_its_probability() -> None:
@@ -253,11 +256,29 @@ def test_a_condition_that_flaps_for_hours_fills_no_memory() -> None:
     assert stays[-1].end_s > 25.0 * 129
 
 
+def test_what_was_worst_is_not_forgotten() -> None:
+    blocks = []
+    for start_s, friction in ((0.0, 1.0), (30.0, 0.225)):
+        seen = data_sheet(friction, rate_hz=25.0)
+        blocks.append(Telemetry(start_s + seen.time_s, seen.values))
+    events, findings = watch_blocks(blocks)
+    assert [e.after for e in events if isinstance(e, ConditionChanged)] == ["emergency", "normal"]
+    assert (findings.condition, findings.worst) == ("normal", "emergency")
+
+
+def test_a_flight_shorter_than_a_window_is_not_judged() -> None:
+    events, findings = watch(data_sheet(1.0, seconds=9.0))
+    assert [e for e in events if not isinstance(e, Indication)] == []
+    assert (findings.condition, findings.coverage.windows) == ("undecided", 0)
+
+
 def test_windows_too_poor_each_by_itself_are_judged_together() -> None:
     """Light air: the autopilot's corrections move the surface for moments only."""
     worn = Condition.constant("friction", 0.7)
-    seen = telemetry(flown(worn, rate_hz=10.0, seconds=100.0, cyclogram="cruise"))
+    still = telemetry(flown(worn, rate_hz=10.0, seconds=100.0, cyclogram="cruise"))
+    seen = Telemetry(still.time_s + 50.0, still.values)
     events, findings = watch(seen)
+    assert findings.since_s == 50.0
     decided = [event for event in events if isinstance(event, ConditionChanged)]
     assert findings.coverage.decidable < findings.coverage.windows
     assert [(change.after, change.time_s) for change in decided] == [("emergency", findings.last_s)]
