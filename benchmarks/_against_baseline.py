@@ -11,6 +11,7 @@ import numpy as np
 from _fleet import MODES, SURFACES, Judged, Task, added, baselines_of, flight, fly_all, judge
 from numpy.typing import NDArray
 
+from mavhums.history import REFERENCE_FLIGHTS
 from mavhums_sim import FlightRecord
 from mavhums_sim.conditions import Condition
 
@@ -29,7 +30,6 @@ CLEAR = {
     "jam": 10.0,
 }
 NAMES = {"resistance": "winding_resistance"}
-REFERENCE_FLIGHTS = 15
 
 
 def reference(

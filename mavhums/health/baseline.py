@@ -11,42 +11,50 @@ from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from mavhums.assessment import Indicator, Interval
+from mavhums.health.random_effects import variance_between, weighted
 
 __all__ = ["Baseline", "BaselineSource", "Baselines"]
+
+_LEAST_FREEDOM = 3
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
     """One indicator of one actuator over its reference flights.
 
+    Flights are measured unequally well: an hour of gusts tells more of the friction than one of cruise, and a
+    take-off more than both. So each counts by its certainty, as in a meta-analysis with random effects.
+
     Attributes
     ----------
-    mean
-        Of the flights' values, each flight counting alike.
+    mean, error
+        Of the flights' values, each weighted with its certainty, and the standard error of that.
     flights, between
-        Number of flights, at least two, and the standard deviation of their values.
-    windows, within
-        Number of windows in all of them, and the pooled standard deviation of the windows of a flight.
+        Number of flights, at least two, and the standard deviation of their true values.
+    spread
+        Standard deviation of their measured values.
     """
 
     mean: float
+    error: float
     flights: int
     between: float
-    windows: int
-    within: float
+    spread: float
 
     @property
     def flight_variance(self) -> float:
         """Of another flight's true value about the mean: between flights, and of the mean itself."""
-        of_estimate = self.within**2 * self.flights / self.windows
-        return max(self.between**2 - of_estimate, 0.0) + self.between**2 / self.flights
+        return self.between**2 + self.error**2
 
     def prediction(self) -> Interval:
-        """Return the 95 % interval in which the value of another flight lies."""
-        half = float(stdtrit(self.flights - 1, 0.975)) * self.between * (1.0 + 1.0 / self.flights) ** 0.5
+        """Return the 95 % interval in which the value measured in another flight lies."""
+        half = float(stdtrit(self.flights - 1, 0.975)) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
         return Interval(estimate=self.mean, low=self.mean - half, high=self.mean + half)
 
     @classmethod
@@ -60,14 +68,26 @@ class Baseline:
         if len(shown) < 2:
             return None
         values, windows, scatter = (np.array(column, dtype=np.float64) for column in zip(*shown, strict=True))
-        freedom = windows - 1
+        errors = _errors(windows, scatter)
+        errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), 1e-12))
+        constant = np.ones((len(values), 1))
+        between = variance_between(constant, values, errors)
+        mean, residuals, inverse = weighted(constant, values, 1 / (errors**2 + between))
+        scale = max(float(residuals @ residuals) / (len(values) - 1), 1.0)
         return cls(
-            mean=float(values.mean()),
+            mean=float(mean[0]),
+            error=float(np.sqrt(scale * inverse[0, 0])),
             flights=len(shown),
-            between=float(values.std(ddof=1)),
-            windows=int(windows.sum()),
-            within=float(np.sqrt(np.sum(freedom * scatter**2) / freedom.sum())),
+            between=float(np.sqrt(between)),
+            spread=float(values.std(ddof=1)),
         )
+
+
+def _errors(windows: Array, scatter: Array) -> Array:
+    """Return the standard errors of flights' values; few windows know their own scatter badly."""
+    freedom = np.maximum(windows - 1, _LEAST_FREEDOM)
+    errors: Array = scatter * np.sqrt(freedom / (freedom - 2) / windows)
+    return errors
 
 
 Baselines = Mapping[tuple[int, str, str], Baseline]

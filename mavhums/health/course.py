@@ -118,16 +118,17 @@ class Course:
             return []
         value = np.abs(estimates.value) if self.detector.two_sided else estimates.value
         tails = tail_of(self._false_alarms) ** np.array([[0.5], [1.0]])
-        shown, surely = self._shown(value, half_width(self._errors.feed(estimates), tail=tails))
+        steadied = self._errors.feed(estimates)
+        shown, surely = self._shown(value, half_width(steadied, tail=tails))
         sure = (shown == SEVERITY["normal"]) | (surely > 0)
         changes = []
-        columns = (shown, sure, end_s, value, estimates.value, estimates.error)
-        for k, said, certain, end, here, signed, error in zip(
+        columns = (shown, sure, end_s, value, estimates.value, steadied.error, steadied.freedom)
+        for k, said, certain, end, here, signed, error, freedom in zip(
             at.tolist(), *(column[at].tolist() for column in columns), strict=True
         ):
             before = self.condition
             if end >= self._due_s:
-                self._alone(signed, error, end)
+                self._alone(signed, error, freedom, end)
             decided = self._decision.feed(self._said(said, here), end - self._window_s, end, sure=certain)
             self._extend(decided, end, here)
             if self.condition != before:
@@ -163,12 +164,12 @@ class Course:
     def _shown(self, value: Array, half: Array) -> NDArray[np.int64]:
         return shown_by(value - half, value + half, self.detector.levels)
 
-    def _alone(self, value: float, error: float, end_s: float) -> None:
+    def _alone(self, value: float, error: float, freedom: float, end_s: float) -> None:
         """Take a window that does not overlap the one before."""
         self._due_s = end_s + self._window_s
         self._scatter.add(value)
         if self._drift is not None:
-            self._drift.feed(value, error, end_s - self._window_s)
+            self._drift.feed(value, error, freedom, end_s - self._window_s)
 
     def _extend(self, decided: bool, end_s: float, value: float) -> None:
         if decided:

@@ -4,7 +4,8 @@ Each window that does not overlap the one before adds its estimate. For the last
 mean, weighted with the windows' certainty, is compared with the baseline: a generalised likelihood ratio
 (D. Siegmund, E. S. Venkatraman, "Using the generalized likelihood ratio statistic for sequential
 detection of a change-point", Annals of Statistics 23, 1995), studentised, because the scatter is
-heavy-tailed and never known beforehand.
+heavy-tailed and never known beforehand. When the flight is over all of it is looked at once more. Half of
+the alarms allowed are for the looks in flight, half for the last one.
 """
 
 from __future__ import annotations
@@ -13,16 +14,20 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import FALSE_ALARMS, tail_of
+from mavhums.health.windows import WINDOW_SLOTS
 
 __all__ = ["Drift", "Shift"]
 
 _SPANS = (1, 2, 3, 5, 8, 13, 21, 34)
 _LOOKS = 4.0  # as many independent looks as the overlapping spans are worth
-_PRIOR_WEIGHT = 10.0  # windows that the baseline's scatter counts for in a window's own
+_FREEDOM = WINDOW_SLOTS - 1.0
+
+Array = NDArray[np.float64]
 
 
 class Shift(NamedTuple):
@@ -63,9 +68,9 @@ class Drift:
 
     Examples
     --------
-    >>> drift = Drift(Baseline(mean=0.2, flights=10, between=0.002, windows=100, within=0.01))
+    >>> drift = Drift(Baseline(0.2, error=0.001, flights=10, between=0.002, spread=0.003))
     >>> for k in range(12):
-    ...     shift = drift.feed(0.25, 0.01, 10.0 * k)
+    ...     shift = drift.feed(0.25, 0.01, 9.0, 10.0 * k)
     >>> drift.alarm.since_s
     0.0
     """
@@ -76,33 +81,57 @@ class Drift:
         self.baseline = baseline
         self.alarm: Shift | None = None
         self._two_sided = two_sided
-        self._tail = tail_of(false_alarms) / _LOOKS / (2 if two_sided else 1)
-        self._windows: deque[tuple[float, float, float]] = deque(maxlen=_SPANS[-1])
+        self._tail = tail_of(false_alarms) / 2 / (2 if two_sided else 1)
+        self._windows: deque[_Window] = deque(maxlen=_SPANS[-1])
 
-    def feed(self, value: float, error: float, start_s: float) -> Shift:
+    def feed(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
         """Take a window that does not overlap the one before; return the shift that shows most."""
-        base = self.baseline
-        within = (error**2 * 9.0 + base.within**2 * _PRIOR_WEIGHT) / (9.0 + _PRIOR_WEIGHT)
-        self._windows.append((value - base.mean, within, start_s))
-        shifts = [self._over(span) for span in _SPANS if span <= len(self._windows)]
-        most = max(shifts, key=lambda shift: shift.ratio)
-        if self.alarm is None and most.ratio >= 1.0:
-            self.alarm = most
-        return most
+        self._windows.append(_Window(value - self.baseline.mean, error, freedom, start_s))
+        tail = self._tail / _LOOKS
+        shifts = [self._over(span, tail) for span in _SPANS if span <= len(self._windows)]
+        return self._heed(max(shifts, key=lambda shift: shift.ratio))
 
-    def _over(self, span: int) -> Shift:
-        rows = np.array(self._windows)[-span:]
-        weights = 1.0 / rows[:, 1]
-        shift = float(weights @ rows[:, 0] / weights.sum())
-        scatter = float(weights @ (rows[:, 0] - shift) ** 2 / max(span - 1, 1))
+    def conclude(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
+        """Look once more, at the estimate of the whole flight or at its windows together.
+
+        The one that is known better counts: errors that all flights share belong to no window's.
+        """
+        count = max(len(self._windows), 1)
+        tail = self._tail * count
+        whole = self._shift(value - self.baseline.mean, error**2, freedom, start_s, tail)
+        together = self._over(count, tail) if self._windows else whole
+        return self._heed(min(whole, together, key=lambda shift: shift.error))
+
+    def _heed(self, shift: Shift) -> Shift:
+        if self.alarm is None and shift.ratio >= 1.0:
+            self.alarm = shift
+        return shift
+
+    def _over(self, span: int, tail: float) -> Shift:
+        values, errors, freedoms, starts_s = np.array(self._windows)[-span:].T
+        weights = 1.0 / np.maximum(errors, 1e-12) ** 2
+        shift = float(weights @ values / weights.sum())
+        scatter = float(weights @ (values - shift) ** 2 / max(span - 1, 1))
         own = float(max(scatter, 1.0) / weights.sum())
+        freedom = max(float(freedoms.max()), _FREEDOM * span)
+        return self._shift(shift, own, freedom, float(starts_s[0]), tail)
+
+    def _shift(self, shift: float, own: float, own_freedom: float, since_s: float, tail: float) -> Shift:
+        """Return a shift of which the own variance is known, against what chance reaches with this tail."""
         flight = self.baseline.flight_variance
         error = float(np.sqrt(own + flight))
-        freedom = _satterthwaite(own, 9.0 * span + _PRIOR_WEIGHT, flight, self.baseline.flights - 1.0)
+        freedom = _satterthwaite(own, own_freedom, flight, self.baseline.flights - 1.0)
         size = abs(shift) if self._two_sided else shift
-        return Shift(
-            shift, error, size / (float(stdtrit(freedom, 1.0 - self._tail)) * error), float(rows[0, 2])
-        )
+        return Shift(shift, error, size / (float(stdtrit(freedom, 1.0 - tail)) * error), since_s)
+
+
+class _Window(NamedTuple):
+    """A window's estimate less the baseline, its standard error, the freedom of that, and its start."""
+
+    value: float
+    error: float
+    freedom: float
+    start_s: float
 
 
 def _satterthwaite(first: float, first_freedom: float, second: float, second_freedom: float) -> float:

@@ -31,10 +31,10 @@ from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
 from mavhums.assessment import Interval
+from mavhums.health.random_effects import variance_between, weighted
 from mavhums.health.straightness import departure
 
 __all__ = ["MIN_FLIGHTS", "REACH", "Trend", "fit_trend"]
@@ -157,9 +157,9 @@ def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[NDA
 
 def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
     design = np.column_stack([np.ones_like(numbers), numbers - last])
-    between = _between(design, values, errors)
+    between = variance_between(design, values, errors)
     weights = 1 / (errors**2 + between)
-    coefficients, residuals, inverse = _weighted(design, values, weights)
+    coefficients, residuals, inverse = weighted(design, values, weights)
     freedom = len(values) - 2
     scale = float(residuals @ residuals) / freedom
     widening = _widening(residuals)
@@ -185,30 +185,6 @@ def _widening(residuals: Array) -> float:
     alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
     alike = min(max(alike, 0.0), _MOST_ALIKE)
     return (1 + alike) / (1 - alike)
-
-
-def _weighted(design: Array, values: Array, weights: Array) -> tuple[Array, Array, Array]:
-    """Return the coefficients, the weighted residuals and the inverse of the normal matrix."""
-    root = np.sqrt(weights)
-    scaled = design * root[:, None]
-    inverse = np.linalg.inv(scaled.T @ scaled).astype(np.float64)
-    coefficients = np.linalg.lstsq(scaled, values * root)[0].astype(np.float64)
-    return coefficients, root * (values - design @ coefficients), inverse
-
-
-def _between(design: Array, values: Array, errors: Array) -> float:
-    """Return the variance between flights that makes the weighted squares what they are expected to be."""
-    freedom = len(values) - 2
-
-    def excess(variance: float) -> float:
-        residuals = _weighted(design, values, 1 / (errors**2 + variance))[1]
-        return float(residuals @ residuals) - freedom
-
-    if excess(0.0) <= 0:
-        return 0.0
-    plain = _weighted(design, values, np.ones_like(values))[1]
-    enough = 2 * float(plain @ plain) / freedom
-    return float(brentq(excess, 0.0, enough, xtol=1e-9 * enough, rtol=1e-6))
 
 
 def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> Interval | str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -13,7 +11,8 @@ from mavhums.assessment import Indicator, Interval
 from mavhums.health.baseline import Baseline
 from mavhums.health.drift import Drift, Shift
 
-BASELINE = Baseline(mean=0.22, flights=12, between=0.003, windows=120, within=0.008)
+BASELINE = Baseline(mean=0.22, error=0.001, flights=12, between=0.003, spread=0.004)
+ERROR = 0.008
 Array = NDArray[np.float64]
 
 
@@ -33,16 +32,30 @@ def follow(
     values: Array, baseline: Baseline = BASELINE, **options: bool | float
 ) -> tuple[Drift, list[Shift]]:
     drift = Drift(baseline, **options)  # type: ignore[arg-type]
-    return drift, [drift.feed(float(v), baseline.within, 10.0 * k) for k, v in enumerate(values)]
+    return drift, [drift.feed(float(v), ERROR, 9.0, 10.0 * k) for k, v in enumerate(values)]
 
 
-def test_a_baseline_is_the_flights_mean_and_scatter() -> None:
-    baseline = Baseline.of([indicator(0.20, 5, 0.01), indicator(0.22, 9, 0.02), indicator(0.27, 11, 0.03)])
+def test_flights_known_alike_count_alike() -> None:
+    values = [0.20, 0.22, 0.27]
+    baseline = Baseline.of([indicator(value, 11, 0.011) for value in values])
     assert baseline is not None
     assert baseline.mean == pytest.approx(0.23)
-    assert baseline.between == pytest.approx(np.std([0.20, 0.22, 0.27], ddof=1))
-    assert (baseline.flights, baseline.windows) == (3, 25)
-    assert baseline.within == pytest.approx(np.sqrt((4 * 1e-4 + 8 * 4e-4 + 10 * 9e-4) / 22))
+    of_flight = 0.011**2 / 11 * 10 / 8
+    assert baseline.between == pytest.approx(np.sqrt(np.var(values, ddof=1) - of_flight))
+    assert baseline.error == pytest.approx(np.std(values, ddof=1) / np.sqrt(3))
+    assert baseline.flights == 3
+    assert baseline.flight_variance == pytest.approx(baseline.between**2 + baseline.error**2)
+
+
+def test_a_flight_that_tells_little_counts_little() -> None:
+    good = [indicator(value, 9, 0.003) for value in (0.218, 0.220, 0.222)]
+    poor = [indicator(value, 9, 0.15) for value in (0.26, 0.18, 0.22)]
+    alone, together = Baseline.of(good), Baseline.of([*good, *poor])
+    assert alone is not None
+    assert together is not None
+    assert together.mean == pytest.approx(alone.mean, abs=0.001)
+    assert together.flight_variance < 1.5 * alone.flight_variance
+    assert together.spread > 5 * alone.spread
 
 
 def test_one_flight_or_one_window_is_no_baseline() -> None:
@@ -53,7 +66,7 @@ def test_one_flight_or_one_window_is_no_baseline() -> None:
 
 def test_the_prediction_is_a_students_interval() -> None:
     interval = BASELINE.prediction()
-    half = stats.t.ppf(0.975, 11) * 0.003 * np.sqrt(1 + 1 / 12)
+    half = stats.t.ppf(0.975, 11) * 0.004 * np.sqrt(1 + 1 / 12)
     assert (interval.low, interval.estimate, interval.high) == pytest.approx((0.22 - half, 0.22, 0.22 + half))
 
 
@@ -68,12 +81,10 @@ def test_a_prediction_holds_the_next_flight_as_often_as_it_says() -> None:
     assert 0.935 <= inside / 2000 <= 0.965
 
 
-def test_flights_differ_by_what_their_windows_do_not_explain() -> None:
-    """Each flight's mean of ten windows already scatters by within²/10."""
-    between, mean_of_flight = 0.003**2, 0.008**2 / 10
-    assert BASELINE.flight_variance == pytest.approx(between - mean_of_flight + between / 12)
-    quiet = replace(BASELINE, between=0.001)
-    assert quiet.flight_variance == pytest.approx(0.001**2 / 12)
+def test_flights_without_any_scatter_make_a_baseline() -> None:
+    baseline = Baseline.of([indicator(0.2, 9, 0.0)] * 3)
+    assert baseline is not None
+    assert (baseline.mean, baseline.between) == pytest.approx((0.2, 0.0))
 
 
 def test_the_baseline_itself_is_no_drift() -> None:
@@ -152,26 +163,51 @@ def test_a_rarer_alarm_takes_more_evidence() -> None:
 
 
 @pytest.mark.parametrize("heavy", [False, True])
-def test_false_alarms_are_as_rare_as_promised(heavy: bool) -> None:
+@pytest.mark.parametrize("unlike", [False, True])
+def test_false_alarms_are_as_rare_as_promised(heavy: bool, unlike: bool) -> None:
     """Healthy flights of 100 s whose windows have Student's t4 or normal scatter; baselines of ten flights.
 
-    The rate is asked for 1000 times as high, so that it can be counted: 1000 alarms in 100 h, that is one
-    in 36 windows.
+    Where they are ``unlike``, some are ten times as noisy as others. The rate is asked for 1000 times as
+    high, so that it can be counted: 1000 alarms in 100 h, that is one in 36 windows.
     """
     rng = np.random.default_rng(4)
-    between, within, flights, rate = 0.003, 0.008, 10, 1000.0
+    between, flights, rate = 0.003, 10, 1000.0
     alarms = windows = 0
     for _ in range(300):
+        within = 0.008 * 10 ** (rng.uniform(-0.5, 0.5, flights + 1) if unlike else np.zeros(flights + 1))
         past = np.full((flights, 10), 0.22) + between * rng.standard_normal((flights, 1))
-        past += within * scatter(rng, (flights, 10), heavy)
+        past += within[1:, None] * scatter(rng, (flights, 10), heavy)
         known = Baseline.of([indicator(float(f.mean()), 10, float(f.std(ddof=1))) for f in past])
         assert known is not None
-        now = 0.22 + between * rng.standard_normal() + within * scatter(rng, (10,), heavy)
-        alarms += follow(now, known, false_alarms=rate)[0].alarm is not None
+        now = 0.22 + between * rng.standard_normal() + within[0] * scatter(rng, (10,), heavy)
+        drift = Drift(known, false_alarms=rate)
+        for k, value in enumerate(now):
+            drift.feed(float(value), within[0], 9.0, 10.0 * k)
+        drift.conclude(float(now.mean()), within[0], 9.0, 0.0)
+        alarms += drift.alarm is not None
         windows += 10
     promised = rate / 36_000 * windows
     assert alarms <= promised + 3 * np.sqrt(promised)
     assert alarms >= 0.05 * promised
+
+
+def test_the_whole_flight_shows_what_no_run_of_windows_does() -> None:
+    values = np.full(20, 0.22 + 0.018)
+    drift, shifts = follow(values)
+    assert drift.alarm is None
+    known_worse = drift.conclude(0.238, 0.1, 30.0, 0.0)
+    assert known_worse.error < 0.01
+    assert drift.alarm == known_worse
+    assert drift.alarm.since_s == 0.0
+    assert max(shift.ratio for shift in shifts) < 1.0
+
+
+def test_the_whole_flight_counts_where_it_is_known_better_than_its_windows() -> None:
+    drift, _ = follow(np.full(2, 0.25))
+    assert drift.alarm is None
+    drift.conclude(0.25, 0.001, 30.0, 4.0)
+    assert drift.alarm is not None
+    assert (drift.alarm.value, drift.alarm.since_s) == pytest.approx((0.03, 4.0))
 
 
 def scatter(rng: np.random.Generator, shape: tuple[int, ...], heavy: bool) -> Array:
