@@ -15,7 +15,7 @@ from mavhums.health.detector import Detector, Estimates, Levels
 from mavhums.health.least_squares import Fit
 
 NOTHING: Mapping[str, Fit] = {}
-BASELINE = Baseline(mean=0.2, flights=10, between=0.002, windows=100, within=0.01)
+BASELINE = Baseline(mean=0.2, error=0.001, flights=10, between=0.002, spread=0.003)
 ERROR = 0.01
 
 
