@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.log._jit import kernel
+from mavhums.jit import kernel
 
 __all__ = ["NEVER", "Rows", "combine", "limits", "take"]
 

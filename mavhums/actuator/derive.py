@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.profile import Actuator, Ema
-from mavhums.log._jit import kernel
+from mavhums.jit import kernel
 from mavhums.quantities import KEYS, column
 
 __all__ = ["Deriver"]
