@@ -318,3 +318,18 @@ def test_fewer_false_alarms_take_wider_intervals() -> None:
         followed = course(false_alarms=rate)
         follow(followed, [0.535] * 60)
         assert followed.condition == condition
+
+
+def test_what_begins_the_next_episode_is_no_peak_of_the_one_before() -> None:
+    followed = course(Friction())
+    follow(followed, [0.2] * 30 + [0.7] * 30)
+    normal, degraded = followed.evidence()
+    assert normal.end_s == degraded.start_s
+    assert (normal.value, degraded.value) == (0.2, 0.7)
+
+
+def test_a_doubtful_window_counts_where_the_condition_stays() -> None:
+    followed = course(Friction())
+    follow(followed, [0.2] * 30 + [0.7] * 2 + [0.2] * 30)
+    (normal,) = followed.evidence()
+    assert normal.value == 0.7

@@ -119,3 +119,16 @@ def test_where_blocks_end_does_not_matter(places: list[int]) -> None:
                 found, expected = (joined(getattr(f, part)[name], attribute) for f in (one, other))
                 assert found == pytest.approx(expected, rel=1e-6, abs=1e-9)
         assert one.whole[name][-1].errors == pytest.approx(other.whole[name][-1].errors, rel=1e-6)
+
+
+def test_a_fit_of_the_whole_flight_stays_what_it_was() -> None:
+    actuator, seen = actuator_of(), telemetry(flown(rate_hz=25.0, seconds=40.0))
+    cutter, fits = SlotCutter(), Fits(actuator, ("torque",))
+    for part in (slice(0, 500), slice(500, None)):
+        slots = cutter.feed(seen.time_s[part], widen(seen.values[part]))
+        assert slots is not None
+        fits.feed(slots, motion(actuator, slots))
+        if part.start == 0:
+            whole, before = fits.whole()["torque"], fits.whole()["torque"].count.copy()
+    assert np.array_equal(whole.count, before)
+    assert fits.whole()["torque"].count > before
