@@ -82,7 +82,10 @@ def save(source: str | Path, picture: Path) -> None:
     from PIL import Image
 
     with Image.open(io.BytesIO(draw(source, settle_s=8.0))) as image:
-        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(picture, optimize=True)
+        few = image.convert("RGB").quantize(
+            256, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE
+        )  # other methods lose the colour of a line that covers few pixels
+        few.save(picture, optimize=True)
 
 
 if __name__ == "__main__":

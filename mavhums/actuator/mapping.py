@@ -72,11 +72,12 @@ class _Track:
 
     def used(self) -> NDArray[np.int64]:
         """Return how often each quantity came from each source, shape (sources, 12)."""
+        missing = len(self.aligner.sources) - len(self._used)
+        if missing:
+            self._used = np.vstack([self._used, np.zeros((missing, len(KEYS)), dtype=np.int64)])
         if self._origins:
             origin = np.concatenate(self._origins).astype(np.int64)
             self._origins.clear()
-            missing = len(self.aligner.sources) - len(self._used)
-            self._used = np.pad(self._used, ((0, missing), (0, 0)))
             place = (origin + 1) * len(KEYS) + np.arange(len(KEYS))
             counts = np.bincount(place.ravel(), minlength=(len(self._used) + 1) * len(KEYS))
             self._used += counts.reshape(-1, len(KEYS))[1:]
@@ -163,10 +164,10 @@ class Mapper:
             return {}
         used = track.used()
         fields: dict[str, str] = {}
-        for k, key in enumerate(KEYS):
-            if used.size and used[:, k].any():
-                series = track.aligner.sources[int(used[:, k].argmax())]
-                fields[key] = f"{series.source}.{series.fields[key]}"
+        for key, times, most in zip(KEYS, used.max(axis=0), used.argmax(axis=0), strict=True):
+            if times:
+                origin = track.aligner.sources[most]
+                fields[key] = f"{origin.source}.{origin.fields[key]}"
         merged = {key: source for key, source in fields.items() if key not in track.deriver.dropped}
         for key, how in track.deriver.derived.items():
             reworked = "{" in how

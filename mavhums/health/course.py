@@ -93,6 +93,7 @@ class Course:
         self._false_alarms = false_alarms
         self._episodes: list[_Episode] = []
         self._scatter = Scatter()
+        self._doubtful = -np.inf
         self._errors = PooledErrors()
         self._due_s = -np.inf
         self._latest: _Latest | None = None
@@ -132,8 +133,9 @@ class Course:
             before = self.condition
             if end >= self._due_s:
                 self._alone(signed, error, freedom, end)
-            decided = self._decision.feed(self._said(said, here), end - self._window_s, end, sure=certain)
-            self._extend(decided, end, here)
+            severity = self._said(said, here)
+            decided = self._decision.feed(severity, end - self._window_s, end, sure=certain)
+            self._extend(decided, severity == SEVERITY[self._decision.condition], end, here)
             if self.condition != before:
                 changes.append(Change(k, self.condition, self.since_s or 0.0, self.rule(self.condition)))
         self._latest = _Latest(
@@ -192,17 +194,22 @@ class Course:
         if self._drift is not None:
             self._drift.feed(value, error, freedom, end_s - self._window_s)
 
-    def _extend(self, decided: bool, end_s: float, value: float) -> None:
+    def _extend(self, decided: bool, agrees: bool, end_s: float, value: float) -> None:
+        """Take a window that is over; unless it agrees with the episode, it may belong to the next one."""
+        self._doubtful = max(self._doubtful, value)
         if decided:
             since = self._decision.since_s or 0.0
             if self._episodes:
                 self._episodes[-1].end_s = since
             if len(self._episodes) == _MOST_EPISODES:
                 del self._episodes[_MOST_EPISODES // 2]
-            self._episodes.append(_Episode(self._decision.condition, since, end_s, value))
+            self._episodes.append(_Episode(self._decision.condition, since, end_s, self._doubtful))
         elif self._episodes:
-            episode = self._episodes[-1]
-            episode.end_s, episode.peak = end_s, max(episode.peak, value)
+            self._episodes[-1].end_s = end_s
+        if self._episodes and agrees:
+            self._episodes[-1].peak = max(self._episodes[-1].peak, self._doubtful)
+        if decided or agrees:
+            self._doubtful = -np.inf
 
     def rule(self, condition: Condition) -> str:
         """Return in words why the quantity makes the condition what it is."""

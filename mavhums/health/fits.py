@@ -70,7 +70,7 @@ class Fits:
 
     def whole(self) -> dict[str, Fit]:
         """Return the fits of the whole flight so far, each one window."""
-        return self._fit(self._groups[None])
+        return self._fit(self._groups[None].copy())
 
     def _fit(self, sums: Array) -> dict[str, Fit]:
         return {name: Fit(sums[:, :, self._columns[name]], prior) for name, prior in self._priors.items()}

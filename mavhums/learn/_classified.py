@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.feature_selection import SelectorMixin
-from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.multiclass import check_classification_targets, type_of_target
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-__all__ = ["Classified", "SupportSelector"]
+__all__ = ["Classified", "SupportSelector", "TwoClasses"]
 
 
 class Classified(BaseEstimator):
@@ -44,3 +45,47 @@ class SupportSelector(SelectorMixin, Classified):
     def _get_support_mask(self) -> NDArray[np.bool_]:
         check_is_fitted(self)
         return self.support_
+
+
+class TwoClasses(ClassifierMixin, Classified):
+    """A classifier of two classes, which ``fit`` leaves in ``classes_``."""
+
+    classes_: NDArray[Any]
+    weight_decay: float
+
+    def _coded(self, X: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        """Return samples (n, k) and the place of each one's class in ``classes_``, shape (n,).
+
+        Raises
+        ------
+        ValueError
+            If they are not finite numbers and two classes.
+        """
+        values, target = self._checked(X, y)
+        if type_of_target(target) != "binary":
+            message = "Only binary classification is supported. The type of the target is "
+            raise ValueError(f"{message}{type_of_target(target)}.")
+        self.classes_, codes = np.unique(target, return_inverse=True)
+        if len(self.classes_) != 2:
+            raise ValueError(f"two classes are needed, the data hold one class: {self.classes_[0]!r}")
+        return values, codes
+
+    def _features(self, X: ArrayLike) -> NDArray[np.float64]:
+        check_is_fitted(self)
+        features: NDArray[np.float64] = validate_data(self, X, dtype=np.float64, reset=False)
+        return features
+
+    def _check_training(self, *integers: str) -> None:
+        """Check the parameters that must be integers of at least 1, and the weight decay."""
+        for name in integers:
+            value = getattr(self, name)
+            if not isinstance(value, Integral) or value < 1:
+                raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
+        if not isinstance(self.weight_decay, Real) or not 0 <= self.weight_decay < np.inf:
+            raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
+
+    def __sklearn_tags__(self) -> Any:
+        """Say that two classes are known."""
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.multi_class = False
+        return tags

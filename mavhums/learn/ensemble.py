@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils import check_random_state
-from sklearn.utils.multiclass import check_classification_targets, type_of_target
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, validate_data
 
 from mavhums.errors import MissingExtraError
+from mavhums.learn._classified import TwoClasses
 from mavhums.learn.inference import TanhNetwork
 
 __all__ = ["TanhNetworkEnsemble"]
 
 
-class TanhNetworkEnsemble(ClassifierMixin, BaseEstimator):
+class TanhNetworkEnsemble(TwoClasses):
     """Many k-h-2 networks with tanh neurons for two classes, trained as one tensor program.
 
     The networks differ in their hidden neurons and initial weights. The ensemble's probability is
@@ -145,17 +144,10 @@ class TanhNetworkEnsemble(ClassifierMixin, BaseEstimator):
             If torch is not installed.
         """
         self._check_parameters()
-        values, target = validate_data(self, X, y, dtype=np.float64)
-        check_classification_targets(target)
-        if type_of_target(target) != "binary":
-            message = "Only binary classification is supported. The type of the target is "
-            raise ValueError(f"{message}{type_of_target(target)}.")
+        values, codes = self._coded(X, y)
         weight = None
         if sample_weight is not None:
             weight = _check_sample_weight(sample_weight, values, dtype=np.float64, ensure_non_negative=True)
-        self.classes_, codes = np.unique(target, return_inverse=True)
-        if len(self.classes_) != 2:
-            raise ValueError(f"two classes are needed, the data hold one class: {self.classes_[0]!r}")
         try:
             from mavhums.learn.batch_training import Batch, train_batch
         except ModuleNotFoundError as error:
@@ -212,25 +204,13 @@ class TanhNetworkEnsemble(ClassifierMixin, BaseEstimator):
         return scores
 
     def _second(self, X: ArrayLike) -> NDArray[np.float64]:
-        check_is_fitted(self)
-        features = validate_data(self, X, dtype=np.float64, reset=False)
+        features = self._features(X)
         return np.stack([network.p_first(features) for network in self.networks_])
 
     def _check_parameters(self) -> None:
-        for name in ("n_networks", "max_iter", *(() if self.patience is None else ("patience",))):
-            value = getattr(self, name)
-            if not isinstance(value, Integral) or value < 1:
-                raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
+        self._check_training("n_networks", "max_iter", *(() if self.patience is None else ("patience",)))
         if not len(self.hidden) or not all(isinstance(h, Integral) and h >= 1 for h in self.hidden):
             raise ValueError(f"hidden must be integers of at least 1, got {self.hidden!r}")
-        if not isinstance(self.weight_decay, Real) or not 0 <= self.weight_decay < np.inf:
-            raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
         for name, known in (("optimiser", ("lbfgs", "adam")), ("precision", ("single", "double"))):
             if getattr(self, name) not in known:
                 raise ValueError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
-
-    def __sklearn_tags__(self) -> Any:
-        """Say that the networks know two classes."""
-        tags = super().__sklearn_tags__()
-        tags.classifier_tags.multi_class = False
-        return tags

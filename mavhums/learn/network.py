@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.model_selection import train_test_split
 from sklearn.utils import check_random_state
-from sklearn.utils.multiclass import check_classification_targets, type_of_target
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight
 
 from mavhums.errors import MissingExtraError
+from mavhums.learn._classified import TwoClasses
 from mavhums.learn.inference import TanhNetwork
 from mavhums.learn.scaling import unit_interval
 
 __all__ = ["TanhNetworkClassifier"]
 
 
-class TanhNetworkClassifier(ClassifierMixin, BaseEstimator):
+class TanhNetworkClassifier(TwoClasses):
     """A k-h-2 network with tanh neurons for two classes; the winner takes all.
 
     Features are scaled onto the unit interval by the range of the training data. Labels are coded
@@ -122,14 +121,7 @@ class TanhNetworkClassifier(ClassifierMixin, BaseEstimator):
             If torch is not installed.
         """
         self._check_parameters()
-        values, target = validate_data(self, X, y, dtype=np.float64)
-        check_classification_targets(target)
-        if type_of_target(target) != "binary":
-            message = "Only binary classification is supported. The type of the target is "
-            raise ValueError(f"{message}{type_of_target(target)}.")
-        self.classes_, codes = np.unique(target, return_inverse=True)
-        if len(self.classes_) != 2:
-            raise ValueError(f"two classes are needed, the data hold one class: {self.classes_[0]!r}")
+        values, codes = self._coded(X, y)
         try:
             from mavhums.learn.optimisation import train
         except ModuleNotFoundError as error:
@@ -160,30 +152,19 @@ class TanhNetworkClassifier(ClassifierMixin, BaseEstimator):
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """Return the class whose output is the larger, shape (n_samples,)."""
-        outputs = self._network().outputs(self._features(X))
+        features = self._features(X)
+        outputs = self.network_.outputs(features)
         classes: NDArray[Any] = self.classes_[(outputs[:, 0] > outputs[:, 1]).astype(np.intp)]
         return classes
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Return the softmax of the outputs in the order of ``classes_``, shape (n_samples, 2)."""
-        second = self._network().p_first(self._features(X))
+        features = self._features(X)
+        second = self.network_.p_first(features)
         return np.column_stack([1 - second, second])
 
-    def _network(self) -> TanhNetwork:
-        check_is_fitted(self)
-        return self.network_
-
-    def _features(self, X: ArrayLike) -> NDArray[np.float64]:
-        features: NDArray[np.float64] = validate_data(self, X, dtype=np.float64, reset=False)
-        return features
-
     def _check_parameters(self) -> None:
-        for name in ("hidden", "max_iter", "patience"):
-            value = getattr(self, name)
-            if not isinstance(value, Integral) or value < 1:
-                raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
-        if not isinstance(self.weight_decay, Real) or not 0 <= self.weight_decay < np.inf:
-            raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
+        self._check_training("hidden", "max_iter", "patience")
         if not isinstance(self.validation_fraction, Real) or not 0 <= self.validation_fraction < 1:
             raise ValueError(f"validation_fraction must lie in [0, 1), got {self.validation_fraction!r}")
 
@@ -197,9 +178,3 @@ class TanhNetworkClassifier(ClassifierMixin, BaseEstimator):
             rows, test_size=self.validation_fraction, stratify=codes, random_state=random
         )
         return kept, held_out
-
-    def __sklearn_tags__(self) -> Any:
-        """Say that the network knows two classes."""
-        tags = super().__sklearn_tags__()
-        tags.classifier_tags.multi_class = False
-        return tags

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import re
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from mavhums.errors import MavhumsError
 
@@ -22,8 +21,7 @@ class AddressError(MavhumsError):
     """Nothing can be reached or bound at the address."""
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
+class Address(NamedTuple):
     """One end of a link.
 
     Attributes

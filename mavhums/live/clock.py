@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 __all__ = ["ReceiveClock"]
+
+_MAX_AGE_US = 1_000_000
 
 
 class ReceiveClock:
@@ -23,8 +25,8 @@ class ReceiveClock:
     --------
     >>> walls = iter([1_000_000_000, 99_000_000_000])
     >>> clock = ReceiveClock(lambda: next(walls), lambda: 0)
-    >>> clock.now_us(), clock.at_us(98_999_500_000)
-    (1000000, 999500)
+    >>> clock.now_us(), clock.at_us([98_999_500_000, None])
+    (1000000, [999500, 1000000])
     """
 
     def __init__(
@@ -37,7 +39,10 @@ class ReceiveClock:
         """Return the present time, microseconds of UTC."""
         return (self._steady_ns() + self._offset_ns) // 1000
 
-    def at_us(self, wall_ns: int) -> int:
-        """Return the time of a moment just past that the stepping clock calls ``wall_ns``."""
-        age_us = (self._wall_ns() - wall_ns) // 1000
-        return self.now_us() - min(max(age_us, 0), 1_000_000)
+    def at_us(self, walls_ns: Iterable[int | None]) -> list[int]:
+        """Return the times of moments just past, by what the stepping clock calls them; None is now."""
+        wall_ns, now_us = self._wall_ns(), self.now_us()
+        return [
+            now_us if then_ns is None else now_us - min(max((wall_ns - then_ns) // 1000, 0), _MAX_AGE_US)
+            for then_ns in walls_ns
+        ]

@@ -19,6 +19,7 @@ __all__ = ["Link", "TcpLink", "UdpLink", "open_link"]
 
 _LOG = logging.getLogger(__name__)
 _BUFFER = 8 << 20
+_LARGEST = 65_535
 _AT_ONCE = 4096
 _RETRY_US = 1_000_000
 # Of Linux; the socket module does not name them all.
@@ -84,6 +85,7 @@ class UdpLink:
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         family, target = _resolve(address, socket.SOCK_DGRAM)
         self.dropped = self._latest_us = 0
+        self._buffer = memoryview(bytearray(_LARGEST))
         self._clock = clock
         self._listens = address.kind == "udpin"
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
@@ -104,15 +106,16 @@ class UdpLink:
 
     def receive(self) -> list[Piece]:
         """Return the datagrams that have arrived, at most a few thousand."""
+        came = []
+        # An error says that nothing is left, or that the peer's port is closed; it may open again.
+        with contextlib.suppress(OSError):
+            for _ in range(_AT_ONCE):
+                size, ancillary, _, peer = self._socket.recvmsg_into([self._buffer], _ANCILLARY)
+                came.append((peer, self._received_ns(ancillary), bytes(self._buffer[:size])))
         pieces = []
-        for _ in range(_AT_ONCE):
-            try:
-                data, ancillary, _, peer = self._socket.recvmsg(65_535, _ANCILLARY)
-            except BlockingIOError:
-                break
-            except OSError:  # the peer's port is closed: it may open again
-                break
-            pieces.append(Piece((self.address, peer), self._time_us(ancillary), data))
+        for (peer, _, data), time_us in zip(came, self._clock.at_us(ns for _, ns, _ in came), strict=True):
+            self._latest_us = max(self._latest_us, time_us)
+            pieces.append(Piece((self.address, peer), self._latest_us, data))
         return pieces
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
@@ -129,7 +132,8 @@ class UdpLink:
         """Close the socket."""
         self._socket.close()
 
-    def _time_us(self, ancillary: list[tuple[int, int, bytes]]) -> int:
+    def _received_ns(self, ancillary: list[tuple[int, int, bytes]]) -> int | None:
+        """Return when a datagram came, if the kernel tells, and note how many it has dropped."""
         received_ns = None
         for level, kind, content in ancillary:
             if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
@@ -137,9 +141,7 @@ class UdpLink:
                 received_ns = seconds * 1_000_000_000 + nanoseconds
             elif level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
                 self.dropped = _COUNT.unpack_from(content)[0]
-        time_us = self._clock.now_us() if received_ns is None else self._clock.at_us(received_ns)
-        self._latest_us = max(self._latest_us, time_us)
-        return self._latest_us
+        return received_ns
 
 
 class TcpLink:

@@ -9,6 +9,8 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from mavhums.actuator.profile import load_airframe
 from mavhums.engine import Engine
 from mavhums.health.decision import FALSE_ALARMS
@@ -25,13 +27,14 @@ from mavhums.live.session import Session, Sink
 from mavhums.log.dialect import load_dialect
 from mavhums.log.signing import Guard, load_key
 from mavhums.log.stamping import Piece, Stamper
+from mavhums.quantities import KEYS
 
 __all__ = ["Options", "prepare"]
 
 _LOG = logging.getLogger(__name__)
 _HEARD_US = 10_000_000
 _UNKNOWN_VEHICLE = 1
-_HEARTBEAT = bytes.fromhex("fe09000101000000000006080004039043")
+_SERVO_OUTPUT_RAW = bytes.fromhex("fe150001012401000000dc05dc05dc05dc050000000000000000007188")
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,5 +147,9 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
 def _warm_up(dialect: Path | None, models: Sequence[Model]) -> None:
     """Compile what is compiled at its first use, before anything is missed for it."""
     stamper = Stamper(load_dialect(dialect))
-    records = stamper.feed([Piece(None, 0, _HEARTBEAT)])
-    Engine(model=models, dialect=dialect).feed(records)
+    records = stamper.feed([Piece(None, 0, _SERVO_OUTPUT_RAW)])
+    engine = Engine(load_airframe("paper"), model=models, dialect=dialect)
+    engine.feed(records)
+    engine.finish()
+    for model in models:
+        model.votes(np.zeros((1, len(KEYS))))

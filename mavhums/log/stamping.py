@@ -119,6 +119,7 @@ class Stamper:
         senders: dict[Hashable, list[int]] = {}
         for k, piece in enumerate(pieces):
             senders.setdefault(piece.sender, []).append(k)
+        arrived_us = np.array([piece.time_us for piece in pieces], dtype=np.int64)
         for sender, places in senders.items():
             stream = self._streams.get(sender)
             if stream is None:
@@ -127,8 +128,7 @@ class Stamper:
             batch, by = stream.feed([pieces[k].data for k in places])
             if batch.rows.size:
                 arrival = np.array(places)[by]
-                time_us = np.array([piece.time_us for piece in pieces], dtype=np.int64)[arrival]
-                found.append(_Found(sender, batch, time_us, arrival))
+                found.append(_Found(sender, batch, arrived_us[arrival], arrival))
         self._forget()
         self._counts.pieces += len(pieces)
         self._counts.bytes += sum(len(piece.data) for piece in pieces)

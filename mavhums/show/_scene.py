@@ -22,12 +22,13 @@ from mavhums.events import (
     Samples,
     Window,
 )
+from mavhums.health.detector import detectors_for
 from mavhums.show._craft import craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track
 from mavhums.show._vehicle import Vehicle
 from mavhums.show._words import clock
-from mavhums.show.blueprint import Lane, Surroundings, layout
+from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.report import markdown, so_far
 
 __all__ = ["Scene"]
@@ -143,7 +144,9 @@ class Scene:
 
     def shape(self) -> object:
         """Return what the layout depends on: where it stays the same, so does the layout."""
-        shown = [(track.root, track.held, track.present, len(track.faults)) for track in self.ranked()]
+        shown = [
+            (track.root, track.held, track.present, len(track.faults), track.cause) for track in self.ranked()
+        ]
         return shown, self._surroundings()
 
     def ranked(self) -> list[Track]:
@@ -152,7 +155,10 @@ class Scene:
         return sorted(self._tracks.values(), key=lambda track: order.index(track.held))
 
     def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
-        return Lane(track.root, self._title(track), condition, worst, track.present, dict(track.faults))
+        faults = tuple(
+            Fault(fault, _unit(track, fault), track.faults[fault]) for fault in sorted(track.faults)
+        )
+        return Lane(track.root, self._title(track), condition, worst, track.present, faults, track.cause)
 
     def _title(self, track: Track) -> str:
         several = len({vehicle for vehicle, _ in self._tracks}) > 1
@@ -196,8 +202,8 @@ class Scene:
         )
         if known is None or part is None:
             return
-        if part.limits is not None:
-            track.limits = part.limits, known[1]
+        track.detectors = {detector.fault: detector for detector in detectors_for(part)}
+        track.known_s = known[1]
         craft = self._vehicle(track.vehicle).craft
         if not craft.surfaces:
             craft.fit(known[0].actuators)
@@ -216,5 +222,12 @@ class Scene:
 
 
 def _change(event: ConditionChanged) -> str:
-    what = f"{event.before} → {event.after} since {clock(event.since_s)}: {event.rule}"
-    return f"{event.actuator}: {what} (vehicle {event.vehicle})"
+    """Say it in the order of what a narrow view can show; what it was before is in the event before."""
+    why = event.rule.removeprefix(f"{event.after}: ")
+    since = f"{event.after} since {clock(event.since_s)}"
+    return f"{event.actuator}: {since}, {why} (vehicle {event.vehicle})"
+
+
+def _unit(track: Track, fault: str) -> str:
+    unit = track.detectors[fault].unit if fault in track.detectors else "1"
+    return "" if unit == "1" else unit

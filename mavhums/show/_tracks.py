@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from mavhums.actuator.profile import Limits
 from mavhums.assessment import Condition
 from mavhums.events import ConditionChanged, Indication, Samples, Window
+from mavhums.health.detector import Detector
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
@@ -26,14 +27,7 @@ _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: ST
 _ROWS_PER_CHUNK: Final = 4096
 _BEFORE_S, _AFTER_S = 10.0, 10.0
 _HALF_WINDOW_S: Final = 5.0
-_STYLES: Final = {
-    "friction": rr.SeriesLines(
-        names=["friction", "low (95 %)", "high (95 %)"],
-        colors=[BLUE, PALE_BLUE, PALE_BLUE],
-        widths=[2.5, 1, 1],
-    ),
-    "network": rr.SeriesLines(names="probability of emergency", colors=BLUE, widths=2.5),
-}
+_NETWORK_STYLE: Final = rr.SeriesLines(names="probability of emergency", colors=BLUE, widths=2.5)
 
 
 def actuator_path(vehicle: int | None, actuator: str) -> str:
@@ -59,8 +53,10 @@ class Track:
         The entity path of the actuator.
     surface
         What stands for it in the airframe; None without a profile.
-    limits
-        Of its friction, and from which flight time on they are known.
+    detectors
+        By fault, with its quantity and its limits; empty without a profile.
+    known_s
+        Flight time from which on the profile is known.
     held, worst
         The condition that it is held to be in, and the worst that it ever was.
     stale
@@ -69,6 +65,8 @@ class Track:
         Where it came into that condition; None before it was ever decided.
     latest
         The latest window in which something could be judged.
+    cause
+        The fault that made the condition the worst that it ever was.
     faults
         Entity paths of what shows other faults than friction.
     last_s
@@ -79,13 +77,15 @@ class Track:
         self.vehicle, self.actuator = vehicle, actuator
         self.root = actuator_path(vehicle, actuator)
         self.surface: Surface | None = None
-        self.limits: tuple[Limits, float] | None = None
+        self.detectors: Mapping[str, Detector] = {}
+        self.known_s = 0.0
         self.held: Condition = "undecided"
         self.worst: Condition = "undecided"
         self.stale = False
         self.since_s: float | None = None
         self.latest: Window | None = None
         self.last_s = 0.0
+        self.cause = "friction"
         self.faults: dict[str, str] = {}
         self._stream = stream
         self._signals = Signals(stream, f"{self.root}/quantities", live=live, moved=self._move)
@@ -94,7 +94,7 @@ class Track:
         self._states: list[tuple[float, str]] = []
         self._first_s = self._heard_s = np.inf
         self._state_s: float | None = None
-        self._limits_s: float | None = None
+        self._limits_s: dict[str, float] = {}
         states = rr.StateConfiguration(
             values=list(_STATES),
             labels=[*COLOURS, "stale: no data"],
@@ -140,12 +140,7 @@ class Track:
             self.faults[event.fault] = rr.new_entity_path(
                 [*self.root.strip("/").split("/"), "faults", event.fault]
             )
-            style = rr.SeriesLines(
-                names=[event.fault, "low (95 %)", "high (95 %)"],
-                colors=[BLUE, PALE_BLUE, PALE_BLUE],
-                widths=[2.5, 1, 1],
-            )
-            self._stream.log(self.faults[event.fault], style, static=True)
+            self._stream.log(self.faults[event.fault], _interval_style(event.fault), static=True)
         rows = np.stack([event.value, event.low, event.high], axis=1)
         middle = event.end_s - _HALF_WINDOW_S
         send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
@@ -157,6 +152,8 @@ class Track:
         self._state(event.since_s, event.after)
         self._signals.mark(event.since_s - _BEFORE_S, event.time_s + _AFTER_S)
         self.held, self.since_s = event.after, event.since_s
+        if _REACHED.index(event.after) >= _REACHED.index(self.worst):
+            self.cause = event.fault
         self.worst = max(self.worst, event.after, key=_REACHED.index)
 
     def now(self, time_s: float) -> None:
@@ -217,7 +214,8 @@ class Track:
                 continue
             if leaf not in self._drawn:
                 self._drawn.add(leaf)
-                self._stream.log(f"{self.root}/{leaf}", _STYLES[leaf], static=True)
+                style = _NETWORK_STYLE if leaf == "network" else _interval_style(leaf)
+                self._stream.log(f"{self.root}/{leaf}", style, static=True)
             self._send(leaf, time, rr.Scalars.columns(scalars=rows))
 
     def _flush_states(self) -> None:
@@ -229,24 +227,42 @@ class Track:
                 self.surface.colour(time, [_STATES[state] for _, state in states])
 
     def _flush_limits(self) -> None:
-        """Draw the limits up to the last that was seen."""
-        if self.limits is None:
-            return
-        limits, start_s = self.limits
-        times = [max(start_s, self.last_s)]
-        if self._limits_s is None:
-            style = rr.SeriesLines(
-                names=[f"normal up to {limits.normal:g}", f"emergency from {limits.emergency:g}"],
-                colors=[COLOURS["degraded"], COLOURS["emergency"]],
-                widths=[2, 2],
-            )
-            self._stream.log(f"{self.root}/limits", style, static=True)
-            times.insert(0, start_s)
-        elif times[0] <= self._limits_s:
-            return
-        self._limits_s = times[-1]
-        rows = np.tile([limits.normal, limits.emergency], (len(times), 1))
-        self._send("limits", times, rr.Scalars.columns(scalars=rows))
+        """Draw the limits of what is drawn up to the last that was seen."""
+        for fault, detector in self.detectors.items():
+            path = self.root if fault == "friction" else self.faults.get(fault)
+            limits = list(_limits(detector))
+            if path is None or not limits:
+                continue
+            names, values, colours = zip(*limits, strict=True)
+            times = [max(self.known_s, self.last_s)]
+            if fault not in self._limits_s:
+                style = rr.SeriesLines(names=names, colors=colours, widths=[2] * len(names))
+                self._stream.log(f"{path}/limits", style, static=True)
+                times.insert(0, self.known_s)
+            elif times[0] <= self._limits_s[fault]:
+                continue
+            self._limits_s[fault] = times[-1]
+            rows = np.tile(values, (len(times), 1))
+            send(self._stream, f"{path}/limits", times, rr.Scalars.columns(scalars=rows))
 
     def _send(self, leaf: str, time_s: Times, content: rr.ComponentColumnList) -> None:
         send(self._stream, f"{self.root}/{leaf}" if leaf else self.root, time_s, content)
+
+
+def _interval_style(name: str) -> rr.SeriesLines:
+    return rr.SeriesLines(
+        names=[name.replace("_", " "), "low (95 %)", "high (95 %)"],
+        colors=[BLUE, PALE_BLUE, PALE_BLUE],
+        widths=[2.5, 1, 1],
+    )
+
+
+def _limits(detector: Detector) -> Iterator[tuple[str, float, tuple[int, int, int]]]:
+    """Yield name, value and colour of a quantity's limits; a two-sided one has its limit on either side."""
+    normal, emergency = detector.levels
+    if normal is not None:
+        yield f"normal up to {normal:g}", normal, COLOURS["degraded"]
+        if detector.two_sided:
+            yield f"normal from {-normal:g}", -normal, COLOURS["degraded"]
+    if emergency is not None:
+        yield f"emergency from {emergency:g}", emergency, COLOURS["emergency"]

@@ -54,6 +54,8 @@ ADVICE: Final[dict[Condition, str]] = {
 def name(verdict: Verdict, assessment: Assessment) -> str:
     """Return the actuator's name, with its vehicle where the log holds several."""
     vehicles = {other.vehicle for other in assessment.verdicts}
+    if verdict.actuator == ALL:
+        return "every actuator"
     return verdict.actuator if len(vehicles) < 2 else f"{verdict.vehicle}: {verdict.actuator}"
 
 
@@ -154,6 +156,8 @@ def finding(item: Evidence) -> str:
     >>> finding(Evidence(kind="friction", start_s=38, end_s=68, value=0.41, limit=0.375, rule="above normal"))
     '38.0s to 1m08s: friction up to 0.410 N·m, above normal'
     """
+    if item.kind == "network":
+        return f"{clock(item.start_s)} to {clock(item.end_s)}: {percent(item.value)} {item.rule}"
     if item.kind == "friction":
         value = f"friction up to {item.value:.3f} N·m"
     else:

@@ -16,7 +16,7 @@ from mavhums.show._signals import ARCHETYPE
 from mavhums.show._stream import TIMELINE
 from mavhums.show._words import SERIES
 
-__all__ = ["Lane", "Surroundings", "layout", "panels", "whole_flight"]
+__all__ = ["Fault", "Lane", "Surroundings", "layout", "panels", "whole_flight"]
 
 _PLOTS: Final = (
     ("angle", ("V1", "V3")),
@@ -34,6 +34,14 @@ _MAP_PIXELS: Final = 100
 _LIVE_SIGNALS_S, _LIVE_EVIDENCE_S = 30, 120
 
 
+class Fault(NamedTuple):
+    """What shows another fault than friction: its name, its unit (or none), its entity path."""
+
+    name: str
+    unit: str
+    path: str
+
+
 class Lane(NamedTuple):
     """One actuator, as the layout must know it.
 
@@ -48,7 +56,9 @@ class Lane(NamedTuple):
     present
         What there is to draw: the quantities that the log carries, ``friction`` and ``network``.
     faults
-        Entity paths of what shows other faults, by fault.
+        What shows other faults.
+    cause
+        The fault that made it the worst it was; its plot lies in front.
     """
 
     root: str
@@ -56,7 +66,8 @@ class Lane(NamedTuple):
     condition: Condition
     worst: Condition
     present: frozenset[str]
-    faults: Mapping[str, str] = {}
+    faults: tuple[Fault, ...] = ()
+    cause: str = "friction"
 
 
 class _Axes(NamedTuple):
@@ -179,13 +190,9 @@ def _tab(lane: Lane) -> str:
 
 def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
     root, keys = lane.root, lane.present
-    answer: list[rrb.View | rrb.Container] = []
-    if "friction" in keys:
-        contents = [f"{root}/friction", f"{root}/limits"]
-        answer.append(_plot("Friction, N·m, against its limits", contents, axes.evidence))
-    if lane.faults:
-        others = [_plot(name.replace("_", " "), [path], axes.evidence) for name, path in lane.faults.items()]
-        answer = [rrb.Tabs(*answer, *others, active_tab=0)]
+    answer: list[rrb.View | rrb.Container] = list(_faults(lane, axes.evidence))
+    if len(answer) > 1:
+        answer = [rrb.Tabs(*answer, active_tab=0)]
     if "network" in keys:
         title = "Network: P(emergency)"
         answer.append(_plot(title, [f"{root}/network"], axes.evidence, legend=False, span=(-0.05, 1.05)))
@@ -197,6 +204,18 @@ def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
     if signals:
         rows.append(rrb.Grid(*signals, grid_columns=min(3, len(signals))))
     return rrb.Vertical(*rows, row_shares=[1, 2] if len(rows) == 2 else None, name=_tab(lane))
+
+
+def _faults(lane: Lane, axis: rrb.TimeAxis) -> list[rrb.View]:
+    """Return what shows each fault against its limits, the one in question first, then friction."""
+    plots: dict[str, rrb.View] = {}
+    if "friction" in lane.present:
+        contents = [f"{lane.root}/friction", f"{lane.root}/limits"]
+        plots["friction"] = _plot("Friction, N·m, against its limits", contents, axis)
+    for name, unit, path in lane.faults:
+        title = ", ".join(filter(None, (name.replace("_", " ").capitalize(), unit)))
+        plots[name] = _plot(title, [path, f"{path}/limits"], axis)
+    return [plots[name] for name in sorted(plots, key=lambda name: name != lane.cause)]
 
 
 def _signals(root: str, subject: str, keys: list[str], axis: rrb.TimeAxis) -> rrb.TimeSeriesView:

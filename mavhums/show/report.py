@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from math import floor, log10
 from typing import Final
 
 from mavhums.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
@@ -26,6 +27,7 @@ __all__ = ["markdown", "so_far"]
 
 _HEAD: Final = ("| actuator | condition | friction, N·m | network | since |", "|---|---|---|---|---|")
 _FIRST, _LAST = 4, 6
+_NUMBER = re.compile(r"(\d+)")
 _ACTIVE = re.compile(r"([\\`*\[\]<|])")
 
 
@@ -138,16 +140,29 @@ def _findings(verdict: Verdict) -> Iterator[str]:
     yield from told
 
 
-def _indicators(found: Iterable[Indicator]) -> str:
-    """Return a table of what was estimated of each fault, and what it should be."""
-    lines = ["| shows | quantity | value (95 %) | limit | own baseline |", "|---|---|---|---|---|"]
+def _indicators(found: Sequence[Indicator]) -> str:
+    """Return a table of what was estimated over the whole flight, and what it should be."""
+    head = ["over the whole flight", "value (95 %)", "limit", "own baseline"]
+    rows = [head, ["---"] * len(head)]
     for item in found:
-        span = f"{item.value.estimate:.3g} ({item.value.low:.3g} to {item.value.high:.3g}) {item.unit}"
+        unit = "" if item.unit == "1" else f", {item.unit}"
         limit = "—" if item.limit is None else f"{item.limit:.3g}"
-        own = f"{item.baseline.low:.3g} to {item.baseline.high:.3g}" if item.baseline else "—"
-        cells = (item.fault.replace("_", " "), item.quantity, span, limit, own)
-        lines.append(f"| {' | '.join(_literal(cell) for cell in cells)} |")
-    return "\n".join(lines)
+        own = _span(item.baseline) if item.baseline else "—"
+        value = f"{_figure(item.value.estimate, item.value)} ({_span(item.value)})"
+        rows.append([_literal(cell) for cell in (f"{item.quantity}{unit}", value, limit, own)])
+    width = len(head) if any(item.baseline for item in found) else len(head) - 1
+    return "\n".join(f"| {' | '.join(row[:width])} |" for row in rows)
+
+
+def _span(interval: Interval) -> str:
+    return f"{_figure(interval.low, interval)} to {_figure(interval.high, interval)}"
+
+
+def _figure(value: float, interval: Interval) -> str:
+    """Write a value with as many decimals as tell two figures of half the interval; zero has no sign."""
+    half = (interval.high - interval.low) / 2
+    digits = min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
+    return f"{value:z.{digits}f}"
 
 
 def _undecided(assessment: Assessment) -> Iterator[str]:
@@ -157,21 +172,34 @@ def _undecided(assessment: Assessment) -> Iterator[str]:
 
 
 def _provenance(assessment: Assessment) -> Iterator[str]:
-    groups: dict[tuple[str | None, tuple[tuple[str, str], ...]], list[str]] = {}
+    """Yield a table of sources for each group of actuators whose sources differ in numbers alone."""
+    groups: dict[object, list[Verdict]] = {}
     for verdict in assessment.ranked():
         if verdict.provenance:
-            sources = tuple(sorted(verdict.provenance.items()))
-            groups.setdefault((verdict.tier, sources), []).append(name(verdict, assessment))
-    for (tier, sources), names in groups.items():
+            alike = {key: _NUMBER.sub("#", source) for key, source in verdict.provenance.items()}
+            groups.setdefault((verdict.tier, *sorted(alike.items())), []).append(verdict)
+    for verdicts in groups.values():
+        names, tier = (name(verdict, assessment) for verdict in verdicts), verdicts[0].tier
         lines = [f"## Where the values of {_literal(join(names))} came from"]
         lines += [f"Telemetry tier: {_literal(tier)}."] if tier else []
         table = ["| quantity | source |", "|---|---|"]
-        found = dict(sources)
         for quantity in QUANTITIES:
-            source = found.get(quantity.key)
-            source = _literal(source) if source else "not in the log"
+            sources = [source for v in verdicts if (source := v.provenance.get(quantity.key))]
+            source = _literal(_as_one(sources)) if sources else "not in the log"
             table.append(f"| {quantity.key} {quantity.name}, {quantity.unit} | {source} |")
         yield "\n\n".join([*lines, "\n".join(table)])
+
+
+def _as_one(sources: Sequence[str]) -> str:
+    """Write sources that differ in numbers alone as one.
+
+    Examples
+    --------
+    >>> _as_one(["ESC_STATUS[0].rpm", "ESC_STATUS[1].rpm"])
+    'ESC_STATUS[0/1].rpm'
+    """
+    parts = zip(*(_NUMBER.split(source) for source in sources), strict=True)
+    return "".join(part[0] if len({*part}) == 1 else "/".join(part) for part in parts)
 
 
 def _log(assessment: Assessment) -> str:

@@ -76,7 +76,7 @@ def _blueprint(flights: Sequence[Flown], experiments: Sequence[Experiment]) -> r
         lanes = [_lane(flown, experiment) for experiment in experiments for flown in _shown(flights)]
         title = "Network's decision, by inputs and friction: above 0.375 N·m it should be an emergency"
         left.append(rrb.StateTimelineView(origin="/", contents=lanes, name=title, time_view=whole_flight()))
-    tabs = [_quantities(flown) for flown in flights]
+    tabs = [_quantities(flown) for flown in sorted(flights, key=lambda flown: flown.friction_nm)]
     if experiments:
         tabs.insert(0, _outputs(flights))
     left.append(rrb.Tabs(*tabs, active_tab=0))

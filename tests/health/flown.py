@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -41,20 +42,19 @@ def flown(
     seed: int = 900,
     individuals: int | None = 77,
     esc_side: EscSide = "motor",
-) -> FlightRecord:
+) -> dict[str, Telemetry]:
     """Fly two-mass individuals; the conditions are the elevator's."""
-    return fly(
-        Flight(
-            seed=seed,
-            duration_s=seconds,
-            rate_hz=rate_hz,
-            parameters=TWO_MASSES,
-            cyclogram=cyclogram,
-            individuals=individuals,
-            conditions={"elevator": conditions},
-            esc_side=esc_side,
-        )
+    flight = Flight(
+        seed=seed,
+        duration_s=seconds,
+        rate_hz=rate_hz,
+        parameters=TWO_MASSES,
+        cyclogram=cyclogram,
+        individuals=individuals,
+        conditions={"elevator": conditions},
+        esc_side=esc_side,
     )
+    return sensed(fly(flight))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,14 +71,23 @@ class Telemetry:
         return Telemetry(self.time_s[a:b], self.values[a:b], bus_v)
 
 
-def telemetry(record: FlightRecord, surface: str = "elevator", *, esc: bool = False) -> Telemetry:
-    """Return what the log says of a surface: all quantities, or those that an ESC gives."""
-    own = record.actuators[surface]
+def sensed(record: FlightRecord) -> dict[str, Telemetry]:
+    """Return what was sensed of each surface, without the motion itself, which is fifty times as large."""
+    bus = record.flight.esc_side == "bus"
+    return {
+        surface: Telemetry(own.time_s.copy(), own.values.copy(), own.esc[:, 0].copy() if bus else None)
+        for surface, own in record.actuators.items()
+    }
+
+
+def telemetry(seen: Mapping[str, Telemetry], surface: str = "elevator", *, esc: bool = False) -> Telemetry:
+    """Return a copy of what the log says of a surface: all quantities, or those that an ESC gives."""
+    own = seen[surface]
     values = own.values.copy()
     if esc:
         there = [column(key) for key in ESC_KEYS]
         values[:, [k for k in range(12) if k not in there]] = np.nan
-    return Telemetry(own.time_s, values, own.esc[:, 0] if record.flight.esc_side == "bus" else None)
+    return Telemetry(own.time_s, values, own.bus_v)
 
 
 def watch(seen: Telemetry, actuator: Actuator | None = None, **options: Any) -> tuple[list[Event], Findings]:

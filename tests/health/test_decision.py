@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mavhums.assessment import Condition
-from mavhums.health.decision import CONFIRM, Decision, half_width, shown_by, tail_of
+from mavhums.health.decision import CONFIRM, LASTING, Decision, half_width, shown_by, tail_of
 from mavhums.health.detector import Estimates, Levels
 
 LEVELS = Levels(0.375, 0.875)
@@ -72,6 +72,24 @@ def test_the_first_condition_counts_from_the_first_window() -> None:
 def test_a_change_counts_from_the_middle_of_the_window_that_showed_it() -> None:
     _, changes = follow([NORMAL] * 20 + [DEGRADED] * 10 + [EMERGENCY] * 10)
     assert [change[:2] for change in changes] == [("normal", 0.0), ("degraded", 25.0), ("emergency", 35.0)]
+
+
+def test_sure_windows_count_only_in_a_row() -> None:
+    """One that is less sure between them leaves the change to those that last: two windows' worth."""
+    for sure, windows in (([True, True, True, True, False], LASTING), ([True], CONFIRM)):
+        decision = Decision(LEVELS)
+        shown = [decision.feed(DEGRADED, k, k + 10.0, sure=sure[k % len(sure)]) for k in range(60)]
+        assert shown.index(True) + 1 == windows
+        assert sum(shown) == 1
+
+
+def test_the_whole_flight_settles_only_what_windows_left_open() -> None:
+    decision = Decision(LEVELS)
+    assert not decision.settle(NOTHING, 3.0)
+    assert decision.settle(DEGRADED, 3.0)
+    assert (decision.condition, decision.since_s) == ("degraded", 3.0)
+    assert not decision.settle(EMERGENCY, 4.0)
+    assert (decision.condition, decision.since_s) == ("degraded", 3.0)
 
 
 def test_undecided_has_no_since() -> None:

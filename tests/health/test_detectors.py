@@ -284,6 +284,7 @@ def servo_jam() -> Assessment:
 def test_a_real_jam_is_found_when_it_was(servo_jam: Assessment) -> None:
     aileron = next(v for v in servo_jam.verdicts if v.actuator == "aileron_1")
     assert aileron.worst == "emergency"
+    assert (aileron.condition, aileron.since) == ("undecided", None)
     (jam,) = [e for e in aileron.evidence if not e.rule.startswith("normal")]
     assert jam.kind == "jam"
     assert jam.start_s == pytest.approx(90.0, abs=3.0)

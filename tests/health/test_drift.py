@@ -112,6 +112,46 @@ def test_a_fall_alarms_only_where_both_sides_count(two_sided: bool) -> None:
         assert drift.alarm.value == pytest.approx(-0.05)
 
 
+WELL_KNOWN = Baseline(mean=0.22, error=0.0001, flights=200, between=0.0001, spread=0.0025)
+
+
+def test_a_small_shift_is_found_by_many_windows_together() -> None:
+    """One that the scatter of single windows hides, of about one standard deviation of theirs."""
+    values = np.concatenate([np.full(40, 0.22), np.full(40, 0.229)])
+    drift, shifts = follow(values, WELL_KNOWN)
+    assert drift.alarm is not None
+    assert 8 < next(k for k, shift in enumerate(shifts) if shift.ratio >= 1.0) - 40 < 34
+    assert drift.alarm.since_s == pytest.approx(400.0, abs=100.0)
+    assert follow(values[:45], WELL_KNOWN)[0].alarm is None
+
+
+def test_a_large_shift_is_found_by_one_window() -> None:
+    drift, _ = follow(np.array([0.22] * 40 + [0.32]), WELL_KNOWN)
+    assert drift.alarm is not None
+    assert drift.alarm.since_s == 400.0
+    assert drift.alarm.value == pytest.approx(0.1)
+
+
+def test_a_fall_begins_where_it_did() -> None:
+    drift, _ = follow(np.array([0.22] * 40 + [0.19] * 10), two_sided=True)
+    assert drift.alarm is not None
+    assert drift.alarm.since_s == pytest.approx(400.0, abs=30.0)
+    assert drift.alarm.value == pytest.approx(-0.03, abs=0.01)
+
+
+def test_two_sides_take_more_evidence_than_one() -> None:
+    one, both = (follow(np.full(5, 0.25), two_sided=two)[1][-1].ratio for two in (False, True))
+    assert 0.9 * one < both < one
+
+
+def test_a_window_that_doubts_itself_alarms_nobody() -> None:
+    drift = Drift(WELL_KNOWN)
+    for k in range(30):
+        drift.feed(0.22, ERROR, 9.0, 10.0 * k)
+    assert drift.feed(0.42, 0.2, 9.0, 300.0).ratio < 1.0
+    assert drift.feed(0.42, ERROR, 9.0, 310.0).ratio > 1.0
+
+
 def test_a_rarer_alarm_takes_more_evidence() -> None:
     seldom = follow(np.full(5, 0.25), false_alarms=0.01)[1][-1].ratio
     often = follow(np.full(5, 0.25), false_alarms=10.0)[1][-1].ratio

@@ -17,9 +17,10 @@ from mavhums.events import ConditionChanged, Event, Indication, Window
 from mavhums.health import Monitor
 from mavhums.health.baseline import Baseline
 from mavhums.learn import default_model
+from mavhums.quantities import column
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
-from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
+from tests.health.flown import Telemetry, actuator_of, flown, sensed, telemetry, watch, watch_blocks
 from tests.strategies import cuts
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def data_sheet(friction: float, *, seconds: float = 30.0, rate_hz: float = 100.0
     flight = Flight(
         seed=41, duration_s=seconds, rate_hz=rate_hz, friction_nm={"elevator": (friction, friction)}
     )
-    return telemetry(fly(flight))
+    return telemetry(sensed(fly(flight)))
 
 
 def windows_of(events: Iterable[Event]) -> list[Window]:
@@ -101,6 +102,10 @@ def test_what_is_found_is_held_through_standstill() -> None:
     assert findings.condition == "emergency"
     assert findings.coverage.decidable < findings.coverage.windows
     assert findings.friction is not None
+    first, last = windows_of(events)[0].moving_fraction, windows_of(events)[-1].moving_fraction
+    assert last == 0.0
+    assert 0.4 < first < 1.0
+    assert findings.coverage.moving_fraction == pytest.approx(18 / 30 * first, abs=0.1)
 
 
 def test_seconds_without_samples_end_no_window_twice() -> None:
@@ -160,7 +165,10 @@ def test_an_indication_is_a_95_percent_interval_of_every_window_that_shows_the_f
     assert (friction.limit, friction.baseline) == (0.375, None)
 
 
-def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said() -> None:
+@pytest.mark.parametrize(("friction", "condition"), [(0.225, "normal"), (1.0, "emergency")])
+def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said(
+    friction: float, condition: str
+) -> None:
     network = default_model()
 
     class Contrary:
@@ -174,11 +182,11 @@ def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said() 
             return share
 
     for judge, disagrees in ((network, False), (Contrary(), True)):
-        events, findings = watch(data_sheet(0.225), networks=[judge])
-        assert [e.after for e in events if isinstance(e, ConditionChanged)] == ["normal"]
+        events, findings = watch(data_sheet(friction), networks=[judge])
+        assert [e.after for e in events if isinstance(e, ConditionChanged)] == [condition]
         vote = next(e for e in findings.evidence if e.kind == "network")
         assert ("disagrees" in vote.rule) == disagrees
-        assert (vote.value > 0.5) == disagrees
+        assert (vote.value > 0.5) == (disagrees != (condition == "emergency"))
 
 
 def test_the_suspect_is_friction_with_its_probability() -> None:
@@ -253,11 +261,29 @@ def test_a_condition_that_flaps_for_hours_fills_no_memory() -> None:
     assert stays[-1].end_s > 25.0 * 129
 
 
+def test_what_was_worst_is_not_forgotten() -> None:
+    blocks = []
+    for start_s, friction in ((0.0, 1.0), (30.0, 0.225)):
+        seen = data_sheet(friction, rate_hz=25.0)
+        blocks.append(Telemetry(start_s + seen.time_s, seen.values))
+    events, findings = watch_blocks(blocks)
+    assert [e.after for e in events if isinstance(e, ConditionChanged)] == ["emergency", "normal"]
+    assert (findings.condition, findings.worst) == ("normal", "emergency")
+
+
+def test_a_flight_shorter_than_a_window_is_not_judged() -> None:
+    events, findings = watch(data_sheet(1.0, seconds=9.0))
+    assert [e for e in events if not isinstance(e, Indication)] == []
+    assert (findings.condition, findings.coverage.windows) == ("undecided", 0)
+
+
 def test_windows_too_poor_each_by_itself_are_judged_together() -> None:
     """Light air: the autopilot's corrections move the surface for moments only."""
     worn = Condition.constant("friction", 0.7)
-    seen = telemetry(flown(worn, rate_hz=10.0, seconds=100.0, cyclogram="cruise"))
+    still = telemetry(flown(worn, rate_hz=10.0, seconds=100.0, cyclogram="cruise"))
+    seen = Telemetry(still.time_s + 50.0, still.values)
     events, findings = watch(seen)
+    assert findings.since_s == 50.0
     decided = [event for event in events if isinstance(event, ConditionChanged)]
     assert findings.coverage.decidable < findings.coverage.windows
     assert [(change.after, change.time_s) for change in decided] == [("emergency", findings.last_s)]
@@ -308,3 +334,19 @@ def test_the_flight_as_a_whole_leaves_its_baseline(own: dict[str, Baseline]) -> 
     assert "from its own baseline" in change.rule
     assert change.rule.endswith(", over the whole flight")
     assert findings.suspects[0].confidence > 0.99
+
+
+def test_which_direction_is_called_positive_changes_no_verdict() -> None:
+    """A servo mounted the other way round: all that has a direction changes its sign."""
+    worn = telemetry(flown(Condition.constant("friction", 0.4), rate_hz=25.0))
+    turned = Telemetry(worn.time_s, worn.values.copy())
+    directed = ("V1", "V2", "V3", "V4", "V5", "V7", "V8", "V10", "V11")
+    turned.values[:, [column(key) for key in directed]] *= -1
+    one, other = watch(worn)[1], watch(turned)[1]
+    assert (other.condition, other.since_s) == (one.condition, one.since_s) == ("degraded", 0.0)
+    assert [i.fault for i in other.indicators] == [i.fault for i in one.indicators]
+    for mine, theirs in zip(one.indicators, other.indicators, strict=True):
+        sign = -1 if mine.fault == "sensor_bias" else 1
+        assert theirs.value.estimate == pytest.approx(sign * mine.value.estimate, rel=1e-6, abs=1e-9)
+        width = theirs.value.high - theirs.value.low
+        assert width == pytest.approx(mine.value.high - mine.value.low, rel=1e-6)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import os
+import subprocess
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -270,3 +272,31 @@ def test_events_of_the_engine_are_not_kept(rig: Rig, worn_pieces: list[Piece]) -
     assert any(isinstance(event, kinds) for event in rig.shown.events)
     held = [value for value in vars(rig.session).values() if isinstance(value, list)]
     assert all(not any(isinstance(item, kinds) for item in value) for value in held)
+
+
+COMPILED = """
+import gc, sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from mavhums.live.setup import Options, prepare
+from mavhums.log.stamping import Piece
+
+def compiled():
+    kernels = [kernel for kernel in gc.get_objects() if isinstance(kernel, Dispatcher)]
+    return {str(kernel.py_func): len(kernel.signatures) for kernel in kernels}
+
+session = prepare(Options(["udpin:0"], airframe="paper"))
+before = compiled()
+session.take([Piece(None, session.clock.now_us(), Path(sys.argv[1]).read_bytes())])
+session.tick()
+assert session.watch.link(session.close(), 1).frames > 1000
+print([kernel for kernel, count in compiled().items() if count != before.get(kernel)])
+"""
+
+
+def test_nothing_is_compiled_once_it_listens(tmp_path: Path, worn_pieces: list[Piece]) -> None:
+    """What is compiled takes seconds, in which datagrams would be missed."""
+    (tmp_path / "frames").write_bytes(b"".join(piece.data for piece in worn_pieces))
+    command = [sys.executable, "-c", COMPILED, str(tmp_path / "frames")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -138,7 +138,7 @@ def test_what_happened_is_told(recording: Path) -> None:
     _, levels = rows(recording, "/events", "TextLog:level")
     lines = [text for (text,) in texts]
     assert lines[:2] == ["vehicle 1: ArduPlane V4.6.0", "judged by the airframe profile paper"]
-    assert lines[-1].startswith("elevator: degraded → emergency since ")
+    assert lines[-1].startswith("elevator: emergency since 1m")
     assert levels[-1] == ["ERROR"]
     assert ["WARN"] in levels
 

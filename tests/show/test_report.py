@@ -6,6 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from mavhums.assessment import (
+    ALL,
     NOTICE,
     Assessment,
     Condition,
@@ -63,6 +64,24 @@ def test_actuators_with_the_same_sources_share_a_table(new_verdict: New, new_ass
     assert text.count("came from") == 1
     assert "## Where the values of elevator and rudder came from" in text
     assert "Telemetry tier" not in text
+
+
+def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Assessment) -> None:
+    text = markdown(assessment)
+    assert "## Where the values of elevator, rudder, aileron_left and aileron_right came from" in text
+    assert text.count("came from") == 1
+    assert r"| V2 rotor rotation, ° | DEBUG_FLOAT_ARRAY\[EMA,3/4/1/2\].data\[1\] |" in text
+
+
+def test_the_networks_vote_is_told_as_a_share(new_verdict: New, new_assessment: Assess) -> None:
+    vote = Evidence(kind="network", start_s=90, end_s=100, value=0.03, rule="network: of an emergency")
+    verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"evidence": (vote,)})
+    assert "- 1m30s to 1m40s: 3 % network: of an emergency" in markdown(new_assessment(verdict))
+
+
+def test_a_log_without_a_profile_speaks_of_every_actuator(new_verdict: New, new_assessment: Assess) -> None:
+    nothing = new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"actuator": ALL})
+    assert "## every actuator: undecided" in markdown(new_assessment(nothing))
 
 
 def test_reasons_shared_by_all_are_said_once_and_in_the_first_line(
@@ -183,4 +202,25 @@ def test_indicators_of_a_suspect_are_in_a_table(new_verdict: New, new_assessment
     )
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"indicators": (backlash,)})
     text = markdown(new_assessment(verdict))
-    assert "| backlash | dead band | 0.21 (0.19 to 0.23) ° | — | 0.04 to 0.06 |" in text
+    assert "| dead band, ° | 0.210 (0.190 to 0.230) | — | 0.040 to 0.060 |" in text
+    new = verdict.model_copy(update={"indicators": (backlash.model_copy(update={"baseline": None}),)})
+    assert "| dead band, ° | 0.210 (0.190 to 0.230) | — |\n" in markdown(new_assessment(new))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "told"),
+    [
+        (-0.00473, 0.00279, "-0.0010 (-0.0047 to 0.0028)"),
+        (22.579, 22.669, "22.624 (22.579 to 22.669)"),
+        (-230.0, 250.0, "10 (-230 to 250)"),
+        (-0.00390, 0.00382, "0.0000 (-0.0039 to 0.0038)"),
+        (0.2, 0.2, "0.200 (0.200 to 0.200)"),
+    ],
+)
+def test_a_figure_has_as_many_digits_as_its_interval_supports(
+    low: float, high: float, told: str, new_verdict: New, new_assessment: Assess
+) -> None:
+    value = Interval(estimate=(low + high) / 2, low=low, high=high)
+    shown = Indicator(fault="x", quantity="loss", unit="1", value=value, windows=9, limit=0.08)
+    verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"indicators": (shown,)})
+    assert f"| loss | {told} | 0.08 |" in markdown(new_assessment(verdict))

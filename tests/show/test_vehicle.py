@@ -33,8 +33,10 @@ import rerun as rr
 
 from mavhums.show import Recorder, layout
 from mavhums.show._craft import _places
+from mavhums.show._scene import Scene
+from mavhums.show._stream import open_stream
 from mavhums.show._words import COLOURS
-from mavhums.show.blueprint import Lane
+from mavhums.show.blueprint import Fault, Lane
 from tests.show.test_blueprint import names
 from tests.show.test_recording import entities, rows, scalars, static, write
 
@@ -245,5 +247,51 @@ def test_what_shows_another_fault_is_drawn_with_its_interval(
     assert found_time.tolist() == [15.0, 16.0]
     assert found.tolist() == [[0.2, 0.1, 0.4], [0.21, 0.105, 0.42]]
     assert "/vehicle_1/elevator/faults/friction" not in entities(path)
-    lane = Lane("/vehicle_1/a", "a", "normal", "normal", frozenset({"friction"}), {"supply_sag": "/x"})
-    assert "supply sag" in list(names(layout([lane]).root_container))
+    limit_time, limit = scalars(path, "/vehicle_1/elevator/faults/backlash/limits")
+    assert limit_time.tolist() == [0.5, 100.0]
+    assert limit.tolist() == [[0.15], [0.15]]
+    assert static(path, "/vehicle_1/elevator/faults/backlash/limits")["SeriesLines:names"] == [
+        "normal up to 0.15"
+    ]
+
+
+def test_what_may_lie_to_either_side_has_a_limit_on_either_side(
+    tmp_path: Path, flight: Flight, assessment: Assessment
+) -> None:
+    time = np.array([20.0, 21.0])
+    seen = Indication(1, "elevator", "sensor_bias", time, -time / 100, -time / 50, time / 50)
+    path = write(tmp_path / "bias.rrd", [*flight.events(), seen], assessment)
+    _, limits = scalars(path, "/vehicle_1/elevator/faults/sensor_bias/limits")
+    assert limits.tolist() == [[0.25, -0.25]] * 2
+
+
+def test_the_fault_in_question_lies_in_front() -> None:
+    """A maintainer who is told of backlash wants to see it, not that the friction is as it should be."""
+    bias, sag = (
+        Fault(name, unit, f"/x/{name}") for name, unit in (("sensor_bias", "°"), ("supply_sag", "V"))
+    )
+    lane = Lane("/vehicle_1/a", "a", "degraded", "degraded", frozenset({"friction"}), (bias, sag))
+    friction = "Friction, N·m, against its limits"
+    shown = ("Supply sag, V", "Sensor bias, °", friction)
+    for cause, order in (
+        ("supply_sag", ["Supply sag, V", friction, "Sensor bias, °"]),
+        ("friction", [friction, "Sensor bias, °", "Supply sag, V"]),
+    ):
+        found = names(layout([lane._replace(cause=cause)]).root_container)
+        assert [name for name in found if name in shown] == order
+
+
+def test_the_cause_is_what_made_the_condition_the_worst_it_was(new_flight: type[Flight]) -> None:
+    scene = Scene(open_stream("cause"), live=True, position=False)
+    scene.consume(new_flight(duration=12).events())
+    changes = [
+        ("undecided", "normal", "friction", "friction"),
+        ("normal", "degraded", "backlash", "backlash"),
+        ("degraded", "emergency", "jam", "jam"),
+        ("emergency", "degraded", "friction", "jam"),
+        ("degraded", "normal", "friction", "jam"),
+    ]
+    for k, (before, after, fault, cause) in enumerate(changes):
+        scene.consume([ConditionChanged(1, "rudder", 20.0 + k, 15.0 + k, before, after, "r", fault)])  # type: ignore[arg-type]
+        rudder = next(track for track in scene.tracks if track.actuator == "rudder")
+        assert rudder.cause == cause
