@@ -52,6 +52,8 @@ class Ema(_Section):
         Relative 95 % uncertainty of the inertia; the surface's belongs to it.
     viscous, viscous_uncertainty
         Viscous drag at the output shaft and its 95 % uncertainty, N·m·s/rad.
+    stiffness
+        Of the gear, at the output shaft, N·m/rad; None if it is not known.
     supply_voltage
         Of the healthy supply, V; None if its sag need not be told.
     """
@@ -64,6 +66,7 @@ class Ema(_Section):
     inertia_uncertainty: Annotated[float, Field(gt=0, le=10)] = 0.5
     viscous: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     viscous_uncertainty: _Positive = 0.05
+    stiffness: _Positive | None = None
     supply_voltage: _Positive | None = None
 
 

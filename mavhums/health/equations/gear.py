@@ -23,7 +23,6 @@ TERMS = ("flank", "twist", "drag", "bias")
 FLANK, BIAS = 0, 3
 LEAST_SLOTS = 3
 """In how many slots the load must press on either flank: fewer do not show how sure they are."""
-_TWIST_DEG_PER_NM = 0.15  # of a gear of 400 N·m/rad
 _V2, _V3, _V11 = column("V2"), column("V3"), column("V11")
 
 Array = NDArray[np.float64]
@@ -34,10 +33,16 @@ def prior(actuator: Actuator) -> Prior:
 
     Play reaches to twice its limit, either half of it to a flank; wind-up to that of the normal friction.
     """
-    limits = actuator.known_limits()
-    flank, drag = limits.backlash_deg or np.inf, _TWIST_DEG_PER_NM * limits.normal
-    mean = np.array([0.0 if np.isinf(flank) else -flank / 2, 0.0, -drag / 2, 0.0])
-    return Prior(mean, np.array([flank, np.inf, drag, np.inf]) / np.sqrt(12.0))
+    limits, stiffness = actuator.known_limits(), actuator.known_ema().stiffness
+    flank = _up_to(-limits.backlash_deg if limits.backlash_deg else None)
+    drag = _up_to(-np.degrees(limits.normal / stiffness) if stiffness else None)
+    known = (flank, _up_to(None), drag, _up_to(None))
+    return Prior(np.array([mean for mean, _ in known]), np.array([deviation for _, deviation in known]))
+
+
+def _up_to(most: float | None) -> tuple[float, float]:
+    """Return mean and deviation of what lies anywhere between zero and ``most``; None: anywhere at all."""
+    return (0.0, np.inf) if most is None else (most / 2, abs(most) / np.sqrt(12.0))
 
 
 def terms(actuator: Actuator, motion: Motion) -> tuple[Array, Array, NDArray[np.bool_]]:
