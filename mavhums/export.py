@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from difflib import get_close_matches
-from itertools import chain
 from pathlib import Path
 
 import pandas as pd
@@ -16,7 +15,7 @@ from mavhums.actuator.mapping import Mapped, messages_for
 from mavhums.actuator.profile import Airframe, ProfileError, load_airframe, packaged_airframes
 from mavhums.errors import MavhumsError
 from mavhums.files import written_whole
-from mavhums.log import Decoder, Table, read_blocks
+from mavhums.log import Decoder, decode_blocks
 from mavhums.quantities import KEYS
 from mavhums.table_writers import TableWriter, writer_for
 
@@ -71,12 +70,14 @@ def export_quantities(
     decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"})
     fleet = Fleet(given)
     with written_whole(output) as temporary, writer(temporary) as table:
-        for tables, final in _blocks(path, decoder, progress):
+        for tables, size, final in decode_blocks(path, decoder):
             for _ in fleet.listen(tables):
                 pass
             for _, mapped in fleet.feed(tables, final=final):
                 if mapped.utc_us.size:
                     table.write(_rows(mapped, decoder.first_time_us or 0))
+            if progress:
+                progress(size)
         if not fleet.airframes:
             known = ", ".join(packaged_airframes())
             remedy = f"name one with --airframe (a TOML file, or one of: {known})"
@@ -137,25 +138,15 @@ def export_messages(
         writers: dict[str, TableWriter] = {}
         for name, file in files.items():
             writers[name] = stack.enter_context(writer(stack.enter_context(written_whole(file))))
-        for tables, _ in _blocks(path, decoder, progress):
+        for tables, size, _ in decode_blocks(path, decoder):
             for name, table in tables.items():
                 writers[name].write(table.to_frame().reset_index())
+            if progress:
+                progress(size)
         for name in names:
             if not writers[name].rows:
                 raise _absent(path, name, {there for _, _, there in decoder.counts})
     return {files[name]: writers[name].rows for name in names}
-
-
-def _blocks(
-    path: str | os.PathLike[str], decoder: Decoder, progress: Progress
-) -> Iterator[tuple[Mapping[str, Table], bool]]:
-    """Yield the tables of each block, and whether nothing follows."""
-    size = 0
-    for block in chain(read_blocks(path), [None]):
-        yield (decoder.feed(b"", final=True) if block is None else decoder.feed(block)), block is None
-        size += len(block or b"")
-        if progress:
-            progress(size)
 
 
 def _rows(mapped: Mapped, first_time_us: int) -> pd.DataFrame:

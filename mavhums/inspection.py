@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from datetime import UTC, datetime
-from itertools import chain
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
@@ -15,7 +14,7 @@ from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.assessment import Losses
-from mavhums.log import Decoder, read_blocks
+from mavhums.log import Decoder, decode_blocks
 from mavhums.log.vehicles import vehicles_of
 from mavhums.quantities import KEYS
 
@@ -111,11 +110,9 @@ def inspect_log(
     decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"}, dialect=dialect)
     fleet = Fleet(given)
     size = 0
-    for block in chain(read_blocks(path, dialect=dialect), [None]):
-        tables = decoder.feed(b"", final=True) if block is None else decoder.feed(block)
-        for _ in (*fleet.listen(tables), *fleet.feed(tables, final=block is None)):
+    for tables, size, final in decode_blocks(path, decoder, dialect=dialect):
+        for _ in (*fleet.listen(tables), *fleet.feed(tables, final=final)):
             pass
-        size += len(block or b"")
         if progress:
             progress(size)
     first, last = decoder.first_time_us, decoder.last_time_us

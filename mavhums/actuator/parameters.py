@@ -9,14 +9,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from itertools import chain
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
 from mavhums.errors import MavhumsError
-from mavhums.log import Decoder, Table, read_blocks
+from mavhums.log import Decoder, Table, decode_blocks
 
 __all__ = ["Parameters", "read_parameters"]
 
@@ -75,10 +74,9 @@ def read_parameters(
     MavhumsError
         If the log holds no parameters, not the vehicle's, or those of several vehicles.
     """
-    decoder, sent, size = Decoder({"HEARTBEAT", "PARAM_VALUE"}), _Sent(), 0
-    for block in chain(read_blocks(path), [None]):
-        sent.take(decoder.feed(b"", final=True) if block is None else decoder.feed(block))
-        size += len(block or b"")
+    sent = _Sent()
+    for tables, size, _ in decode_blocks(path, Decoder({"HEARTBEAT", "PARAM_VALUE"})):
+        sent.take(tables)
         if progress:
             progress(size)
     vehicle = _choose(Path(path), vehicle, sorted(sent.values))

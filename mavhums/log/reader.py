@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.assessment import Losses
 from mavhums.errors import UnreadableLogError
@@ -22,7 +21,7 @@ from mavhums.log.vehicles import vehicles_of
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Log", "read_blocks", "read_log"]
+__all__ = ["Decoded", "Log", "decode_blocks", "read_blocks", "read_log"]
 
 _BLOCK = 1 << 20
 _HEAD = 1 << 20
@@ -68,6 +67,41 @@ def read_blocks(
         raise UnreadableLogError(f"{path}: no such file", "check the path") from error
     except OSError as error:
         raise UnreadableLogError(f"{path}: {error.strerror}", "check the permissions and the disk") from error
+
+
+class Decoded(NamedTuple):
+    """Tables of what a decoder made of a block, the bytes read so far, and whether nothing follows."""
+
+    tables: Mapping[str, Table]
+    size: int
+    final: bool
+
+
+def decode_blocks(
+    path: str | os.PathLike[str],
+    decoder: Decoder,
+    *,
+    dialect: str | os.PathLike[str] | None = None,
+) -> Iterator[Decoded]:
+    """Decode a log block by block; what the decoder still holds at its end comes last.
+
+    Parameters
+    ----------
+    path, dialect
+        As for :func:`read_blocks`.
+    decoder
+        New.
+
+    Raises
+    ------
+    UnreadableLogError, DialectError
+        As :func:`read_blocks`.
+    """
+    size = 0
+    for block in read_blocks(path, dialect=dialect):
+        size += len(block)
+        yield Decoded(decoder.feed(block), size, final=False)
+    yield Decoded(decoder.feed(b"", final=True), size, final=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +177,8 @@ def read_log(
     """
     decoder = Decoder(messages, dialect=dialect)
     batches: dict[str, list[Table]] = {}
-    for block in itertools.chain(read_blocks(path, dialect=dialect), [None]):
-        fed = decoder.feed(block) if block is not None else decoder.feed(b"", final=True)
-        for name, table in fed.items():
+    for decoded in decode_blocks(path, decoder, dialect=dialect):
+        for name, table in decoded.tables.items():
             batches.setdefault(name, []).append(table)
     first, last = decoder.first_time_us, decoder.last_time_us
     return Log(
