@@ -12,11 +12,11 @@ from scipy.special import stdtr, stdtrit
 
 from mavhums.assessment import Condition, Evidence, Indicator, Interval, Suspect
 from mavhums.health.baseline import Baseline
-from mavhums.health.decision import FALSE_ALARMS, SEVERITY, Decision, half_width, shown_by, tail_of
+from mavhums.health.decision import FALSE_ALARMS, SEVERITY, Decision, bounds, half_width, shown_by, tail_of
 from mavhums.health.detector import Detector, Estimates
 from mavhums.health.drift import Drift, Shift
 from mavhums.health.least_squares import Fit
-from mavhums.health.pooled import PooledErrors
+from mavhums.health.panel import Look
 from mavhums.health.rules import drift_rule, limit_rule
 from mavhums.health.scatter import Scatter
 
@@ -94,7 +94,6 @@ class Course:
         self._episodes: list[_Episode] = []
         self._scatter = Scatter()
         self._doubtful = -np.inf
-        self._errors = PooledErrors()
         self._due_s = -np.inf
         self._latest: _Latest | None = None
         self.concluded: Interval | None = None
@@ -115,22 +114,18 @@ class Course:
         times += [alarm.since_s] if alarm and self.condition == "degraded" else []
         return min((time for time in times if time is not None), default=None)
 
-    def feed(self, estimates: Estimates, end_s: Array) -> list[Change]:
-        """Take the estimates of the windows that end at ``end_s``, shape (k,); return the changes."""
-        at = np.flatnonzero(np.isfinite(estimates.value))
+    def feed(self, look: Look, end_s: Array) -> list[Change]:
+        """Take what the windows that end at ``end_s`` show, shape (k,); return the changes."""
+        at = np.flatnonzero(np.isfinite(look.own.value))
         if not at.size:
             return []
-        value = np.abs(estimates.value) if self.detector.two_sided else estimates.value
-        tails = tail_of(self._false_alarms) ** np.array([[0.5], [1.0]])
-        steadied = self._errors.feed(estimates)
-        shown, surely = self._shown(value, half_width(steadied, tail=tails))
-        sure = (shown == SEVERITY["normal"]) | (surely > 0)
         changes = []
-        columns = (shown, sure, end_s, value, estimates.value, steadied.error, steadied.freedom)
-        for k, said, certain, end, here, signed, error, freedom in zip(
+        columns = (look.severity, look.sure, end_s, *look.steadied)
+        for k, said, certain, end, signed, error, freedom in zip(
             at.tolist(), *(column[at].tolist() for column in columns), strict=True
         ):
             before = self.condition
+            here = abs(signed) if self.detector.two_sided else signed
             if end >= self._due_s:
                 self._alone(signed, error, freedom, end)
             severity = self._said(said, here)
@@ -138,9 +133,7 @@ class Course:
             self._extend(decided, severity == SEVERITY[self._decision.condition], end, here)
             if self.condition != before:
                 changes.append(Change(k, self.condition, self.since_s or 0.0, self.rule(self.condition)))
-        self._latest = _Latest(
-            *(float(a[at[-1]]) for a in (estimates.value, estimates.error, estimates.freedom))
-        )
+        self._latest = _Latest(*(float(column[at[-1]]) for column in look.own))
         return changes
 
     def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> Change | None:
@@ -167,11 +160,12 @@ class Course:
         if judged is None or not np.isfinite(judged.value[0]):
             return
         size = np.abs(judged.value) if self.detector.two_sided else judged.value
-        shown = int(self._shown(size, half_width(judged, tail=tail_of(self._false_alarms)))[0])
+        half = half_width(judged, tail=tail_of(self._false_alarms))
+        shown = int(shown_by(size - half, size + half, *bounds(self.detector.levels))[0])
         if not self._decision.settle(shown, start_s):
             return
-        value, half = float(judged.value[0]), float(half_width(judged, tail=0.025)[0])
-        self.concluded = Interval(estimate=value, low=value - half, high=value + half)
+        value, printed = float(judged.value[0]), float(half_width(judged, tail=0.025)[0])
+        self.concluded = Interval(estimate=value, low=value - printed, high=value + printed)
         self._latest = _Latest(value, float(judged.error[0]), float(judged.freedom[0]))
         if self._episodes:
             self._episodes[-1].end_s = start_s
@@ -183,9 +177,6 @@ class Course:
         faulty = SEVERITY[self._decision.condition] > SEVERITY["normal"]
         doubtful = shown == SEVERITY["normal"] and normal is not None and value > normal
         return SEVERITY["undecided"] if faulty and doubtful else shown
-
-    def _shown(self, value: Array, half: Array) -> NDArray[np.int64]:
-        return shown_by(value - half, value + half, self.detector.levels)
 
     def _alone(self, value: float, error: float, freedom: float, end_s: float) -> None:
         """Take a window that does not overlap the one before."""

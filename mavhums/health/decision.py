@@ -16,7 +16,17 @@ from scipy.special import stdtrit
 from mavhums.assessment import Condition
 from mavhums.health.detector import Estimates, Levels
 
-__all__ = ["CONFIRM", "FALSE_ALARMS", "LASTING", "SEVERITY", "Decision", "half_width", "shown_by", "tail_of"]
+__all__ = [
+    "CONFIRM",
+    "FALSE_ALARMS",
+    "LASTING",
+    "SEVERITY",
+    "Decision",
+    "bounds",
+    "half_width",
+    "shown_by",
+    "tail_of",
+]
 
 CONFIRM = 5
 LASTING = 20
@@ -38,27 +48,29 @@ def tail_of(false_alarms: float) -> float:
 def half_width(estimates: Estimates, *, tail: float | Array) -> Array:
     """Return half the width of intervals that are left to either side with this probability, shape (k,).
 
-    Few degrees of freedom make heavy tails. Several tails, shape (t, 1), give shape (t, k).
+    Few degrees of freedom make heavy tails. Several tails, of more dimensions, give as many.
     """
     width: Array = stdtrit(estimates.freedom, 1.0 - tail) * estimates.error
     return width
 
 
-def shown_by(low: Array, high: Array, levels: Levels) -> NDArray[np.int64]:
-    """Return the severity that intervals show, -1 for nothing, shape (k,).
+def bounds(levels: Levels) -> tuple[float, float]:
+    """Return the limits as numbers: NaN where nothing is normal, infinity where nothing is an emergency."""
+    normal, emergency = levels
+    return np.nan if normal is None else normal, np.inf if emergency is None else emergency
+
+
+def shown_by(low: Array, high: Array, normal: float | Array, emergency: float | Array) -> NDArray[np.int64]:
+    """Return the severity that intervals show, -1 for nothing, in the shape of the intervals.
 
     Examples
     --------
-    >>> levels = Levels(0.375, 0.875)
-    >>> shown_by(np.array([0.36, 0.40, 0.80, 0.30]), np.array([0.44, 0.48, 0.90, 0.95]), levels)
+    >>> shown_by(np.array([0.36, 0.40, 0.80, 0.30]), np.array([0.44, 0.48, 0.90, 0.95]), 0.375, 0.875)
     array([ 0,  1,  2, -1])
     """
-    if levels.normal is None:
-        return np.full(low.shape, SEVERITY["undecided"])
-    beyond = low > levels.normal
-    emergency = high >= (np.inf if levels.emergency is None else levels.emergency)
-    severity = np.where(beyond, np.where(emergency, 2, 1), np.where(emergency, -1, 0))
-    return np.where(np.isnan(low), -1, severity)
+    reached = high >= emergency
+    severity = np.where(low > normal, np.where(reached, 2, 1), np.where(reached, -1, 0))
+    return np.where(np.isnan(low) | np.isnan(normal), -1, severity)
 
 
 class Decision:

@@ -33,8 +33,7 @@ class Levels(NamedTuple):
     emergency: float | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Estimates:
+class Estimates(NamedTuple):
     """A quantity in k windows; arrays of shape (k,), NaN where a window cannot show it.
 
     Attributes
@@ -54,9 +53,9 @@ class Estimates:
         """Return estimates that are NaN where they are not shown."""
         return cls(np.where(shown, value, np.nan), error, freedom)
 
-    def at(self, windows: NDArray[np.bool_]) -> Estimates:
-        """Return the estimates of some of the windows."""
-        return Estimates(self.value[windows], self.error[windows], self.freedom[windows])
+    def at(self, which: NDArray[np.bool_] | int) -> Estimates:
+        """Return some of the windows, or of estimates of several quantities, shape (d, k), those of one."""
+        return Estimates(*(array[which] for array in self))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

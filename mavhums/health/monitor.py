@@ -13,10 +13,11 @@ from mavhums.assessment import Condition, Coverage, Evidence, Indicator, Interva
 from mavhums.events import ConditionChanged, Indication, Window
 from mavhums.health.baseline import Baseline
 from mavhums.health.course import Change, Course
-from mavhums.health.decision import FALSE_ALARMS, SEVERITY, half_width
-from mavhums.health.detector import Estimates, Seen, detectors_for
+from mavhums.health.decision import FALSE_ALARMS, SEVERITY
+from mavhums.health.detector import Seen, detectors_for
 from mavhums.health.fits import Fits
 from mavhums.health.motion import Motion, motion
+from mavhums.health.panel import Look, Panel
 from mavhums.health.slots import SlotCutter, Slots, widen
 from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcome
 from mavhums.health.windows import WINDOW_SLOTS, Windows
@@ -24,6 +25,7 @@ from mavhums.health.windows import WINDOW_SLOTS, Windows
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 
 WINDOW_S = 10.0
+_MOST_WAITING = 64
 
 Array = NDArray[np.float64]
 
@@ -85,6 +87,8 @@ class Monitor:
         self._slot_s = window_s / WINDOW_SLOTS
         self._window_s = window_s
         self._cutter = SlotCutter(self._slot_s)
+        self._waiting: list[tuple[Array, Array, NDArray[np.bool_], Array]] = []
+        self._latest_s = -np.inf
         detectors = detectors_for(actuator)
         self._courses = {
             detector.fault: Course(
@@ -95,6 +99,7 @@ class Monitor:
             )
             for detector in detectors
         }
+        self._panel = Panel(detectors, false_alarms)
         self._fits = Fits(actuator, {name for detector in detectors for name in detector.equations})
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
@@ -120,14 +125,23 @@ class Monitor:
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
         of the supply bus, where an ESC there measures it. What no actuator can reach counts as missing.
         """
-        yield from self._judge(self._cutter.feed(time_s, widen(values, measured, bus_v)))
+        if not time_s.size:
+            return
+        count = len(values)
+        known = np.ones(values.shape, dtype=np.bool_) if measured is None else measured
+        self._waiting.append((time_s, values, known, np.full(count, np.nan) if bus_v is None else bus_v))
+        self._latest_s = max(self._latest_s, float(time_s.max()))
+        if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
+            yield from self._judge(self._cut())
 
     def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
         """Judge what is left, and by the whole flight what its windows were too poor for."""
+        if self._waiting:
+            yield from self._judge(self._cut())
         yield from self._judge(self._cutter.finish())
         if self._first is None or self._windows == 0 or self._jammed():
             return
-        whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._cutter.latest_s
+        whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
         concluded = [
             (fault, course.conclude(whole, start_s, end_s)) for fault, course in self._courses.items()
         ]
@@ -160,11 +174,17 @@ class Monitor:
                 decidable=self._decidable,
                 late=self._cutter.late,
             ),
-            last_s=self._cutter.latest_s,
+            last_s=self._latest_s,
             suspects=tuple(sorted(suspects, key=lambda suspect: -suspect.confidence)),
             evidence=(*evidence, *self._network_evidence()),
             indicators=tuple(shown),
         )
+
+    def _cut(self) -> Slots | None:
+        """Give the cutter what waits, all at once: a live block alone is worth no arrays."""
+        time_s, *quantities = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
+        self._waiting.clear()
+        return self._cutter.feed(time_s, widen(*quantities))
 
     def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
         if slots is None:
@@ -172,20 +192,20 @@ class Monitor:
         moved = motion(self.actuator, slots) if self.actuator.ema else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = Seen(slots, moved, windows, flight)
-        found = {fault: course.detector.feed(seen) for fault, course in self._courses.items()}
+        found = [course.detector.feed(seen) for course in self._courses.values()]
         moving, votes = self._count(slots, moved)
         self._first = int(slots.index[0]) if self._first is None else self._first
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
-        end_s = np.asarray((slots.index + 1) * self._slot_s, dtype=np.float64)
+        end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
+        looks = dict(zip(self._courses, self._panel.feed(found, whole), strict=True))
         changes: dict[int, list[tuple[str, Change]]] = {}
-        for fault, estimates in found.items():
-            shown = estimates.at(whole)
-            yield from self._indicate(fault, shown, end_s[whole])
-            for change in self._courses[fault].feed(shown, end_s[whole]):
+        for fault, look in looks.items():
+            yield from self._indicate(fault, look, end_s)
+            for change in self._courses[fault].feed(look, end_s):
                 changes.setdefault(change.window, []).append((fault, change))
-        friction = _intervals(found["friction"].at(whole)) if "friction" in found else {}
+        friction = _intervals(looks["friction"]) if "friction" in looks else {}
         for k, (end, fraction, ballots) in enumerate(
-            zip(end_s[whole].tolist(), moving[whole].tolist(), votes[whole], strict=True)
+            zip(end_s.tolist(), moving[whole].tolist(), votes[whole], strict=True)
         ):
             changed = [*self._changed(changes.get(k, []), end)]
             yield self._window(end, fraction, friction.get(k), outcome(self._networks, ballots))
@@ -207,10 +227,10 @@ class Monitor:
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
         return moving / samples, self._votes.feed(slots.index, ballots)
 
-    def _indicate(self, fault: str, estimates: Estimates, end_s: Array) -> Iterator[Indication]:
-        shown = np.isfinite(estimates.value)
+    def _indicate(self, fault: str, look: Look, end_s: Array) -> Iterator[Indication]:
+        shown = np.isfinite(look.own.value)
         if shown.any():
-            value, half = estimates.value[shown], half_width(estimates.at(shown), tail=0.025)
+            value, half = look.own.value[shown], look.half[shown]
             yield Indication(
                 self.vehicle, self.actuator.name, fault, end_s[shown], value, value - half, value + half
             )
@@ -286,11 +306,11 @@ class Monitor:
         )
 
 
-def _intervals(estimates: Estimates) -> dict[int, Interval]:
+def _intervals(look: Look) -> dict[int, Interval]:
     """Return the 95 % intervals of the windows that show the quantity, by window."""
-    half = half_width(estimates, tail=0.025)
-    low, high = estimates.value - half, estimates.value + half
+    value, half = look.own.value, look.half
+    low, high = value - half, value + half
     return {
-        k: Interval(estimate=float(estimates.value[k]), low=float(low[k]), high=float(high[k]))
-        for k in np.flatnonzero(np.isfinite(estimates.value)).tolist()
+        k: Interval(estimate=float(value[k]), low=float(low[k]), high=float(high[k]))
+        for k in np.flatnonzero(np.isfinite(value)).tolist()
     }

@@ -20,21 +20,26 @@ Array = NDArray[np.float64]
 
 
 class PooledErrors:
-    """Pools the errors of one quantity's windows as they come."""
+    """Pools the errors of each quantity's windows as they come."""
 
     def __init__(self) -> None:
-        self._sum = 0.0
-        self._count = 0
+        self._sum: Array = np.zeros(1)
+        self._count: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
 
     def feed(self, estimates: Estimates) -> Estimates:
-        """Return the estimates with steadier errors, and the degrees of freedom that this gives them."""
+        """Return the estimates with steadier errors, and the degrees of freedom that this gives them.
+
+        Several quantities may lie in one, shape (d, k).
+        """
         shown = np.isfinite(estimates.value)
-        if not shown.any():
+        if not shown.size:
             return estimates
         squares = np.where(shown, estimates.error**2, 0.0)
-        total = np.cumsum(np.concatenate([[self._sum], squares]))[1:]
-        count = self._count + np.cumsum(shown)
-        self._sum, self._count = float(total[-1]), int(count[-1])
+        total = squares.copy()
+        total[..., :1] += self._sum
+        total = total.cumsum(axis=-1)
+        count = self._count + shown.cumsum(axis=-1)
+        self._sum, self._count = total[..., -1:], count[..., -1:]
         freedom, error = estimates.freedom, estimates.error
         before = np.minimum(freedom * (count // WINDOW_SLOTS), _MOST_FREEDOM)
         pooled = (freedom * squares + before * total / np.maximum(count, 1)) / (freedom + before)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 __all__ = ["variance_between", "weighted"]
 
@@ -41,6 +40,8 @@ def variance_between(design: Array, values: Array, errors: Array) -> float:
     >>> round(variance, 6) == round(float(np.var(values, ddof=1)) - 0.01**2, 6)
     True
     """
+    from scipy.optimize import brentq  # a quarter of a second, which only flights before are worth
+
     freedom = len(values) - design.shape[1]
 
     def excess(variance: float) -> float:

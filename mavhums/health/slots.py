@@ -115,6 +115,10 @@ class SlotCutter:
         self._before: tuple[Array, Array] = np.empty(0), np.empty((0, COLUMNS))
         self._pending: tuple[Array, Array] = self._before
 
+    def completes(self, latest_s: float) -> bool:
+        """Return whether a sample at this time would complete a slot."""
+        return bool(np.floor(latest_s / self._slot_s) * self._slot_s > self._closed)
+
     def feed(self, time_s: Array, values: Array) -> Slots | None:
         """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 16)."""
         if time_s.size == 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 
 from mavhums.actuator.profile import load_airframe
 from mavhums.engine import Engine
+from mavhums.health import Monitor
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.history import FlightHistory
 from mavhums.history_files import read_history
@@ -145,11 +147,19 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
 
 
 def _warm_up(dialect: Path | None, models: Sequence[Model]) -> None:
-    """Compile what is compiled at its first use, before anything is missed for it."""
-    stamper = Stamper(load_dialect(dialect))
+    """Compile what is compiled at its first use, before anything is missed for it.
+
+    What start-up made stays: the collector, which would stop a flight for a tenth of a second to look at it,
+    leaves it alone.
+    """
+    stamper, airframe = Stamper(load_dialect(dialect)), load_airframe("paper")
     records = stamper.feed([Piece(None, 0, _SERVO_OUTPUT_RAW)])
-    engine = Engine(load_airframe("paper"), model=models, dialect=dialect)
+    engine = Engine(airframe, model=models, dialect=dialect)
     engine.feed(records)
     engine.finish()
+    samples = np.arange(0.0, 20.0, 0.1)
+    list(Monitor(0, airframe.actuators[0]).feed(samples, np.zeros((samples.size, len(KEYS)))))
     for model in models:
         model.votes(np.zeros((1, len(KEYS))))
+    gc.collect()
+    gc.freeze()

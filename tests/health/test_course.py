@@ -11,8 +11,10 @@ from scipy import stats
 from mavhums.assessment import Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.course import Change, Course
+from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.detector import Detector, Estimates, Levels
 from mavhums.health.least_squares import Fit
+from mavhums.health.panel import Panel
 
 NOTHING: Mapping[str, Fit] = {}
 BASELINE = Baseline(mean=0.2, error=0.001, flights=10, between=0.002, spread=0.003)
@@ -63,18 +65,30 @@ def one(value: float, error: float = ERROR, freedom: float = 9.0) -> Estimates:
     return Estimates(np.array([value]), np.array([error]), np.array([freedom]))
 
 
-def course(detector: Wear | None = None, baseline: Baseline | None = None, **options: float) -> Course:
+class Followed(Course):
+    """A course with a panel of its own."""
+
+    def __init__(self, detector: Detector, baseline: Baseline | None, false_alarms: float) -> None:
+        super().__init__(detector, baseline, window_s=10.0, false_alarms=false_alarms)
+        self.panel = Panel([detector], false_alarms)
+
+
+def course(
+    detector: Wear | None = None, baseline: Baseline | None = None, false_alarms: float = FALSE_ALARMS
+) -> Followed:
     made: Detector = detector or Wear()  # type: ignore[assignment]
-    return Course(made, baseline, window_s=10.0, **options)
+    return Followed(made, baseline, false_alarms)
 
 
 def follow(
-    followed: Course, values: Sequence[float], start_s: float = 0.0, error: float = ERROR
+    followed: Followed, values: Sequence[float], start_s: float = 0.0, error: float = ERROR
 ) -> list[Change]:
     """Feed windows of 10 s that end a second after one another; return the changes."""
     array = np.array(values, dtype=float)
     end_s = start_s + 10.0 + np.arange(array.size, dtype=np.float64)
-    return followed.feed(Estimates(array, np.full(array.size, error), np.full(array.size, 9.0)), end_s)
+    estimates = Estimates(array, np.full(array.size, error), np.full(array.size, 9.0))
+    (look,) = followed.panel.feed([estimates], np.ones(array.size, dtype=bool))
+    return followed.feed(look, end_s)
 
 
 def changed(changes: Sequence[Change]) -> list[tuple[int, Condition, float]]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mavhums.assessment import Condition
-from mavhums.health.decision import CONFIRM, LASTING, Decision, half_width, shown_by, tail_of
+from mavhums.health.decision import CONFIRM, LASTING, Decision, bounds, half_width, shown_by, tail_of
 from mavhums.health.detector import Estimates, Levels
 
 LEVELS = Levels(0.375, 0.875)
@@ -42,7 +42,7 @@ def follow(shown: Sequence[int]) -> tuple[Decision, list[tuple[Condition, float 
     ],
 )
 def test_the_rule_of_the_interval(low: float, high: float, severity: int) -> None:
-    assert shown_by(np.array([low]), np.array([high]), LEVELS).tolist() == [severity]
+    assert shown_by(np.array([low]), np.array([high]), *bounds(LEVELS)).tolist() == [severity]
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_the_rule_of_the_interval(low: float, high: float, severity: int) -> Non
 )
 def test_a_limit_that_is_absent_is_never_passed(levels: Levels, severities: list[int]) -> None:
     low, high = np.array([0.2, 0.5, 9.0]), np.array([0.3, 0.6, 9.9])
-    assert shown_by(low, high, levels).tolist() == severities
+    assert shown_by(low, high, *bounds(levels)).tolist() == severities
 
 
 def test_intervals_are_as_wide_as_the_false_alarm_rate_asks() -> None:
