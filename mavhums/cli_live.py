@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import signal
 import sys
@@ -124,6 +125,9 @@ def _follow(options: dict[str, Any], level: str, stop: Callable[[], bool], *, as
         wanted = Options(**options)
         drawn = _drawn(viewer, rrd, no_position, exits)
         session = prepare(wanted, drawn, vehicle_states=bool(drawn))
+        gc.collect()
+        gc.freeze()  # to look at all that start-up made takes the collector a tenth of a second in flight
+        exits.callback(gc.unfreeze)
         return _show_until_end(session, options, stop, console, watched=watched, as_json=as_json)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -147,11 +146,7 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
 
 
 def _warm_up(dialect: Path | None, models: Sequence[Model]) -> None:
-    """Compile what is compiled at its first use, before anything is missed for it.
-
-    What start-up made stays: the collector, which would stop a flight for a tenth of a second to look at it,
-    leaves it alone.
-    """
+    """Compile what is compiled at its first use, before anything is missed for it."""
     stamper, airframe = Stamper(load_dialect(dialect)), load_airframe("paper")
     records = stamper.feed([Piece(None, 0, _SERVO_OUTPUT_RAW)])
     engine = Engine(airframe, model=models, dialect=dialect)
@@ -161,5 +156,3 @@ def _warm_up(dialect: Path | None, models: Sequence[Model]) -> None:
     list(Monitor(0, airframe.actuators[0]).feed(samples, np.zeros((samples.size, len(KEYS)))))
     for model in models:
         model.votes(np.zeros((1, len(KEYS))))
-    gc.collect()
-    gc.freeze()
