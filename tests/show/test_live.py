@@ -32,7 +32,17 @@ def program() -> Path:
 def follow(url: str, path: Path) -> subprocess.Popen[bytes]:
     """Write what a viewer that connects to ``url`` would be sent."""
     command = [str(program()), url, "--port", "auto", "--bind", "127.0.0.1", "--save", str(path)]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=_heed_interrupts,  # noqa: PLW1509
+    )
+
+
+def _heed_interrupts() -> None:
+    """What a shell starts in the background ignores them, and so does what that starts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def finished(process: subprocess.Popen[bytes], path: Path) -> None:
