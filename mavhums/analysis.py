@@ -22,6 +22,8 @@ from mavhums.log.signing import load_key
 
 __all__ = ["analyse", "record"]
 
+_BLOCK = 1 << 22  # a minute or two of flight: judging a block costs little more than judging a second
+
 
 def analyse(
     path: str | os.PathLike[str],
@@ -133,7 +135,7 @@ def analyse(
         vehicle_states=vehicle_states,
     )
     digest, size = hashlib.sha256(), 0
-    for block in read_blocks(path, dialect=dialect):
+    for block in read_blocks(path, size=_BLOCK, dialect=dialect):
         digest.update(block)
         size += len(block)
         events = engine.feed(block)
