@@ -61,7 +61,7 @@ class Fits:
         sums = np.empty((slots.index.size, self._flight.size))
         for name, equation in self._equations.items():
             X, y, usable = equation.terms(self._actuator, motion)
-            sums[:, self._columns[name]] = sums_of_slots(X, y, usable, slots.start)
+            sums[:, self._columns[name]] = sums_of_slots(X, np.ascontiguousarray(y), usable, slots.start)
         flight = np.cumsum(np.concatenate([self._flight, sums]), axis=0)
         self._flight = flight[-1:]
         for row in sums:

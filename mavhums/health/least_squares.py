@@ -112,4 +112,4 @@ class Fit:
 
     @cached_property
     def _solution(self) -> tuple[Array, Array, Array, Array]:
-        return solve(self._sums, self._prior.mean, self._prior.deviation)
+        return solve(np.ascontiguousarray(self._sums), self._prior.mean, self._prior.deviation)
