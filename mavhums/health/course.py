@@ -167,9 +167,7 @@ class Course:
         value, printed = float(judged.value[0]), float(half_width(judged, tail=0.025)[0])
         self.concluded = Interval(estimate=value, low=value - printed, high=value + printed)
         self._latest = _Latest(value, float(judged.error[0]), float(judged.freedom[0]))
-        if self._episodes:
-            self._episodes[-1].end_s = start_s
-        self._episodes.append(_Episode(self._decision.condition, start_s, end_s, float(size[0])))
+        self._begin(_Episode(self._decision.condition, start_s, end_s, float(size[0])))
 
     def _said(self, shown: int, value: float) -> int:
         """Let a window that only fails to show a fault not end one: its estimate must be normal, too."""
@@ -189,18 +187,22 @@ class Course:
         """Take a window that is over; unless it agrees with the episode, it may belong to the next one."""
         self._doubtful = max(self._doubtful, value)
         if decided:
-            since = self._decision.since_s or 0.0
-            if self._episodes:
-                self._episodes[-1].end_s = since
-            if len(self._episodes) == _MOST_EPISODES:
-                del self._episodes[_MOST_EPISODES // 2]
-            self._episodes.append(_Episode(self._decision.condition, since, end_s, self._doubtful))
+            since_s = self._decision.since_s or 0.0
+            self._begin(_Episode(self._decision.condition, since_s, end_s, self._doubtful))
         elif self._episodes:
             self._episodes[-1].end_s = end_s
         if self._episodes and agrees:
             self._episodes[-1].peak = max(self._episodes[-1].peak, self._doubtful)
         if decided or agrees:
             self._doubtful = -np.inf
+
+    def _begin(self, episode: _Episode) -> None:
+        """End the episode before where this one begins; of very many the middle ones are forgotten."""
+        if self._episodes:
+            self._episodes[-1].end_s = episode.start_s
+        if len(self._episodes) == _MOST_EPISODES:
+            del self._episodes[_MOST_EPISODES // 2]
+        self._episodes.append(episode)
 
     def rule(self, condition: Condition) -> str:
         """Return in words why the quantity makes the condition what it is."""

@@ -350,3 +350,13 @@ def test_which_direction_is_called_positive_changes_no_verdict() -> None:
         assert theirs.value.estimate == pytest.approx(sign * mine.value.estimate, rel=1e-6, abs=1e-9)
         width = theirs.value.high - theirs.value.low
         assert width == pytest.approx(mine.value.high - mine.value.low, rel=1e-6)
+
+
+def test_a_clock_that_went_back_fills_no_memory() -> None:
+    """What comes late is counted and left out though nothing newer comes."""
+    seen = telemetry(flown(rate_hz=25.0, seconds=20.0))
+    monitor = Monitor(1, actuator_of())
+    list(monitor.feed(seen.time_s, seen.values))
+    for _ in range(1000):
+        list(monitor.feed(seen.time_s[:1], seen.values[:1]))
+    assert monitor.findings().coverage.late >= 900
