@@ -1,6 +1,7 @@
 """How right, early and sure the verdicts are: ``python benchmarks/health.py [SECTION…] [--scale 1.0]``.
 
-Sections: windows, flights, friction, early, alarms, growth, conditions, replay, cost; all if none is named.
+Sections: windows, flights, friction, early, alarms, growth, conditions, replay, bounds, cost; all if none is
+named.
 Every flight is flown by two-mass individuals with dispersion, from seeds that training never used, at
 100 s and five flight modes in turn, unless said otherwise. ``--scale`` changes the number of flights.
 """
@@ -15,11 +16,12 @@ from pathlib import Path
 import numpy as np
 from _against_baseline import alarms, conditions, early, growth
 from _against_limits import flights, friction, windows
-from _fleet import ACTUATORS, flight, quantities, replayed
+from _fleet import ACTUATORS, MODES, flight, quantities, replayed
 from numpy.typing import NDArray
 
 from mavhums.health import Monitor
 from mavhums_sim import fly
+from mavhums_sim.sensors import SensorNoise
 
 Array = NDArray[np.float64]
 Rows = Iterator[str]
@@ -33,6 +35,26 @@ def replay(args: argparse.Namespace) -> Rows:
     yield from windows(args, cyclograms)
     yield ""
     yield from friction(args, cyclograms)
+
+
+def bounds(args: argparse.Namespace) -> Rows:
+    yield "What 100 s show of the torque constant to one who knows the resistance and the offset exactly."
+    yield ""
+    yield "| rate | mode | back-EMF, rms, V | noise of a sample, V | k_t scatters by |"
+    yield "|---|---|---|---|---|"
+    ema, noise = ACTUATORS["elevator"].known_ema(), SensorNoise()
+    noise_v = float(np.hypot(noise.voltage_v, ema.resistance * noise.current_a))
+    for rate_hz in (25.0, 100.0):
+        for mode in MODES:
+            squares: list[float] = []
+            for k in range(args.count(5)):
+                record = fly(flight(k, 950 + k, rate_hz=rate_hz, mode=mode))
+                for surface, flown in record.actuators.items():
+                    _, values = quantities(flown, ACTUATORS[surface], "instrumented")
+                    squares += [float(np.sum((ema.torque_constant * np.pi / 30 * values[:, 6]) ** 2))]
+            of_flight = float(np.mean(squares))
+            rms = np.sqrt(of_flight / (100.0 * rate_hz))
+            yield f"| {rate_hz:g} Hz | {mode} | {rms:.2f} | {noise_v:.2f} | {noise_v / np.sqrt(of_flight):.1%} |"
 
 
 def cost(args: argparse.Namespace) -> Rows:
@@ -67,6 +89,7 @@ SECTIONS: dict[str, Callable[[argparse.Namespace], Rows]] = {
     "growth": growth,
     "conditions": conditions,
     "replay": replay,
+    "bounds": bounds,
     "cost": cost,
 }
 
