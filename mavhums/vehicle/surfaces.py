@@ -13,17 +13,16 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.profile import Airframe
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.signals import OUTPUTS
 
-__all__ = ["AXES", "Demands", "Moved", "Surfaces", "of_airframe", "of_parameters"]
+__all__ = ["AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
 
 AXES: Final = ("roll", "pitch", "yaw")
 
-_KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
+KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
 _LIFT: Final = range(33, 41)  # SERVOn_FUNCTION of motors
 _FROZEN_S: Final = 1.0
 
@@ -41,7 +40,7 @@ class Moved(NamedTuple):
     @property
     def kind(self) -> str:
         """What the surface does: one of aileron, flaperon, elevon, elevator, rudder, tail."""
-        return next(kind for kind in _KINDS if kind in self.surface)
+        return next(kind for kind in KINDS if kind in self.surface)
 
     @property
     def side(self) -> str:
@@ -91,7 +90,7 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
     found = []
     for output in control_surfaces(parameters):
         surface = output.surface.replace("v-tail", "tail").replace("a-tail", "tail")
-        if output.servo > OUTPUTS or not any(kind in surface for kind in _KINDS):
+        if output.servo > OUTPUTS or not any(kind in surface for kind in KINDS):
             continue
         low, zero, high = output.pwm_us
         sign = _px4_sign(output.because, surface, values) if parameters.is_px4 else 1.0
@@ -100,22 +99,6 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
     functions = {n: values.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, OUTPUTS + 1)}
     lift = tuple(n for n, function in functions.items() if function in _LIFT)
     return Surfaces(tuple(found), "parameters", lift) if found else None
-
-
-def of_airframe(airframe: Airframe) -> Surfaces | None:
-    """Return the surfaces that a profile names; None if it names none that moves an axis."""
-    found = []
-    for actuator in airframe.actuators:
-        text = f"{actuator.surface} {actuator.name}".lower().replace("_", " ").replace("vtail", "tail")
-        kind = next((kind for kind in _KINDS if kind in text), None)
-        if kind is None or actuator.servo > OUTPUTS:
-            continue
-        side = next((side for side in ("left", "right") if side in text), "")
-        low, zero, high = actuator.pwm_us
-        turned = actuator.travel_deg is not None and actuator.travel_deg[0] > actuator.travel_deg[1]
-        half = (low - high) / 2 if turned else (high - low) / 2
-        found.append(Moved(actuator.servo, f"{side} {kind}".strip(), zero, half))
-    return Surfaces(tuple(found), "profile") if found else None
 
 
 def _px4_sign(because: str, surface: str, values: Mapping[str, float]) -> float:

@@ -9,9 +9,11 @@ from typing import ClassVar, Final
 from mavhums.health.axis.detector import Limits, Seen, Shown
 from mavhums.health.axis.gain import Second
 
-__all__ = ["EffectivenessDetector"]
+__all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]
 
 _SURE_S: Final = 10
+_SHIFTED: Final = 4.0
+SHIFT_FLOOR: Final = 0.045  # rad/s: least deviation of a roll reference
 
 
 class EffectivenessDetector:
@@ -34,7 +36,16 @@ class EffectivenessDetector:
 
     def feed(self, seen: Seen) -> list[Shown]:
         """Return the seconds in which a loss is certain."""
-        return [self._shown(s) for s in seen.seconds[self.axis] if s.level > self.limit]
+        return [self._shown(s) for s in seen.seconds[self.axis] if self._certain(s, seen)]
+
+    def _certain(self, second: Second, seen: Seen) -> bool:
+        """Return whether a loss is certain, and no sudden shift of the trim makes the aircraft seem deaf."""
+        reference = seen.gains[self.axis].reference
+        if second.level <= self.limit or reference is None:
+            return False
+        if self.axis != "roll" or second.shift is None or second.lost_s >= _SURE_S:
+            return True
+        return abs(second.shift) <= _SHIFTED * max(reference.deviation, SHIFT_FLOOR)
 
     def _shown(self, second: Second) -> Shown:
         left = second.left_over if second.left_over is not None else 1.0

@@ -3,7 +3,7 @@
 The gain K of the answer to the drive is fitted together with everything else that makes the answer in the
 first excited seconds of the flight. From then on each second gives a score of how far the answer stays behind
 K times the drive, both without their slow parts, so that a change of trim is no change of gain. A sum of the
-scores' log-likelihood ratios between the full gain and one that lost ``LOSS`` of it, never below zero, finds
+scores' log-likelihood ratios between the full gain and one that lost a share of it, never below zero, finds
 a loss (CUSUM). It knows that K itself differs from manoeuvre to manoeuvre.
 
 References
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from math import exp
 from typing import Final
 
 import numpy as np
@@ -25,9 +26,11 @@ from mavhums.health.axis.filters import HighPass
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["Gain", "Reference", "Second", "Standards"]
+__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
 
-LOSS: Final = 0.4
+JUDGED_ERROR: Final = 0.2
+FULL: Final = 0.8
+FULL_S: Final = 20
 REFERENCE_S: Final = 45
 _LONGEST_S: Final = 120
 _RETRY_S: Final = 10
@@ -41,6 +44,7 @@ _EXTRA_S: Final = (0.3, 0.6, 1.0, 1.5)
 _SLOW_S: Final = 20
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
+_FORGET: Final = exp(-1.0 / 60.0)  # a second: what is a little weak for minutes is the reference's error
 
 Array = NDArray[np.float64]
 
@@ -57,18 +61,18 @@ class Standards:
         Most relative standard error of the gain.
     scatter
         Least variance of a second's score, relative to the gain's square: quiet air does not last.
-    limit
-        Of the sum of log-likelihood ratios.
     delays_s, taus_s
         Among which the axis's own delay and lag are sought.
+    loss
+        That is looked for, as a share; half of it is what the gain of a whole flight may be off.
     """
 
     explained: float
     error: float
     scatter: float
-    limit: float
     delays_s: tuple[float, ...]
     taus_s: tuple[float, ...]
+    loss: float = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +222,7 @@ class Gain:
         extras = (0.0, *_EXTRA_S)
         self._chains = [Chain(self._form, reference.speed, reference.shape, extra) for extra in extras]
         self._scores = [_Scores(reference.others) for _ in extras]
-        self._level = 0.0
+        self._level, self._full = 0.0, 0
         self._since = reference.end_s
         self._window: deque[tuple[float, float]] = deque(maxlen=_WINDOW_S)
         self._recent: deque[Array] = deque(maxlen=_SLOW_S)
@@ -248,13 +252,18 @@ class Gain:
         if count >= _LEAST_ROWS:
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
-            self._level = min(_MOST, max(0.0, self._level + _ratio(score, drive2, reference)))
+            kept = _FORGET * self._level
+            self._level = min(_MOST, max(0.0, kept + _ratio(score, drive2, reference, self._standards.loss)))
             self._window.append((drive2, cross))
             self._recent.append(sums)
+        value, error = self._estimate(reference)
+        if count >= _LEAST_ROWS and value is not None and error <= JUDGED_ERROR:
+            self._full = self._full + 1 if value >= FULL else 0
+        if self._full >= FULL_S:
+            self._level = 0.0
         if self._level == 0.0:
             self._since = end_s
             self._recent.clear()
-        value, error = self._estimate(reference)
         return Second(
             end_s,
             value,
@@ -271,11 +280,6 @@ class Gain:
         drive2 = sum(float(sums[0, 0]) for sums in self._recent)
         cross = sum(float(sums[0, 1]) for sums in self._recent)
         return (cross / drive2 / reference.gain if drive2 > 0 else None), len(self._recent)
-
-    def forget(self) -> None:
-        """Begin the search for a loss anew: the axis was found to answer fully again."""
-        self._level = 0.0
-        self._recent.clear()
 
     def _shifted(self) -> float | None:
         left, count = np.array(self._left).sum(axis=0)
@@ -343,9 +347,9 @@ class _Scores:
         return _Sums(*summed, count=good.reshape(shape).sum(axis=1))
 
 
-def _ratio(score: float, drive2: float, reference: Reference) -> float:
+def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:
     """Return the log-likelihood ratio of a second between a loss and none."""
-    lost = LOSS * reference.gain
+    lost = loss * reference.gain
     spread = reference.variance + (_MANOEUVRES * reference.gain) ** 2 * drive2
     return float((-lost * score - 0.5 * lost**2 * drive2) / spread)
 

@@ -30,7 +30,7 @@ class RollTracking:
     """``φ − (demanded φ through a second order of 2.5 rad/s)``, whose offset is learnt."""
 
     kind: Literal["mean", "rms"] = "rms"
-    floor = 0.045  # rad
+    floor = 0.033  # rad
     spreads = (0.1,)
 
     def __init__(self) -> None:

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.readings import Clocks
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.signals import OUTPUTS, Signal
 
 __all__ = ["MESSAGES", "MavlinkSignals"]

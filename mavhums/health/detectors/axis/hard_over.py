@@ -11,13 +11,13 @@ from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from mavhums.health.axis.detector import Limits, Seen, Shown
+from mavhums.health.axis.effectiveness import SHIFT_FLOOR
 from mavhums.health.axis.persistence import Persistent
 from mavhums.health.axis.residual import Residual
 from mavhums.health.axis.tracking import SideForce
 
 __all__ = ["Detector"]
 
-_FLOOR: Final = 0.045  # rad/s
 _SKID: Final = 6.0
 _SKID_MS2: Final = 1.0
 
@@ -44,7 +44,7 @@ class Detector:
             if reference is None or second.shift is None:
                 self._persistent.feed(second.end_s, 0.0)
                 continue
-            deviations = abs(second.shift) / max(reference.deviation, _FLOOR)
+            deviations = abs(second.shift) / max(reference.deviation, SHIFT_FLOOR)
             since_s = self._persistent.feed(second.end_s, deviations)
             if since_s is None:
                 continue

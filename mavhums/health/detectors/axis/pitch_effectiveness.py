@@ -16,5 +16,5 @@ class Detector(EffectivenessDetector):
     """A loss of effectiveness about the pitch axis."""
 
     axis: ClassVar[str] = "pitch"
-    limit: ClassVar[float] = 14.0
+    limit: ClassVar[float] = 16.0
     axes: ClassVar[tuple[str, ...]] = ("pitch",)

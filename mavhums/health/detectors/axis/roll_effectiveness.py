@@ -16,5 +16,5 @@ class Detector(EffectivenessDetector):
     """A loss of effectiveness about the roll axis."""
 
     axis: ClassVar[str] = "roll"
-    limit: ClassVar[float] = 12.0
+    limit: ClassVar[float] = 10.5
     axes: ClassVar[tuple[str, ...]] = ("roll",)
