@@ -82,10 +82,11 @@ class VehicleAxes:
         first = int(seconds.index[0])
         while self._told and self._told[0][0] <= first:
             self._learn(self._told.pop(0)[1])
-        if not self._told:
+        count = len(seconds.index)
+        at = int(np.searchsorted(seconds.index, self._told[0][0])) if self._told else count
+        if at == count:
             return seconds, None
-        at = int(np.searchsorted(seconds.index, self._told[0][0]))
-        return _part(seconds, 0, at), _part(seconds, at, len(seconds.index))
+        return _part(seconds, 0, at), _part(seconds, at, count)
 
     def _learn(self, surfaces: Surfaces) -> None:
         told_before = self.surfaces is not None and self.surfaces.origin == "profile"
@@ -114,7 +115,6 @@ class VehicleAxes:
             self._waiting.clear()
             self.monitor = AxisMonitor(self._vehicle)
             again = Flight(surfaces)
-            again.flown_s = self.flight.flown_s - sum(1 for _ in waiting)
             self.flight = again
             for seconds in waiting:
                 yield from self._known(seconds)
@@ -123,7 +123,8 @@ class VehicleAxes:
         probe = Flight(None)
         parts = [rows for seconds in self._waiting for rows in probe.feed(seconds)]
         rows = Rows.join(parts)
-        pulses = np.concatenate([s.signals["outputs"].reshape(-1, s.signals["outputs"].shape[2]) for s in self._waiting])
+        outputs = np.concatenate([seconds.signals["outputs"] for seconds in self._waiting])
+        pulses = outputs.reshape(-1, outputs.shape[2])
 
         def explains(axis: str, demand: Array) -> float:
             outputs = np.full_like(rows.outputs, np.nan)
@@ -155,6 +156,10 @@ class Axes:
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
         """Return the axes of a vehicle; None if it never told anything of its flight."""
         return self._vehicles.get(vehicle)
+
+    def flown_s(self) -> float:
+        """Return how many seconds all vehicles flew forward."""
+        return float(sum(axes.flight.flown_s for axes in self._vehicles.values()))
 
     def feed(
         self, tables: Mapping[str, Table], start_us: int, *, final: bool = False

@@ -106,6 +106,10 @@ class Engine:
             verdicts=verdicts,
         )
 
+    def flown_s(self) -> float:
+        """Return how many seconds the vehicles flew forward as fixed wings, where that is known."""
+        return self._axes.flown_s()
+
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return

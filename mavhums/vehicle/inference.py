@@ -44,10 +44,10 @@ def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
     explains
         Tells how well a demand explains what an axis does.
     """
-    flying = rows.flying
-    if not flying.any():
+    moving = [k for k in range(OUTPUTS) if rows.flying.any() and _moves(pulses[rows.flying, k])]
+    flying = rows.flying & np.isfinite(pulses[:, moving]).all(axis=1)
+    if not moving or not flying.any():
         return None
-    moving = [k for k in range(OUTPUTS) if _moves(pulses[flying, k])]
     centred = {k: pulses[:, k] - float(np.median(pulses[flying, k])) for k in moving}
     rolls = {k: explains("roll", centred[k] / _HALF_US) for k in moving}
     best = max(rolls, key=rolls.__getitem__, default=None)
