@@ -71,11 +71,12 @@ class VehicleAxes:
         seconds = self._grid.feed(signals, final=final)
         while seconds is not None:
             now, seconds = self._next(seconds)
-            if self.surfaces is None:
-                for one in _each(now):
-                    yield from self._unknown(one)
-            else:
-                yield from self._known(now)
+            at = 0
+            while self.surfaces is None and at < len(now.index):
+                yield from self._unknown(_part(now, at, at + 1))
+                at += 1
+            if at < len(now.index):
+                yield from self._known(_part(now, at, len(now.index)))
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
         """Apply what was told by the first of these seconds; return those until more was told, and the rest."""
@@ -211,7 +212,3 @@ class Axes:
 def _part(seconds: Seconds, a: int, b: int) -> Seconds:
     return Seconds(seconds.index[a:b], {name: values[a:b] for name, values in seconds.signals.items()})
 
-
-def _each(seconds: Seconds) -> Iterator[Seconds]:
-    for k in range(len(seconds.index)):
-        yield _part(seconds, k, k + 1)

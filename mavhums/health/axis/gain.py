@@ -256,8 +256,8 @@ class Gain:
             self._level = min(_MOST, max(0.0, kept + _ratio(score, drive2, reference, self._standards.loss)))
             self._window.append((drive2, cross))
             self._recent.append(sums)
-        value, error = self._estimate(reference)
-        if count >= _LEAST_ROWS and value is not None and error <= JUDGED_ERROR:
+        value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
+        if value is not None and error <= JUDGED_ERROR:
             self._full = self._full + 1 if value >= FULL else 0
         if self._full >= FULL_S:
             self._level = 0.0

@@ -18,6 +18,7 @@ from mavhums.vehicle.surfaces import AXES
 __all__ = ["AxisFindings", "AxisMonitor", "new_gain"]
 
 _NORMAL_S: Final = 30
+_WINDOW_S: Final = 10
 _MASKED_S: Final = 20
 _MOST_EPISODES: Final = 100
 
@@ -57,6 +58,9 @@ class _Axis:
     judged: int = 0
     full: int = 0
     value: Interval | None = None
+    windows: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
     episodes: list[_Episode] = field(default_factory=list)
 
 
@@ -153,6 +157,7 @@ class AxisMonitor:
         if SEVERITY[held.condition] > SEVERITY[held.worst]:
             held.worst = held.condition
         if held.condition != before:
+            held.windows, held.mean, held.squares = 0, 0.0, 0.0
             since_s = float(held.since_s if held.since_s is not None else end_s)
             yield ConditionChanged(
                 self._vehicle, axis, float(end_s), since_s, before, held.condition, rule, fault
@@ -163,9 +168,19 @@ class AxisMonitor:
         if second.value is None or second.error > JUDGED_ERROR:
             return
         held.judged += 1
-        half = 1.96 * second.error
-        held.value = Interval(estimate=second.value, low=second.value - half, high=second.value + half)
+        if held.judged % _WINDOW_S == 0 or held.value is None:
+            self._average(held, second.value, second.error)
         held.full = held.full + 1 if second.value >= FULL else 0
+
+    def _average(self, held: _Axis, value: float, error: float) -> None:
+        """Take a window that shares no second with the one before into the mean since the last change."""
+        held.windows += 1
+        step = value - held.mean
+        held.mean += step / held.windows
+        held.squares += step * (value - held.mean)
+        spread = held.squares / (held.windows - 1) if held.windows > 1 else 0.0
+        half = 1.96 * (max(spread, error**2) / held.windows) ** 0.5
+        held.value = Interval(estimate=held.mean, low=held.mean - half, high=held.mean + half)
 
     def _well(self, held: _Axis) -> bool:
         """Return whether the axis is known to answer as in the reference."""
