@@ -86,6 +86,7 @@ class ClosedLoop:
     air: Air = field(default_factory=Air)
     faults: tuple[SurfaceFault, ...] = ()
     confounders: tuple[Confounder, ...] = ()
+    emas: None = None
 
     def __post_init__(self) -> None:
         if self.layout not in LAYOUTS:
