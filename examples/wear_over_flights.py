@@ -15,10 +15,10 @@ from rich.console import Console
 from rich.progress import track
 
 import mavhums
-from mavhums.history_files import keep_assessment, read_history
+from mavhums.history.files import keep_assessment, read_history
+from mavhums.history.trends import trend_report
+from mavhums.report.trend import TrendReport
 from mavhums.show.trend import render_trends
-from mavhums.trend_report import TrendReport
-from mavhums.trends import trend_report
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 
@@ -36,7 +36,7 @@ def main(folder: str, flights: int = 20) -> TrendReport:
         worn = START_NM + WEAR_NM * day
         flight = Flight(seed=500 + day, duration_s=40.0, rate_hz=50.0, friction_nm={"elevator": (worn, worn)})
         write_tlog(fly(flight), log, Link(day=float(day)))
-        keep_assessment(mavhums.analyse(log, history=kept), kept)
+        keep_assessment(mavhums.analyse(log, mavhums.Options(history=kept)), kept)
     report = trend_report(read_history(kept), faults=["friction"])
     render_trends(report, Console())
     return report

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mavhums.assessment import Condition
+from mavhums.core.conditions import Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.detector import Detector
 from mavhums.health.drift import Shift

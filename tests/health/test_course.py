@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mavhums.assessment import Condition
+from mavhums.core.conditions import Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.course import Change, Course
 from mavhums.health.decision import FALSE_ALARMS

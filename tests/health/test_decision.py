@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from mavhums.assessment import Condition
+from mavhums.core.conditions import Condition
 from mavhums.health.decision import CONFIRM, LASTING, Decision, bounds, half_width, shown_by, tail_of
 from mavhums.health.detector import Estimates, Levels
 

@@ -10,18 +10,19 @@ from typing import Any
 import pytest
 
 import mavhums
-from mavhums.assessment import Assessment, Verdict
-from mavhums.engine import Engine
-from mavhums.events import Event
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import Event
+from mavhums.engine.options import EngineOptions
 from mavhums.learn import default_model
 from mavhums.live.alerts import Alerts
 from mavhums.live.clock import ReceiveClock
-from mavhums.live.objects import AlertObject, StaleObject, StatusObject
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.session import Session
-from mavhums.log.dialect import load_dialect
-from mavhums.log.signing import Guard
-from mavhums.log.stamping import Piece, Stamper
+from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.stamping import Piece, Stamper
+from mavhums.report.assessment import Assessment, Verdict
+from mavhums.report.live import AlertObject, StaleObject, StatusObject
 from mavhums_sim import Flight, FlightRecord, fly
 from mavhums_sim.link import EPOCH_US, Link, transmit
 from mavhums_sim.telemetry import messages
@@ -68,7 +69,7 @@ class Rig:
         self.clock = ReceiveClock(lambda: self.wall_us * 1000, lambda: self.now_us * 1000)
         self.alerts = Alerts(self.said.append, key=key, start_us=EPOCH_US)
         self.session = Session(
-            Engine(model=default_model()),
+            Engine(EngineOptions(models=[default_model()])),
             self.stamper,
             [],
             recorder=self.recorder,
@@ -102,7 +103,7 @@ class Rig:
     def end(self) -> Assessment:
         """Close the session; its recording must give the same verdicts."""
         live = self.session.close()
-        replayed = mavhums.analyse(self.recorder.path, key=self.key)
+        replayed = mavhums.analyse(self.recorder.path, mavhums.Options(key=self.key))
         assert verdicts(live) == verdicts(replayed)
         assert replayed.log.losses.any is False
         return live

@@ -13,21 +13,21 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.actuator import load_airframe
-from mavhums.assessment import (
+from mavhums.core.conditions import Condition
+from mavhums.core.quantities import KEYS
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.log.losses import Losses
+from mavhums.report.assessment import (
     Assessment,
-    Condition,
     Coverage,
     Evidence,
     Interval,
     LogSummary,
-    Losses,
     ModelSummary,
     Since,
     Suspect,
     Verdict,
 )
-from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
-from mavhums.quantities import KEYS
 
 RATE = 100
 DURATION = 100

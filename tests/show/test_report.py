@@ -5,20 +5,20 @@ from collections.abc import Callable
 
 import pytest
 
-from mavhums.assessment import (
+from mavhums.core.conditions import Condition
+from mavhums.core.quantities import KEYS
+from mavhums.log.losses import Losses
+from mavhums.report.assessment import (
     ALL,
     NOTICE,
     Assessment,
-    Condition,
     Evidence,
     Indicator,
     Interval,
-    Losses,
     Since,
     Suspect,
     Verdict,
 )
-from mavhums.quantities import KEYS
 from mavhums.show import markdown
 
 New = Callable[..., Verdict]

@@ -1,0 +1,139 @@
+"""Judge a log from disk: the engine fed from a file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mavhums.app.options import Options
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import Event
+from mavhums.engine.options import EngineOptions
+from mavhums.log import read_blocks
+from mavhums.report.assessment import Assessment
+
+__all__ = ["analyse", "record"]
+
+_BLOCK = 1 << 22  # a minute or two of flight: judging a block costs little more than judging a second
+
+Consumer = Callable[[Sequence[Event]], None]
+
+
+def analyse(
+    path: str | os.PathLike[str],
+    options: Options | None = None,
+    *,
+    recording: str | os.PathLike[str] | None = None,
+    position: bool = True,
+    consume: Consumer | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Assessment:
+    """Judge every actuator of a log, in memory that does not grow with it.
+
+    Parameters
+    ----------
+    path
+        A ``.tlog`` file.
+    options
+        Profile, model, history and the like; the defaults if None.
+    recording
+        Where a Rerun recording is written on the way.
+    position
+        Whether the recording contains the aircraft's position.
+    consume
+        Called with the engine's events after each block.
+    progress
+        Called with the number of bytes read after each block.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the file is missing or not a telemetry log.
+    ProfileError, ModelError, DialectError, KeyFileError
+        If the profile, the model, the XML or the key cannot be used.
+    MavhumsError
+        If there is no folder for the history.
+    MissingExtraError
+        If a recording is wanted and rerun is not installed.
+
+    Examples
+    --------
+    >>> assessment = analyse("flight.tlog")
+    >>> {verdict.actuator: verdict.condition for verdict in assessment.verdicts}["rudder"]
+    'normal'
+    """
+    resolved = (options or Options()).resolved()
+    consumers = [consume] if consume else []
+    if recording is None:
+        return _judge(path, resolved, consumers, progress)
+    if str(path) == "-":
+        raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
+    from mavhums.show import Recorder
+
+    identity = f"{Path(path).name}-{_sha256(path, resolved.dialect)[:16]}"
+    with Recorder(recording, recording_id=identity, position=position) as recorder:
+        shown = replace(resolved, vehicle_states=True)
+        assessment = _judge(path, shown, [recorder.consume, *consumers], progress)
+        recorder.close(assessment)
+    return assessment
+
+
+def record(assessment: Assessment, path: str | os.PathLike[str], options: Options | None = None) -> None:
+    """Write the Rerun recording of an assessment, reading its log once more.
+
+    Parameters
+    ----------
+    assessment
+        From :func:`analyse`.
+    path
+        The recording.
+    options
+        Those that the assessment was made with.
+
+    Raises
+    ------
+    MavhumsError
+        If the log is no longer the one that was judged.
+
+    Examples
+    --------
+    >>> record(analyse("flight.tlog"), "flight.rrd")
+    """
+    log = assessment.log
+    options = options or Options()
+    if log.path is None or _sha256(log.path, options.dialect) != log.sha256:
+        raise MavhumsError(f"{log.path}: not the log that was judged", "analyse it again")
+    analyse(log.path, options, recording=path)
+
+
+def _judge(
+    path: str | os.PathLike[str],
+    options: EngineOptions,
+    consumers: Sequence[Consumer],
+    progress: Callable[[int], None] | None,
+) -> Assessment:
+    engine = Engine(options)
+    digest, size = hashlib.sha256(), 0
+    for block in read_blocks(path, size=_BLOCK, dialect=options.dialect):
+        digest.update(block)
+        size += len(block)
+        events = engine.feed(block)
+        for consume in consumers:
+            consume(events)
+        if progress:
+            progress(size)
+    last = engine.finish()
+    for consume in consumers:
+        consume(last)
+    return engine.assessment(str(path), digest.hexdigest())
+
+
+def _sha256(path: str | os.PathLike[str], dialect: str | os.PathLike[str] | None) -> str:
+    digest = hashlib.sha256()
+    for block in read_blocks(path, dialect=dialect):
+        digest.update(block)
+    return digest.hexdigest()

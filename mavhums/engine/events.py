@@ -1,0 +1,47 @@
+"""What the engine reports while it reads; the same for a file and for a live link.
+
+Times are flight times: seconds since the log's first frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mavhums.actuator.events import AirframeNamed, Samples
+from mavhums.health.events import ConditionChanged, Indication, Window
+from mavhums.vehicle.events import Attitude, FlightMode, Position
+
+__all__ = [
+    "AirframeNamed",
+    "Attitude",
+    "ConditionChanged",
+    "Event",
+    "FlightMode",
+    "Indication",
+    "Notice",
+    "Position",
+    "Samples",
+    "Window",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """A text from the vehicle, or about the log itself."""
+
+    time_s: float
+    vehicle: int | None
+    text: str
+
+
+Event = (
+    Samples
+    | Window
+    | ConditionChanged
+    | Indication
+    | AirframeNamed
+    | Notice
+    | Attitude
+    | Position
+    | FlightMode
+)
