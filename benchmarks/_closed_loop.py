@@ -23,7 +23,7 @@ from mavhums_sim.closed_loop.reports import Streams, report
 from mavhums_sim.closed_loop.truth import truth
 
 RATES = (2.0, 4.0, 10.0, 25.0, 50.0)
-TURBULENCE = (0.0, 3.0, 7.0, 12.0)
+TURBULENCE = (0.0, 4.0, 9.0, 15.0)
 FAULT_AT = (150.0, 240.0)
 LABELS = (
     *("file", "kind", "surface", "t_fault_boot_s", "t_clear_boot_s", "t_end_boot_s", "servos"),

@@ -14,7 +14,9 @@ from mavhums_sim.closed_loop.autopilot import Autopilot
 from mavhums_sim.closed_loop.frame import COLUMNS, MEMORY, advance
 from mavhums_sim.closed_loop.mission import PHASES, Mission, plan, sticks
 from mavhums_sim.closed_loop.prepare import Gust, fault_rows, measurement_errors, servo_rows, vehicle_row
+from mavhums_sim.closed_loop.emas import Emas
 from mavhums_sim.closed_loop.surfaces import LAYOUTS, SurfaceFault
+from mavhums_sim.flight import ActuatorRecord, Flight
 
 __all__ = ["CONFOUNDERS", "ClosedLoop", "Confounder", "FlownLoop", "fly_closed_loop"]
 
@@ -29,6 +31,8 @@ CONFOUNDERS = {
 }
 _LAUNCH_HEIGHT_M, _LAUNCH_SPEED = 4.0, 20.0
 _LOWEST_M = 1.0
+_LONGEST_EMA_S = 1800.0
+_AIR_DENSITY = 1.225
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +73,9 @@ class ClosedLoop:
         Surfaces, whose messages, what is flown, and in which air.
     faults, confounders
         At most one fault a surface; times count from switching on.
+    emas
+        What is wrong with the EMAs that move the surfaces, and how they report; their conditions are
+        :class:`~mavhums_sim.conditions.Condition`. Without it the servos are of reduced order.
 
     Raises
     ------
@@ -86,7 +93,7 @@ class ClosedLoop:
     air: Air = field(default_factory=Air)
     faults: tuple[SurfaceFault, ...] = ()
     confounders: tuple[Confounder, ...] = ()
-    emas: None = None
+    emas: Flight | None = None
 
     def __post_init__(self) -> None:
         if self.layout not in LAYOUTS:
@@ -96,6 +103,8 @@ class ClosedLoop:
                 raise ValueError(f"no {name} {getattr(self, name)!r}; there are {', '.join(choices)}")
         if not 0.0 <= self.ground_s < self.duration_s - 10.0 or self.duration_s > 7200.0:
             raise ValueError("a flight lasts at least 10 s beyond its time on the ground, and at most 7200 s")
+        if self.emas and (self.layout != "conventional" or self.duration_s > _LONGEST_EMA_S):
+            raise ValueError(f"EMAs fly the conventional layout, up to {_LONGEST_EMA_S:g} s")
         surfaces = [fault.surface for fault in self.faults]
         for name in surfaces:
             if name not in LAYOUTS[self.layout].surfaces:
@@ -119,12 +128,15 @@ class FlownLoop:
         Of the autopilot's measurements, at 50 Hz.
     end
         ``complete``, ``landed`` or ``crashed``.
+    emas
+        The EMAs' flight at the length flown, and each one's record; None for servos of reduced order.
     """
 
     flight: ClosedLoop
     log: Array
     errors: Array
     end: str
+    emas: tuple[Flight, dict[str, ActuatorRecord]] | None = None
 
     @property
     def time_s(self) -> Array:
@@ -166,16 +178,42 @@ def fly_closed_loop(flight: ClosedLoop) -> FlownLoop:
     fixed = (vehicle_row(flight), _pilot(flight).record(), legs, memory, servo_rows(flight), fault_rows(flight))
     out = np.zeros(5)
     matrices = (np.array(layout.mixing), layout.effect(), out)
-    shafts, gust, aircraft = np.full(count, np.nan), Gust(flight), _launched(flight)
+    gust, aircraft = Gust(flight), _launched(flight)
+    emas = _Shafts(flight, fixed[4], log)
+    end = "complete"
     for k in range(frames):
-        height = advance(aircraft.read(), shafts, log, errors, stick, *fixed, *matrices)
+        height = advance(aircraft.read(), emas.at(k), log, errors, stick, *fixed, *matrices)
         if not height > _LOWEST_M:
-            return FlownLoop(flight, log[:k], errors, "landed" if _approaches(legs, memory) else "crashed")
+            end, log = "landed" if _approaches(legs, memory) else "crashed", log[:k]
+            break
         if k == gust.next:
             aircraft.wind(*gust.step())
         aircraft.drive(out.tolist())
         aircraft.run()
-    return FlownLoop(flight, log, errors, "complete")
+    return FlownLoop(flight, log, errors, end, emas.records())
+
+
+class _Shafts:
+    """The shafts of the servos: NaN, which asks for the reduced order, or those of the EMAs."""
+
+    def __init__(self, flight: ClosedLoop, servos: NDArray[np.void], log: Array) -> None:
+        self._angles = np.full(servos.size, np.nan)
+        self._emas = Emas(flight.emas, flight.duration_s, flight.ground_s) if flight.emas else None
+        self._log, self._servos = log, servos
+
+    def at(self, k: int) -> Array:
+        """Return the angles in frame ``k``, rad, shape (n,), after what frame ``k − 1`` demanded."""
+        if self._emas is not None:
+            row = self._log[max(k - 1, 0)]
+            demand = row[len(COLUMNS) : len(COLUMNS) + self._servos.size]
+            pressure = 0.5 * _AIR_DENSITY * row[COLUMNS["airspeed"]] ** 2
+            streams = self._servos["streams_with_alpha"] * row[COLUMNS["alpha"]]
+            streams = streams + self._servos["streams_with_beta"] * row[COLUMNS["beta"]]
+            self._emas.step(demand, float(pressure), streams, self._angles)
+        return self._angles
+
+    def records(self) -> tuple[Flight, dict[str, ActuatorRecord]] | None:
+        return self._emas.records() if self._emas else None
 
 
 def _pilot(flight: ClosedLoop) -> Autopilot:
