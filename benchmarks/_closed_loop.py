@@ -1,6 +1,6 @@
 """Flights in closed loop for the benchmarks: tlogs in memory with their labels.
 
-    python benchmarks/_closed_loop.py OUT [--hours H]     # write some of each kind, and labels.csv
+python benchmarks/_closed_loop.py OUT [--hours H]     # write some of each kind, and labels.csv
 """
 
 from __future__ import annotations
@@ -63,7 +63,9 @@ def healthy(hours: float, seed: int = 0, minutes: float = 15.0) -> Iterator[Plan
     for k in range(round(hours * 60.0 / minutes)):
         rng = np.random.default_rng([seed, 41, k])
         flight = _drawn(rng, seed, k, 60.0 * minutes)
-        flight = replace(flight, layout=str(rng.choice(["conventional", "elevon", "vtail"], p=[0.7, 0.15, 0.15])))
+        flight = replace(
+            flight, layout=str(rng.choice(["conventional", "elevon", "vtail"], p=[0.7, 0.15, 0.15]))
+        )
         yield Planned(f"healthy_{seed}_{k:05d}", flight, float(rng.choice(RATES)))
 
 
@@ -94,7 +96,13 @@ def losses(seed: int = 0, repeats: int = 1) -> Iterator[Planned]:
 
 def others(seed: int = 0, repeats: int = 1) -> Iterator[Planned]:
     """Yield slow servos, floating, offset and loose surfaces."""
-    kinds = {"slow": (0.3, 0.6, 1.0), "slow_rate": (5.0, 15.0), "float": (nan,), "bias": (3.0, 8.0), "backlash": (2.0, 5.0)}
+    kinds = {
+        "slow": (0.3, 0.6, 1.0),
+        "slow_rate": (5.0, 15.0),
+        "float": (nan,),
+        "bias": (3.0, 8.0),
+        "backlash": (2.0, 5.0),
+    }
     cases = [(kind, value) for kind, values in kinds.items() for value in values]
     for k, ((kind, value), surface, rate, _) in enumerate(product(cases, _SURFACES, RATES, range(repeats))):
         rng = np.random.default_rng([seed, 44, k])
@@ -183,7 +191,9 @@ def _what(several: list[dict[str, Any]]) -> dict[str, str]:
         "kind": event["kind"],
         "surface": event.get("surface", "none").split("_")[0],
         "servos": "+".join(f"{one['surface']}(SERVO{one['servo']})" for one in failed),
-        "demand_at_fault": json.dumps({str(one["servo"]): one["demand_us"] for one in failed}).replace(",", ";"),
+        "demand_at_fault": json.dumps({str(one["servo"]): one["demand_us"] for one in failed}).replace(
+            ",", ";"
+        ),
         "value": "" if event["value"] is None else f"{event['value']:g}",
         "phase": event.get("phase", ""),
     }
@@ -191,7 +201,10 @@ def _what(several: list[dict[str, Any]]) -> dict[str, str]:
 
 def _span(event: dict[str, Any]) -> dict[str, str]:
     end = event["end_boot_s"]
-    return {"t_fault_boot_s": f"{event['begin_boot_s']:.2f}", "t_clear_boot_s": "" if end is None else f"{end:.2f}"}
+    return {
+        "t_fault_boot_s": f"{event['begin_boot_s']:.2f}",
+        "t_clear_boot_s": "" if end is None else f"{end:.2f}",
+    }
 
 
 def _some(hours: float) -> Iterator[Planned]:

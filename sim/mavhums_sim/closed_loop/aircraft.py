@@ -134,7 +134,9 @@ class Aircraft:
         manager = self.exec.get_property_manager()
         self._read = [manager.get_node(name).get_double_value for name, _ in STATES.values()]
         self._write = [manager.get_node(name).set_double_value for name in _INPUTS]
-        self._wind = [manager.get_node(f"atmosphere/wind-{to}-fps").set_double_value for to in ("north", "east")]
+        self._wind = [
+            manager.get_node(f"atmosphere/wind-{to}-fps").set_double_value for to in ("north", "east")
+        ]
         self.run = self.exec.run
 
     def place(self, height: float, airspeed: float, theta: float = 0.0, psi: float = 0.0) -> None:

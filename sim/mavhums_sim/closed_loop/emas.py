@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from mavhums_sim._integrate import Constants, Course, State, advance_one_mass, advance_two_masses
 from mavhums_sim.conditions import degrade
-from mavhums_sim.cyclogram import SURFACES
+from mavhums_sim.cyclogram import SURFACES, Cyclogram
 from mavhums_sim.flight import (
     HEALTHY_FRICTION_NM,
     HINGE_PER_DEFLECTION,
     HINGE_PER_INCIDENCE,
     ActuatorRecord,
     Flight,
+    FlightRecord,
     record_actuator,
 )
 from mavhums_sim.individuals import Individual
@@ -100,14 +101,20 @@ class Emas:
             shafts[s] = ema.memory[0]
         self._at = span[1]
 
-    def records(self) -> tuple[Flight, dict[str, ActuatorRecord]]:
-        """Return the flight at the length flown, and what each actuator did and reported."""
-        flown = replace(self._flight, duration_s=self._at * CONTROL_PERIOD_S, cyclogram="cruise")
+    def record(self, flown: Cyclogram) -> FlightRecord:
+        """Return what each actuator did and reported over the flight."""
+        flight = replace(self._flight, duration_s=self._at * CONTROL_PERIOD_S, cyclogram=flown)
         records = {
-            surface: record_actuator(flown, index, self._motion(self._emas[index]))
+            surface: record_actuator(flight, index, self._motion(self._emas[index]))
             for index, surface in enumerate(SURFACES)
         }
-        return flown, records
+        return FlightRecord(flight, flown, records)
+
+    def commands(self) -> dict[str, Array]:
+        """Return the angles commanded so far, rad, one a control period."""
+        return {
+            surface: self._emas[index].course.command[: self._at] for index, surface in enumerate(SURFACES)
+        }
 
     def _motion(self, ema: _Ema) -> Motion:
         n = self._at

@@ -16,7 +16,9 @@ from mavhums_sim.closed_loop.mission import PHASES, Mission, plan, sticks
 from mavhums_sim.closed_loop.prepare import Gust, fault_rows, measurement_errors, servo_rows, vehicle_row
 from mavhums_sim.closed_loop.emas import Emas
 from mavhums_sim.closed_loop.surfaces import LAYOUTS, SurfaceFault
-from mavhums_sim.flight import ActuatorRecord, Flight
+from mavhums_sim.cyclogram import Cyclogram
+from mavhums_sim.flight import Flight, FlightRecord
+from mavhums_sim.motion import CONTROL_PERIOD_S
 
 __all__ = ["CONFOUNDERS", "ClosedLoop", "Confounder", "FlownLoop", "fly_closed_loop"]
 
@@ -129,14 +131,14 @@ class FlownLoop:
     end
         ``complete``, ``landed`` or ``crashed``.
     emas
-        The EMAs' flight at the length flown, and each one's record; None for servos of reduced order.
+        What the EMAs did over the length flown; None for servos of reduced order.
     """
 
     flight: ClosedLoop
     log: Array
     errors: Array
     end: str
-    emas: tuple[Flight, dict[str, ActuatorRecord]] | None = None
+    emas: FlightRecord | None = None
 
     @property
     def time_s(self) -> Array:
@@ -175,7 +177,14 @@ def fly_closed_loop(flight: ClosedLoop) -> FlownLoop:
     errors, stick = measurement_errors(flight.seed, half), sticks(flight.seed, half)
     legs, memory = plan(flight.seed, flight.duration_s - flight.ground_s, flight.mission), np.zeros(1, MEMORY)
     memory["throttle"], memory["nav_pitch"] = 1.0, 0.15
-    fixed = (vehicle_row(flight), _pilot(flight).record(), legs, memory, servo_rows(flight), fault_rows(flight))
+    fixed = (
+        vehicle_row(flight),
+        _pilot(flight).record(),
+        legs,
+        memory,
+        servo_rows(flight),
+        fault_rows(flight),
+    )
     out = np.zeros(5)
     matrices = (np.array(layout.mixing), layout.effect(), out)
     gust, aircraft = Gust(flight), _launched(flight)
@@ -190,7 +199,7 @@ def fly_closed_loop(flight: ClosedLoop) -> FlownLoop:
             aircraft.wind(*gust.step())
         aircraft.drive(out.tolist())
         aircraft.run()
-    return FlownLoop(flight, log, errors, end, emas.records())
+    return FlownLoop(flight, log, errors, end, emas.record(log))
 
 
 class _Shafts:
@@ -212,8 +221,24 @@ class _Shafts:
             self._emas.step(demand, float(pressure), streams, self._angles)
         return self._angles
 
-    def records(self) -> tuple[Flight, dict[str, ActuatorRecord]] | None:
-        return self._emas.records() if self._emas else None
+    def record(self, log: Array) -> FlightRecord | None:
+        return self._emas.record(_as_cyclogram(self._emas, log)) if self._emas else None
+
+
+def _as_cyclogram(emas: Emas, log: Array) -> Cyclogram:
+    """Return what was flown as a cyclogram, standing still before the launch."""
+    commands = emas.commands()
+    count = next(iter(commands.values())).size
+    time_s = (np.arange(count, dtype=np.float64) + 1.0) * CONTROL_PERIOD_S
+    frames = np.clip(np.arange(count) // 10 - count // 10 + log.shape[0], 0, log.shape[0] - 1)
+    flying = np.arange(count) // 10 >= count // 10 - log.shape[0]
+
+    def at(name: str) -> Array:
+        return np.where(flying, log[frames, COLUMNS[name]], 0.0)
+
+    incidence = dict.fromkeys(commands, at("alpha")) | {"rudder": at("beta")}
+    state = (at(name) for name in ("roll", "pitch", "yaw", "height"))
+    return Cyclogram("closed-loop", time_s, commands, at("airspeed"), incidence, *state)
 
 
 def _pilot(flight: ClosedLoop) -> Autopilot:

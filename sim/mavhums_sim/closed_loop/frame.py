@@ -21,7 +21,15 @@ MEMORY = np.dtype(
         (name, "f8")
         for name in (
             *("nav_roll", "nav_pitch", "throttle", "roll_rate", "pitch_rate", "yaw_rate"),
-            *("aileron", "elevator", "rudder", "roll_sum", "pitch_sum", "pitch_integral", "throttle_integral"),
+            *(
+                "aileron",
+                "elevator",
+                "rudder",
+                "roll_sum",
+                "pitch_sum",
+                "pitch_integral",
+                "throttle_integral",
+            ),
             *("course_error", "height_error", "speed_error", "north", "east", "leg_since", "thrust", "lost"),
         )
     ]
@@ -40,7 +48,15 @@ VEHICLE = np.dtype(
         (name, "f8")
         for name in (
             *("rigged_elevator", "thrust", "torque", "engine_at", "engine_until", "engine_left"),
-            *("airspeed_at", "airspeed_until", "airspeed_reads", "gps_at", "gps_until", "gps_drift", "begin_s"),
+            *(
+                "airspeed_at",
+                "airspeed_until",
+                "airspeed_reads",
+                "gps_at",
+                "gps_until",
+                "gps_drift",
+                "begin_s",
+            ),
         )
     ]
 )
@@ -66,7 +82,11 @@ def propel(throttle: float, airspeed: float) -> tuple[float, float]:
     d = _DIAMETER_M
     a = _AIR_DENSITY * d**5 / (2.0 * pi) ** 2 * _TORQUE_COEFFICIENTS[0]
     b = _AIR_DENSITY * d**4 / (2.0 * pi) * _TORQUE_COEFFICIENTS[1] * airspeed + _KV * _KV / _RESISTANCE
-    c = _AIR_DENSITY * d**3 * _TORQUE_COEFFICIENTS[2] * airspeed**2 - _KV / _RESISTANCE * volts + _KV * _IDLE_A
+    c = (
+        _AIR_DENSITY * d**3 * _TORQUE_COEFFICIENTS[2] * airspeed**2
+        - _KV / _RESISTANCE * volts
+        + _KV * _IDLE_A
+    )
     speed = max((-b + sqrt(max(b * b - 4.0 * a * c, 0.0))) / (2.0 * a), 1.0)
     advance_ratio = 2.0 * pi * airspeed / (speed * d)
     disc = _AIR_DENSITY * (speed / (2.0 * pi)) ** 2 * d**4
@@ -114,7 +134,9 @@ def _command(t: float, x, error, vehicle, a, legs, stick, m) -> float:  # type: 
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def advance(raw, shafts, log, errors, stick, vehicle, a, legs, m, servos, faults, mixing, effect, out) -> float:  # type: ignore[no-untyped-def]
+def advance(
+    raw, shafts, log, errors, stick, vehicle, a, legs, m, servos, faults, mixing, effect, out
+) -> float:  # type: ignore[no-untyped-def]
     """Advance by one frame; fill the log's row and the inputs ``out`` for the next; return the height.
 
     Parameters

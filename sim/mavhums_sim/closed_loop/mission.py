@@ -46,7 +46,9 @@ class _Plan:
     height: float = _BASE_M
     spent: float = 0.0
 
-    def add(self, kind: int, phase: str, *, lasts: float = 0.0, radius: float = 0.0, heading: float = 0.0) -> None:
+    def add(
+        self, kind: int, phase: str, *, lasts: float = 0.0, radius: float = 0.0, heading: float = 0.0
+    ) -> None:
         speed = float(self.rng.uniform(22.0, 28.0))
         here = (*self.at, *self.at)
         self.rows.append((kind, PHASES.index(phase), *here, self.height, speed, radius, heading, lasts))
@@ -102,7 +104,9 @@ def sticks(seed: int, count: int) -> Array:
     """
     rng = np.random.default_rng([seed, 24])
     moves = np.cumsum(rng.uniform(1.0, 8.0, 2 + count // 50))
-    roll = rng.choice([0.0, 0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9], moves.size) + 0.05 * rng.standard_normal(moves.size)
+    roll = rng.choice([0.0, 0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9], moves.size) + 0.05 * rng.standard_normal(
+        moves.size
+    )
     pitch = 0.5 * rng.choice([0.0, 0.0, 1.0, -1.0], moves.size) + 0.1 * rng.standard_normal(moves.size)
     held = np.searchsorted(moves, np.arange(count) * 0.02)
     steps = np.stack([roll[held], pitch[held]], axis=1)

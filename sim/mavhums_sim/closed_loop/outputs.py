@@ -110,7 +110,10 @@ class Outputs:
         layout = LAYOUTS[flown.flight.layout]
         count = len(layout.surfaces)
         sign = self._px4_sign(flown)
-        rows: list[tuple[str, float, int]] = [("CA_AIRFRAME", 1, _INTEGER), ("CA_SV_CS_COUNT", count, _INTEGER)]
+        rows: list[tuple[str, float, int]] = [
+            ("CA_AIRFRAME", 1, _INTEGER),
+            ("CA_SV_CS_COUNT", count, _INTEGER),
+        ]
         for s, kind in enumerate(layout.px4_types):
             rows.append((f"CA_SV_CS{s}_TYPE", kind, _INTEGER))
             rows.append((f"CA_SV_CS{s}_TRIM", 0.0, _REAL))
@@ -123,5 +126,9 @@ class Outputs:
             rows.append((f"PWM_MAIN_MIN{s + 1}", trim - half, _INTEGER))
             rows.append((f"PWM_MAIN_MAX{s + 1}", trim + half, _INTEGER))
         mask = sum(1 << s for s in range(count) if self.reversed_[s])
-        rows += [("PWM_MAIN_REV", mask, _INTEGER), ("SYS_AUTOSTART", 2106, _INTEGER), ("MAV_TYPE", 1, _INTEGER)]
+        rows += [
+            ("PWM_MAIN_REV", mask, _INTEGER),
+            ("SYS_AUTOSTART", 2106, _INTEGER),
+            ("MAV_TYPE", 1, _INTEGER),
+        ]
         return rows

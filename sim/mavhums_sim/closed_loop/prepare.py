@@ -60,7 +60,9 @@ def servo_rows(flight: ClosedLoop) -> NDArray[np.void]:
 def fault_rows(flight: ClosedLoop) -> NDArray[np.void]:
     """Return one row a surface; kind 0 is none."""
     of = {fault.surface: fault.row() for fault in flight.faults}
-    return np.array([of.get(name, (0, 0.0, inf, inf)) for name in LAYOUTS[flight.layout].surfaces], dtype=FAULT)
+    return np.array(
+        [of.get(name, (0, 0.0, inf, inf)) for name in LAYOUTS[flight.layout].surfaces], dtype=FAULT
+    )
 
 
 def vehicle_row(flight: ClosedLoop) -> NDArray[np.void]:

@@ -108,7 +108,9 @@ class _Reporter:
         if name == "yaw":
             column = np.unwrap(column)
         sampled = np.interp(times, self._time, column)
-        return np.where(times < self._time[0], _STANDING.get(name, 0.0 if name != "yaw" else column[0]), sampled)
+        return np.where(
+            times < self._time[0], _STANDING.get(name, 0.0 if name != "yaw" else column[0]), sampled
+        )
 
     def _held(self, times: Array, values: Array) -> Array:
         """Return the values of the autopilot's last cycle at the times."""
@@ -188,7 +190,9 @@ class _Reporter:
 
     def _second_imu(self) -> Table:
         times, rng = self._times(3)
-        return Table("SCALED_IMU2", times, {"time_boot_ms": boot_ms(times), **_milli(*self._sensed(times, rng))})
+        return Table(
+            "SCALED_IMU2", times, {"time_boot_ms": boot_ms(times), **_milli(*self._sensed(times, rng))}
+        )
 
     def _hud(self) -> Table:
         times, rng = self._times(4)
@@ -222,7 +226,9 @@ class _Reporter:
         drift = np.zeros(times.size)
         for confounder in self._flown.flight.confounders:
             if confounder.kind == "gps":
-                drift += confounder.value * np.clip(times - confounder.at_s, 0.0, confounder.until_s - confounder.at_s)
+                drift += confounder.value * np.clip(
+                    times - confounder.at_s, 0.0, confounder.until_s - confounder.at_s
+                )
         return drift
 
     def _position(self) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,8 +10,9 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mavhums_sim.link import BOOT_US
+from mavhums_sim.tiers import Stream
 
-__all__ = ["Columns", "Table", "boot_ms", "boot_us", "messages", "text_rows", "whole"]
+__all__ = ["Columns", "Table", "boot_ms", "boot_us", "text_rows", "whole"]
 
 Array = NDArray[np.float64]
 Columns = dict[str, Any]
@@ -46,10 +46,10 @@ class Table:
             rows[name] = values
         return rows
 
-    def build(self, k: int) -> Any:
-        """Return the k-th message as pymavlink builds it."""
-        kind, row = _CLASSES[self.name], self.rows()[k : k + 1]
-        return kind(*(_plain(row[name][0]) for name in kind.fieldnames))
+    def stream(self) -> Stream:
+        """Return the table as messages that pymavlink builds one by one."""
+        kind, rows = _CLASSES[self.name], self.rows()
+        return Stream(self.times, lambda k: kind(*(_plain(rows[k][name]) for name in kind.fieldnames)))
 
 
 def layout(name: str) -> np.dtype[np.void]:
@@ -68,18 +68,6 @@ def layout(name: str) -> np.dtype[np.void]:
             for field_name, length in zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
         ]
     )
-
-
-def messages(tables: list[Table]) -> Iterator[tuple[float, Any]]:
-    """Yield (time in s, message) of all tables in the order in which they are sent."""
-    kinds = [_CLASSES[table.name] for table in tables]
-    rows = [table.rows() for table in tables]
-    times = np.concatenate([table.times for table in tables])
-    owner = np.repeat(np.arange(len(tables)), [table.times.size for table in tables])
-    index = np.concatenate([np.arange(table.times.size) for table in tables])
-    for k in np.argsort(times, kind="stable"):
-        kind, row = kinds[owner[k]], rows[owner[k]][index[k]]
-        yield float(times[k]), kind(*(_plain(row[name]) for name in kind.fieldnames))
 
 
 def boot_us(times: Array) -> NDArray[np.int64]:
@@ -101,7 +89,9 @@ def text_rows(texts: list[tuple[float, str]]) -> Table:
     """Return STATUSTEXT of severity 6 from (time, text)."""
     times = np.array([time for time, _ in texts])
     return Table(
-        "STATUSTEXT", times, {"severity": 6, "text": np.array([text.encode()[:50] for _, text in texts], "S50")}
+        "STATUSTEXT",
+        times,
+        {"severity": 6, "text": np.array([text.encode()[:50] for _, text in texts], "S50")},
     )
 
 

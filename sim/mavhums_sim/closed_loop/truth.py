@@ -47,6 +47,7 @@ def truth(flown: FlownLoop) -> dict[str, object]:
             {"kind": c.kind, "value": c.value, **_span(c.at_s, c.until_s)} for c in flight.confounders
         ],
         "phases": _phases(flown),
+        **({"emas": flown.emas.truth()} if flown.emas else {}),
     }
 
 
