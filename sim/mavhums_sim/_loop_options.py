@@ -92,7 +92,8 @@ _OPTIONS = (
         multiple=True,
         type=_Confounder(),
         metavar="KIND:X@S[..S]",
-        help="Closed loop: engine:SHARE LEFT, airspeed:SHARE READ, wind:M/S GAINED or gps:M/S DRIFT. Repeatable.",
+        help="Closed loop: engine:SHARE LEFT, airspeed:SHARE READ, wind:M/S GAINED or"
+        " gps:M/S DRIFT. Repeatable.",
     ),
     click.option(
         "--wind", type=_Wind(), default="0", metavar="M/S[@DEG]", help="Closed loop: speed, and where from."
@@ -169,7 +170,8 @@ def plan_loop(planned: Planned, options: dict[str, Any]) -> tuple[ClosedLoop, St
 def _air(options: dict[str, Any]) -> Air:
     from mavhums_sim.closed_loop import Air
 
-    return Air(*options["wind"], options["turbulence"])
+    speed, direction = options["wind"]
+    return Air(speed, direction, options["turbulence"])
 
 
 def _times(match: re.Match[str]) -> tuple[float, float]:

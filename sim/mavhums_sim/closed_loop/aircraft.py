@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FRAME_S", "STATES", "Aircraft", "Air", "Dispersion", "Trim"]
+__all__ = ["FRAME_S", "STATES", "Air", "Aircraft", "Dispersion", "Trim"]
 
 FRAME_S = 0.01
 _FOOT, _POUND, _POUND_FOOT, _KNOT = 0.3048, 4.4482216152605, 1.3558179483314, 0.5144444
@@ -174,7 +174,8 @@ class Aircraft:
         names = [f"accelerations/{axis}dot-ft_sec2" for axis in "uvw"]
         names += [f"accelerations/{axis}dot-rad_sec2" for axis in "pqr"]
         factors = np.array([_FOOT] * 3 + [1.0] * 3)
-        return np.array([self.exec[name] for name in names]) * factors
+        values: Array = np.array([float(self.exec[name]) for name in names]) * factors
+        return values
 
     def trim(self, height: float, airspeed: float) -> Trim:
         """Find level, straight, still flight by Newton's method."""
@@ -196,7 +197,8 @@ def _load() -> Any:
         import jsbsim
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError("the closed loop needs JSBSim: pip install 'mavhums[sim]'") from error
-    jsbsim.FGJSBBase().debug_lvl = 0
+    silent: Any = jsbsim.FGJSBBase
+    silent().debug_lvl = 0
     root = str(files("mavhums_sim"))
     loaded = jsbsim.FGFDMExec(root, None)
     loaded.set_debug_level(0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import atan, atan2, cos, hypot, pi, sin, tan
+from typing import Any
 
 import numba
 import numpy as np
@@ -20,6 +21,7 @@ __all__ = ["CLIMB", "HEADING", "LOITER", "STICKS", "TRACK", "Autopilot", "attitu
 CLIMB, TRACK, LOITER, HEADING, STICKS = range(5)
 GRAVITY = 9.80665
 PERIOD_S = 0.02
+_LOW_M = 70.0  # below which the pilot climbs
 
 Array = NDArray[np.float64]
 
@@ -92,7 +94,7 @@ def wrap(angle: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def course_of(leg, north: float, east: float):  # type: ignore[no-untyped-def]
+def course_of(leg: Any, north: float, east: float) -> tuple[float, float, float]:
     """Return the course to fly for a leg, rad, and the bank of its turn as tan φ·g, m/s²."""
     if leg.kind == LOITER:
         side = 1.0 if leg.radius > 0.0 else -1.0
@@ -108,7 +110,7 @@ def course_of(leg, north: float, east: float):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def guide(leg, a, m, x, stick):  # type: ignore[no-untyped-def]
+def guide(leg: Any, a: Any, m: Any, x: tuple[float, ...], stick: Array) -> None:
     """Set the demands of roll, pitch and throttle in the memory ``m`` from the estimated state ``x``.
 
     Parameters
@@ -123,6 +125,8 @@ def guide(leg, a, m, x, stick):  # type: ignore[no-untyped-def]
     north, east, height, airspeed, ground, course, climb, roll = x
     if leg.kind == STICKS:
         m.nav_roll, slope = stick[0] * a.bank_limit, stick[1] * 0.12
+        if height < _LOW_M:
+            slope = max(slope, 0.06)
     elif leg.kind == CLIMB:
         m.nav_roll = 0.0
         slope = 0.16
@@ -155,7 +159,7 @@ def guide(leg, a, m, x, stick):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def attitude(a, m, x):  # type: ignore[no-untyped-def]
+def attitude(a: Any, m: Any, x: tuple[float, ...]) -> None:
     """Set the demands of aileron, elevator and rudder in ``m``.
 
     Parameters

@@ -13,8 +13,6 @@ from mavhums_sim.cyclogram import SURFACES, Cyclogram
 from mavhums_sim.flight import (
     HEALTHY_FRICTION_NM,
     HINGE_PER_DEFLECTION,
-    HINGE_PER_INCIDENCE,
-    ActuatorRecord,
     Flight,
     FlightRecord,
     record_actuator,

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from mavhums_sim.closed_loop.aircraft import FRAME_S, Air, Aircraft, Dispersion
 from mavhums_sim.closed_loop.autopilot import Autopilot
+from mavhums_sim.closed_loop.emas import Emas
 from mavhums_sim.closed_loop.frame import COLUMNS, MEMORY, advance
 from mavhums_sim.closed_loop.mission import PHASES, Mission, plan, sticks
 from mavhums_sim.closed_loop.prepare import Gust, fault_rows, measurement_errors, servo_rows, vehicle_row
-from mavhums_sim.closed_loop.emas import Emas
 from mavhums_sim.closed_loop.surfaces import LAYOUTS, SurfaceFault
 from mavhums_sim.cyclogram import Cyclogram
 from mavhums_sim.flight import Flight, FlightRecord
@@ -143,7 +143,7 @@ class FlownLoop:
     @property
     def time_s(self) -> Array:
         """Times of the rows since switching on, s, shape (n,)."""
-        return self.flight.ground_s + np.arange(self.log.shape[0]) * FRAME_S
+        return self.flight.ground_s + np.arange(self.log.shape[0], dtype=np.float64) * FRAME_S
 
     @property
     def end_s(self) -> float:

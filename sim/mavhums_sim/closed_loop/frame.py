@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import atan2, cos, hypot, pi, sin, sqrt
+from typing import Any
 
 import numba
 import numpy as np
@@ -98,7 +99,7 @@ def propel(throttle: float, airspeed: float) -> tuple[float, float]:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _next_leg(legs, m, t: float, x) -> None:  # type: ignore[no-untyped-def]
+def _next_leg(legs: Any, m: Any, t: float, x: Array) -> None:
     """Begin the next leg when this one is over: its time, its point passed, its height reached."""
     leg = legs[m.leg]
     over = leg.lasts > 0.0 and t - m.leg_since > leg.lasts
@@ -114,7 +115,9 @@ def _next_leg(legs, m, t: float, x) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _command(t: float, x, error, vehicle, a, legs, stick, m) -> float:  # type: ignore[no-untyped-def]
+def _command(
+    t: float, x: Array, error: Array, vehicle: Any, a: Any, legs: Any, stick: Array, m: Any
+) -> float:
     """Let the autopilot act on what it measures; return the airspeed measured."""
     _next_leg(legs, m, t, x)
     ground = hypot(x[_NORTH_SPEED], x[_EAST_SPEED])
@@ -130,13 +133,26 @@ def _command(t: float, x, error, vehicle, a, legs, stick, m) -> float:  # type: 
     position = (m.north + m.lost, m.east, x[_HEIGHT])
     guide(legs[m.leg], a, m, (*position, used, ground, course, -x[_DOWN_SPEED], roll), stick)
     attitude(a, m, (roll, pitch, x[_P] + error[2], x[_Q] + error[3], x[_R] + error[4], used))
-    return measured
+    return float(measured)
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def advance(
-    raw, shafts, log, errors, stick, vehicle, a, legs, m, servos, faults, mixing, effect, out
-) -> float:  # type: ignore[no-untyped-def]
+    raw: list[float],
+    shafts: Array,
+    log: Array,
+    errors: Array,
+    stick: Array,
+    vehicle: Any,
+    a: Any,
+    legs: Any,
+    m: Any,
+    servos: Any,
+    faults: Any,
+    mixing: Array,
+    effect: Array,
+    out: Array,
+) -> float:
     """Advance by one frame; fill the log's row and the inputs ``out`` for the next; return the height.
 
     Parameters
@@ -191,11 +207,11 @@ def advance(
     out[4] = left * torque * v.torque / _POUND_FOOT
     _note(x, memory, legs)
     memory.frame += 1
-    return x[_HEIGHT]
+    return float(x[_HEIGHT])
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _actuate(t: float, x, first: int, before, shafts, servos, faults) -> None:  # type: ignore[no-untyped-def]
+def _actuate(t: float, x: Array, first: int, before: Array, shafts: Array, servos: Any, faults: Any) -> None:
     """Move servos and surfaces: columns demand, angle and servo from ``first`` on, n each."""
     n = servos.size
     for s in range(n):
@@ -216,7 +232,7 @@ def _actuate(t: float, x, first: int, before, shafts, servos, faults) -> None:  
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _note(x, m, legs) -> None:  # type: ignore[no-untyped-def]
+def _note(x: Array, m: Any, legs: Any) -> None:
     j = _STATES
     x[j], x[j + 1], x[j + 2], x[j + 3], x[j + 4] = m.north, m.east, m.nav_roll, m.nav_pitch, m.throttle
     x[j + 5], x[j + 6], x[j + 7] = m.roll_rate, m.pitch_rate, m.yaw_rate

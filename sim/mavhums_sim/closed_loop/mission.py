@@ -34,6 +34,7 @@ LEG = np.dtype(
 Array = NDArray[np.float64]
 Mission = Literal["mixed", "waypoints", "loiter", "heading", "manual"]
 _BASE_M = 120.0
+_LANDS_S = 300.0  # a shorter flight does not land
 
 
 @dataclass(slots=True)
@@ -82,7 +83,7 @@ def plan(seed: int, duration_s: float, mission: Mission = "mixed") -> NDArray[np
     rng = np.random.default_rng([seed, 23])
     course = _Plan(rng, [])
     course.add(CLIMB, "climb", lasts=25.0, heading=float(rng.uniform(-pi, pi)))
-    lands = mission == "mixed" and rng.random() < 1.0 / 3.0
+    lands = mission == "mixed" and duration_s > _LANDS_S and rng.random() < 1.0 / 3.0
     air_time = duration_s - (100.0 if lands else -60.0)
     blocks = ("waypoints", "loiter", "heading", "manual") if mission == "mixed" else (mission,)
     while course.spent < air_time:
@@ -115,7 +116,7 @@ def sticks(seed: int, count: int) -> Array:
 
 
 def _waypoints(course: _Plan) -> None:
-    """A racetrack or some random points."""
+    """Fly a racetrack or some random points."""
     if course.rng.random() < 0.5:
         north, east = course.at
         angle, length = course.rng.uniform(-pi, pi), course.rng.uniform(300.0, 700.0)

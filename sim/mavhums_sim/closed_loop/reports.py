@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ class _Reporter:
             times < self._time[0], _STANDING.get(name, 0.0 if name != "yaw" else column[0]), sampled
         )
 
-    def _held(self, times: Array, values: Array) -> Array:
+    def _held(self, times: Array, values: Any) -> Any:
         """Return the values of the autopilot's last cycle at the times."""
         index = np.clip(((times - self._time[0]) / FRAME_S).astype(np.int64), 0, values.shape[0] - 1)
         flying = times >= self._time[0]
@@ -126,7 +127,7 @@ class _Reporter:
         table = PX4_MODES if self._px4 else ARDUPLANE_MODES
         codes = np.array([table[phase] for phase in PHASES])
         phase = self._held(times, self._flown.column("phase")).astype(np.int64)
-        return np.where(times < self._time[0], codes[0], codes[phase])
+        return np.asarray(np.where(times < self._time[0], codes[0], codes[phase]), dtype=np.int64)
 
     def _heartbeat(self) -> Table:
         times = np.arange(0.3, self._flown.end_s, 1.0)
@@ -283,7 +284,7 @@ class _Reporter:
         times, _ = self._times(8)
 
         def held(name: str) -> Array:
-            return self._held(times, self._flown.column(name))
+            return np.asarray(self._held(times, self._flown.column(name)), dtype=np.float64)
 
         if self._px4:
             quaternion = _quaternion(held("nav_roll"), held("nav_pitch"), self._at(times, "yaw"))

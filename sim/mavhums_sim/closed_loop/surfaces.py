@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, inf, isfinite, nan, radians
+from typing import Any
 
 import numba
 import numpy as np
@@ -159,15 +160,20 @@ def play(position: float, target: float, half: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def follow(servo, shaft: float, command: float, dt: float) -> float:  # type: ignore[no-untyped-def]
+def follow(servo: Any, shaft: float, command: float, dt: float) -> float:
     """Return the servo's angle after ``dt``: lag, then rate limit."""
-    step = (command - shaft) * (1.0 - exp(-dt / servo.lag))
-    most = servo.rate * dt
+    step: float = (command - shaft) * (1.0 - exp(-dt / servo.lag))
+    most: float = servo.rate * dt
     return shaft + min(max(step, -most), most)
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def fail(fault, angle: float, healthy: float, stream: float, dt: float) -> float:  # type: ignore[no-untyped-def]
+def _towards(angle: float, target: float, most: float) -> float:
+    return angle + min(max(target - angle, -most), most)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def fail(fault: Any, angle: float, healthy: float, stream: float, dt: float) -> float:
     """Return the surface's angle after ``dt`` under a fault that is present.
 
     Parameters
@@ -177,20 +183,17 @@ def fail(fault, angle: float, healthy: float, stream: float, dt: float) -> float
     stream
         Angle at which the surface would stand free in the air, rad.
     """
+    value: float = fault.value
     if fault.kind == FREEZE:
-        if np.isnan(fault.value):
-            return angle
-        most = _RUNAWAY_RAD_S * dt
-        return angle + min(max(fault.value - angle, -most), most)
+        return angle if np.isnan(value) else _towards(angle, value, _RUNAWAY_RAD_S * dt)
     if fault.kind == FLOAT:
         return angle + (stream - angle) * (1.0 - exp(-dt / _FLOAT_LAG_S))
     if fault.kind == GAIN:
-        return healthy * fault.value
+        return healthy * value
     if fault.kind == SLOW:
-        return angle + (healthy - angle) * (1.0 - exp(-dt / fault.value)) if fault.value > 0.0 else healthy
+        return angle + (healthy - angle) * (1.0 - exp(-dt / value)) if value > 0.0 else healthy
     if fault.kind == RATE:
-        most = fault.value * dt
-        return angle + min(max(healthy - angle, -most), most)
+        return _towards(angle, healthy, value * dt)
     if fault.kind == BIAS:
-        return healthy + fault.value
-    return play(angle, healthy, 0.5 * fault.value)
+        return healthy + value
+    return play(angle, healthy, 0.5 * value)
