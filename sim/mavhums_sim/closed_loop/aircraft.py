@@ -138,6 +138,7 @@ class Aircraft:
             manager.get_node(f"atmosphere/wind-{to}-fps").set_double_value for to in ("north", "east")
         ]
         self.run = self.exec.run
+        self._raw = np.empty(len(STATES))
 
     def place(self, height: float, airspeed: float, theta: float = 0.0, psi: float = 0.0) -> None:
         """Put the aircraft at rest in rotation, wings level, nose ``theta`` above its path."""
@@ -165,9 +166,10 @@ class Aircraft:
         for write, value in zip(self._write, inputs, strict=True):
             write(value)
 
-    def read(self) -> list[float]:
-        """Return the states in JSBSim's units; :data:`STATES` has the factors to SI."""
-        return [read() for read in self._read]
+    def read(self) -> Array:
+        """Return the states in JSBSim's units; :data:`STATES` has the factors to SI. The array is reused."""
+        self._raw[:] = [read() for read in self._read]
+        return self._raw
 
     def accelerations(self) -> Array:
         """Return u̇, v̇, ẇ in m/s² and ṗ, q̇, ṙ in rad/s², as they are after :meth:`place`."""

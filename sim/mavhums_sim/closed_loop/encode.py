@@ -33,6 +33,7 @@ def encode(tables: list[Table], seed: int, link: Link | None = None) -> bytes:
     'fd0900'
     """
     link = link or Link()
+    tables = [table for table in tables if table.times.size]
     times = np.concatenate([table.times for table in tables])
     rng = np.random.default_rng([seed, 3])
     delays = link.latency_s + rng.exponential(link.jitter_s or 1e-9, times.size)

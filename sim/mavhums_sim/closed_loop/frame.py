@@ -138,7 +138,7 @@ def _command(
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def advance(
-    raw: list[float],
+    raw: Array,
     shafts: Array,
     log: Array,
     errors: Array,

@@ -84,7 +84,7 @@ def plan(seed: int, duration_s: float, mission: Mission = "mixed") -> NDArray[np
     course = _Plan(rng, [])
     course.add(CLIMB, "climb", lasts=25.0, heading=float(rng.uniform(-pi, pi)))
     lands = mission == "mixed" and duration_s > _LANDS_S and rng.random() < 1.0 / 3.0
-    air_time = duration_s - (100.0 if lands else -60.0)
+    air_time = duration_s - (160.0 if lands else -60.0)
     blocks = ("waypoints", "loiter", "heading", "manual") if mission == "mixed" else (mission,)
     while course.spent < air_time:
         _BLOCKS[str(rng.choice(blocks))](course)

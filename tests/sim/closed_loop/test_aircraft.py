@@ -22,7 +22,9 @@ FOOT = 0.3048
 PUBLISHED_DENSITY, PUBLISHED_ELEVATOR = 1.2682, -0.1248
 
 
-def forces(alpha: float, elevator: float, speed: float, q: float, density: float) -> tuple[float, float, float]:
+def forces(
+    alpha: float, elevator: float, speed: float, q: float, density: float
+) -> tuple[float, float, float]:
     """Aerodynamic X, Z and pitching moment: the book's equations 4.6 and 4.7 …"""
     pressure = 0.5 * density * speed**2
     lift = 0.23 + 5.61 * alpha + 7.95 * CHORD / (2 * speed) * q + 0.13 * elevator
@@ -82,7 +84,9 @@ def test_propeller_turns_where_its_torque_is_the_motors(throttle: float, speed: 
     assert propel(throttle, speed) == pytest.approx((thrust, torques(omega)[0]), rel=1e-6)
 
 
-def linearised(aircraft: Aircraft, trim: Trim, inputs: dict[str, float], keys: list[str], rows: list[int]) -> Array:
+def linearised(
+    aircraft: Aircraft, trim: Trim, inputs: dict[str, float], keys: list[str], rows: list[int]
+) -> Array:
     """Numerical derivatives of JSBSim's accelerations by the initial conditions ``keys``."""
     columns = []
     for key in keys:
@@ -182,7 +186,7 @@ def test_a_small_upset_decays_as_the_linear_model_says(aircraft: Aircraft, trim:
     rows = []
     for _ in range(round(seconds / FRAME_S)):
         aircraft.run()
-        rows.append(aircraft.read())
+        rows.append(aircraft.read().copy())
     flown = np.array(rows)[:, [names.index(axis) for axis in "qpr"]]
     times = (np.arange(flown.shape[0]) + 1) * FRAME_S
     along = longitudinal(trim, density(aircraft))
