@@ -20,7 +20,7 @@ from mavhums_sim.motion import simulate
 Array = NDArray[np.float64]
 
 ONSET = 45.0
-STILL = dict(airframe=None, mission="manual", duration_s=75.0)
+STILL = {"airframe": None, "mission": "manual", "duration_s": 75.0}
 
 
 def flown(*faults: SurfaceFault, **changes: Any) -> FlownLoop:
