@@ -21,10 +21,13 @@ from mavhums_sim.closed_loop import Air, ClosedLoop, Confounder, FlownLoop, Surf
 from mavhums_sim.closed_loop.encode import encode
 from mavhums_sim.closed_loop.reports import Streams, report
 from mavhums_sim.closed_loop.truth import truth
+from mavhums_sim.link import Link
 
 RATES = (2.0, 4.0, 10.0, 25.0, 50.0)
 TURBULENCE = (0.0, 4.0, 9.0, 15.0)
 FAULT_AT = (150.0, 240.0)
+JITTER_S = (0.002, 0.02, 0.05)
+LOSS = (0.0, 0.0, 0.02)
 LABELS = (
     *("file", "kind", "surface", "t_fault_boot_s", "t_clear_boot_s", "t_end_boot_s", "servos"),
     *("demand_at_fault", "wind", "turb", "streams_hz", "flight_s", "model", "modes"),
@@ -45,7 +48,9 @@ class Planned:
         """Fly it; about 0.002 s of CPU per second of flight."""
         flown = fly_closed_loop(self.flight)
         tables = report(flown, Streams(rate=self.rate, status=min(2.0, self.rate)))
-        return Labelled(self.name, encode(tables, self.flight.seed), _labels(self, flown), flown)
+        rng = np.random.default_rng([self.flight.seed, 46])
+        link = Link(jitter_s=float(rng.choice(JITTER_S)), loss=float(rng.choice(LOSS)))
+        return Labelled(self.name, encode(tables, self.flight.seed, link), _labels(self, flown), flown)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ CONFOUNDERS = {
     "wind": "m/s that the mean wind gains within 3 s, from a random side",
     "gps": "m/s at which the position drifts",
 }
-_LAUNCH_HEIGHT_M, _LAUNCH_SPEED = 4.0, 20.0
+_LAUNCH_HEIGHT_M, _LAUNCH_SPEED = 8.0, 23.0
 _LOWEST_M = 1.0
 _LONGEST_EMA_S = 1800.0
 _AIR_DENSITY = 1.225

@@ -31,7 +31,7 @@ _FIXED_WING, _ARDUPILOT, _PX4 = 1, 3, 12
 _ARMED, _BASE_MODE = 128, 89
 _ARMING_S = 4.0
 _HOME_DEG, _HOME_M, _METRES_PER_DEGREE = (47.0, 8.0), 420.0, 111_320.0
-_STANDING = {"pitch": 0.15, "z_force": -9.70, "x_force": 1.46, "height": 3.0}
+_STANDING = {"pitch": 0.15, "z_force": -9.70, "x_force": 1.46, "height": 8.0}
 _UNITS = {"accelerometer": 0.25, "gyro": 0.004, "gyro_bias": 0.003, "gps_m": 0.6, "climb": 0.15}
 
 
