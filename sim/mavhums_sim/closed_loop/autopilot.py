@@ -67,11 +67,15 @@ class Autopilot:
 
     @classmethod
     def tuned(cls, seed: int, flavour: str) -> Autopilot:
-        """Return the gains that the operator of airframe ``seed`` came to: within ±25 % of the defaults."""
+        """Return the gains that the operator of airframe ``seed`` came to.
+
+        Within ±25 % of the defaults; time constants of the attitude 0.75…1.8 of them.
+        """
         rng = np.random.default_rng([seed, 22])
         base = cls() if flavour == "ardupilot" else cls(roll_time=0.4, pitch_time=0.4, rudder_mix=0.0)
-        scaled = ("roll_time", "pitch_time", "roll_gain", "roll_integral", "pitch_gain", "pitch_integral")
+        scaled = ("roll_gain", "roll_integral", "pitch_gain", "pitch_integral")
         drawn = {name: getattr(base, name) * rng.uniform(0.75, 1.25) for name in scaled}
+        drawn |= {name: getattr(base, name) * rng.uniform(0.75, 1.8) for name in ("roll_time", "pitch_time")}
         mixed = rng.uniform(0.0, 0.6) if flavour == "ardupilot" else 0.0
         return replace(
             base,
