@@ -25,8 +25,8 @@ from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
-from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
+from mavhums.vehicle.surfaces import AXES
 
 __all__ = ["Engine"]
 

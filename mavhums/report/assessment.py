@@ -137,7 +137,7 @@ class Verdict(Contract):
     """What the log says of one actuator, or of one axis of the aircraft.
 
     ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
-    ``surfaces`` are those that move it. ``effectiveness`` of an axis is what is left of that of the reference.
+    ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that an axis has left.
     ``condition`` is the last decidable state, ``worst`` the worst one reached.
     ``undecided`` always carries ``reason`` and ``remedy``. ``model`` is the network that
     ``p_emergency`` is of, the probability that its friction lies nearer to an emergency than to normal.
@@ -200,7 +200,9 @@ class Assessment(Contract):
     'EMERGENCY'
     """
 
-    schema_: Literal["mavhums.assessment/1", "mavhums.assessment/2"] = Field(default="mavhums.assessment/2", alias="schema")
+    schema_: Literal["mavhums.assessment/1", "mavhums.assessment/2"] = Field(
+        default="mavhums.assessment/2", alias="schema"
+    )
     notice: str = NOTICE
     log: LogSummary
     airframe: str | None
@@ -217,7 +219,9 @@ class Assessment(Contract):
 
         rows = []
         for verdict in self.verdicts:
-            row = verdict.model_dump(include={"subject", "vehicle", "actuator", "condition", "worst", "p_emergency"})
+            row = verdict.model_dump(
+                include={"subject", "vehicle", "actuator", "condition", "worst", "p_emergency"}
+            )
             friction = verdict.friction_nm
             row |= {
                 "effectiveness": verdict.effectiveness.estimate if verdict.effectiveness else None,

@@ -302,7 +302,9 @@ def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
     assert frame.set_index("actuator").loc["rudder", "condition"] == "degraded"
 
 
-REAL = [path for path in real_logs() if path.suffix == ".tlog" and path.parent.name not in ("alfa", "control")]
+REAL = [
+    path for path in real_logs() if path.suffix == ".tlog" and path.parent.name not in ("alfa", "control")
+]
 JAMMED = "plane_lua_csrv.link1.tlog"
 
 

@@ -7,12 +7,18 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.events import ConditionChanged
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
 Array = NDArray[np.float64]
 
 SPEED = 18.0
+
+
+def changes_of(monitor: AxisMonitor, flight: Rows) -> list[ConditionChanged]:
+    return [event for event in monitor.feed(flight) if isinstance(event, ConditionChanged)]
 
 
 def steady(seconds: int) -> dict[str, Array]:
@@ -46,7 +52,8 @@ def excited(seconds: int, seed: int = 1, size: float = 0.15) -> Array:
     out = np.zeros_like(noise)
     for k in range(1, noise.size):
         out[k] = out[k - 1] + share * (noise[k] - out[k - 1])
-    return size * out / out.std()
+    excited: Array = size * out / out.std()
+    return excited
 
 
 def rolling(

@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.health.axis.detector import Limits, detectors, to_inspect
 from mavhums.health.axis.monitor import AxisMonitor
-from tests.health.axis.flights import excited, rolling, rows, steady
+from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
 
 
 @pytest.mark.parametrize("detector", detectors(Limits()), ids=lambda d: type(d).__module__.rsplit(".", 1)[-1])
@@ -37,7 +37,7 @@ def controlled(seconds: int) -> dict[str, np.ndarray]:
 
 def test_a_healthy_flight_raises_no_alarm() -> None:
     monitor = AxisMonitor(1)
-    assert all(change.after == "normal" for change in monitor.feed(rows(controlled(240))))
+    assert all(change.after == "normal" for change in changes_of(monitor, rows(controlled(240))))
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fau
         if what == "skid":
             flight["side_force"][after] += 4.0
     monitor = AxisMonitor(1)
-    alarms = [c for c in monitor.feed(rows(flight)) if c.after == "emergency"]
+    alarms = [c for c in changes_of(monitor, rows(flight)) if c.after == "emergency"]
     assert (alarms[0].actuator, alarms[0].fault) == (axis, fault)
     assert 100 < alarms[0].time_s <= 106
     assert 98 <= alarms[0].since_s <= 104
@@ -68,7 +68,7 @@ def test_a_stall_is_no_elevator() -> None:
     flight["pitch"][2000:] -= 0.6
     flight["speed"][2000:] = 12.0
     monitor = AxisMonitor(1)
-    assert all(change.after == "normal" for change in monitor.feed(rows(flight)))
+    assert all(change.after == "normal" for change in changes_of(monitor, rows(flight)))
 
 
 def test_an_hour_costs_little() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,10 +12,10 @@ from hypothesis import strategies as st
 
 from mavhums.health.axis.monitor import AxisMonitor, new_gain
 from mavhums.vehicle.flight import Rows
-from tests.health.axis.flights import SPEED, excited, rolling, rows, steady
+from tests.health.axis.flights import SPEED, Array, changes_of, excited, rolling, rows, steady
 
 
-def lost(at_s: float, left: float, back_s: float = np.inf):
+def lost(at_s: float, left: float, back_s: float = np.inf) -> Callable[[Array], Array]:
     return lambda t: 2.2 * np.where((t >= at_s) & (t < back_s), left, 1.0)
 
 
@@ -30,9 +33,9 @@ def test_the_gain_of_the_reference_is_found() -> None:
 @pytest.mark.parametrize(("left", "condition"), [(0.5, "emergency"), (0.0, "emergency"), (0.7, "degraded")])
 def test_a_loss_is_found_and_measured(left: float, condition: str) -> None:
     monitor = AxisMonitor(1)
-    changes = [*monitor.feed(rolling(180, lost(100, left)))]
+    changes = changes_of(monitor, rolling(180, lost(100, left)))
     found = monitor.findings("roll")
-    assert [c.after for c in changes if c.actuator == "roll"][0] == "normal"
+    assert next(c.after for c in changes if c.actuator == "roll") == "normal"
     assert found.condition == found.worst == condition
     assert found.effectiveness is not None
     assert found.effectiveness.low < left + 0.1
@@ -45,13 +48,13 @@ def test_a_loss_is_found_and_measured(left: float, condition: str) -> None:
 def test_a_healthy_flight_is_normal_and_a_quiet_one_undecided() -> None:
     for size, condition in ((0.15, "normal"), (0.002, "undecided")):
         monitor = AxisMonitor(1)
-        assert all(c.after == "normal" for c in monitor.feed(rolling(300, lost(999, 1.0), size=size)))
+        assert all(c.after == "normal" for c in changes_of(monitor, rolling(300, lost(999, 1.0), size=size)))
         assert monitor.findings("roll").condition == condition
 
 
 def test_an_axis_recovers() -> None:
     monitor = AxisMonitor(1)
-    changes = [c for c in monitor.feed(rolling(300, lost(100, 0.4, 160.0))) if c.actuator == "roll"]
+    changes = [c for c in changes_of(monitor, rolling(300, lost(100, 0.4, 160.0))) if c.actuator == "roll"]
     assert changes[-1].after == "normal"
     assert 180 <= changes[-1].time_s <= 220
     assert monitor.findings("roll").worst == "emergency"
@@ -80,13 +83,17 @@ def test_a_change_of_trim_is_no_loss_of_gain() -> None:
     flight["roll_rate"] = 2.2 * demand + 0.02 * np.random.default_rng(3).normal(size=demand.size)
     flight["roll_rate"][2400:] += 0.15
     monitor = AxisMonitor(1)
-    assert all(change.after == "normal" for change in monitor.feed(rows(flight)))
+    assert all(change.after == "normal" for change in changes_of(monitor, rows(flight)))
 
 
 @pytest.mark.parametrize("blind", ["slow", "inverted", "grounded", "silent"])
 def test_nothing_is_judged_outside_forward_flight(blind: str) -> None:
     whole = rolling(150, lost(60, 0.3))
-    arrays = {name: getattr(whole, name).copy() for name in Rows.__dataclass_fields__ if name not in ("second", "fresh")}
+    arrays = {
+        name: getattr(whole, name).copy()
+        for name in Rows.__dataclass_fields__
+        if name not in ("second", "fresh")
+    }
     after = slice(55 * 20, None)
     if blind == "slow":
         arrays["speed"][after] = 10.0
@@ -97,7 +104,7 @@ def test_nothing_is_judged_outside_forward_flight(blind: str) -> None:
     else:
         arrays["outputs"][after] = np.nan
     monitor = AxisMonitor(1)
-    assert not [*monitor.feed(Rows(0, True, **arrays))]
+    assert not changes_of(monitor, Rows(0, True, **arrays))
 
 
 @settings(max_examples=10, deadline=None)
@@ -106,8 +113,8 @@ def test_the_pieces_do_not_matter(cuts: list[int]) -> None:
     flight = rolling(120, lost(80, 0.4))
     edges = sorted({0, *cuts, 120})
     whole, pieces = AxisMonitor(1), AxisMonitor(1)
-    expected = [*whole.feed(flight)]
-    found = [c for a, b in zip(edges[:-1], edges[1:], strict=True) for c in pieces.feed(flight.cut(a, b))]
+    expected = changes_of(whole, flight)
+    found = [c for a, b in pairwise(edges) for c in changes_of(pieces, flight.cut(a, b))]
     assert found == expected
     assert [pieces.findings(axis) for axis in ("roll", "pitch", "yaw")] == [
         whole.findings(axis) for axis in ("roll", "pitch", "yaw")
