@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, packaged_airframes
-from mavhums.actuator.tiers import tier_named
+from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.health.baseline import Baseline, BaselineSource
@@ -102,10 +102,18 @@ class Engine:
         """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
-        vehicles = vehicles_of(decoder.counts)
+        counts = decoder.counts
+        vehicles = vehicles_of(counts)
+        told: dict[int | None, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
+        for key, count in counts.items():
+            told.get(key[0], {})[key] = count
         names = self._fleet.airframes
         verdicts = tuple(
-            verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
+            verdict
+            for vehicle in vehicles or (None,)
+            for verdict in self._verdicts(
+                vehicle, self._fleet.tier(vehicle, told.get(vehicle, {})), indicators
+            )
         )
         voted = {verdict.model for verdict in verdicts}
         return Assessment(
@@ -182,8 +190,7 @@ class Engine:
             baselines = baselines(airframe, None if undated else _utc(first or 0))
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 
-    def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
-        tier = self._fleet.tier(vehicle, self._decoder.counts)
+    def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._fleet.mapper(vehicle)
         if vehicle is None or mapper is None:
             yield unjudged_vehicle(vehicle, tier, packaged_airframes())

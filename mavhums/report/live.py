@@ -24,6 +24,7 @@ __all__ = [
     "LinkStatus",
     "LiveObject",
     "NoticeObject",
+    "OutputStatus",
     "RecordStatus",
     "StaleObject",
     "StartObject",
@@ -153,7 +154,7 @@ class LinkStatus(_Contract):
 
     ``frames`` were accepted. ``missing_frames``, ``reordered_frames`` and ``duplicated_frames`` are
     what the sequence numbers of the senders say; ``dropped_datagrams`` those that this computer
-    was too slow to fetch.
+    was too slow to fetch. ``contested`` are the vehicles for which more than one sender speaks now.
     """
 
     age_s: float | None
@@ -172,6 +173,7 @@ class LinkStatus(_Contract):
     reordered_frames: int
     duplicated_frames: int
     dropped_datagrams: int
+    contested: tuple[int, ...] = ()
 
 
 class RecordStatus(_Contract):
@@ -183,14 +185,23 @@ class RecordStatus(_Contract):
     error: str | None
 
 
+class OutputStatus(_Contract):
+    """An output that does not take everything: how much was dropped, and why, while that lasts."""
+
+    name: str
+    dropped: int
+    error: str | None
+
+
 class StatusObject(_Event):
-    """Once a second: every actuator, the links and the recording."""
+    """Once a second: every actuator, the links, the recording, and outputs that dropped something."""
 
     event: Literal["status"] = "status"
     uptime_s: float
     actuators: tuple[ActuatorStatus, ...]
     link: LinkStatus
     record: RecordStatus | None
+    outputs: tuple[OutputStatus, ...] = ()
 
 
 class EndObject(_Event):
@@ -199,6 +210,7 @@ class EndObject(_Event):
     event: Literal["end"] = "end"
     link: LinkStatus
     record: RecordStatus | None
+    outputs: tuple[OutputStatus, ...] = ()
     assessment: Assessment
 
 

@@ -62,11 +62,11 @@ class Rig:
         self.shown = Shown()
         self.said: list[bytes] = []
         self.key = key
-        self.guard = Guard(key, latest=latest) if key else None
+        self.guard = Guard(key, before=latest) if key else None
         self.stamper = Stamper(load_dialect(), self.guard)
         self.recorder = TlogRecorder(folder / "live.tlog")
         self.clock = ReceiveClock(lambda: self.wall_us * 1000, lambda: self.now_us * 1000)
-        self.alerts = Alerts(self.said.append, key=key, start_us=EPOCH_US)
+        self.alerts = Alerts(lambda frame, _: self.said.append(frame), key=key, start_us=EPOCH_US)
         self.session = Session(
             Engine(model=default_model()),
             self.stamper,

@@ -190,7 +190,7 @@ def test_the_view_never_shows_a_silent_actuator_as_normal(rig: Rig, worn_pieces:
 
 def test_the_view_shows_what_is_refused_and_not_recorded(rig: Rig, worn_pieces: list[Piece]) -> None:
     rig.hear([Piece("noise", EPOCH_US + 1000, b"noise" * 9), *worn_pieces[:500:3]])
-    rig.recorder.error, rig.recorder.lost_frames = "No space left on device", 1234
+    rig.recorder._failure, rig.recorder.lost_frames = "No space left on device", 1234
     rig.wait_until(EPOCH_US + 2_000_000)
     shown = text_of(rig)
     assert "45 bytes of no frame" in shown
