@@ -113,8 +113,7 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
     level = "info" if verbose and log_level == "warning" else log_level
     from mavhums.live.outlet import Spool
 
-    out = Spool(sys.stdout or Path(os.devnull).open("w"), "standard output")
-    err = Spool(sys.stderr or Path(os.devnull).open("w"), "standard error", report=None)
+    out, err = Spool(sys.stdout, "standard output"), Spool(sys.stderr, "standard error", report=None)
     with Stop(duration) as stop:
         try:
             assessment, shown = _follow(options, level, stop, (out, err), as_json=as_json)
@@ -148,8 +147,7 @@ def _follow(
         session = prepare(wanted, drawn, vehicle_states=bool(drawn))
         session.watch.outlets += [out.outlet, err.outlet, *(one.outlet for one in drawn)]
         gc.collect()
-        gc.freeze()  # to look at all that start-up made takes the collector a tenth of a second in flight
-        exits.callback(gc.unfreeze)
+        gc.freeze()  # to look at all that start-up made costs a tenth of a second in flight, a whole one at the end
         stop.begun = True
         assessment = _show_until_end(
             session,
@@ -160,8 +158,8 @@ def _follow(
             as_json=as_json,
         )
         exits.pop_all()
-    gc.unfreeze()
-    return assessment, all([one.finish() for one in drawn])
+    taken = [one.finish() for one in drawn]
+    return assessment, all(taken)
 
 
 def _drawn(viewer: str | None, rrd: Path | None, no_position: bool, exits: ExitStack) -> list[Detached]:

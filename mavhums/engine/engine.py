@@ -14,11 +14,12 @@ from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, packaged_airframes
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.health.baseline import Baseline, BaselineSource
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.monitor import Monitor
-from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
@@ -69,6 +70,7 @@ class Engine:
         vehicle_states: bool = False,
     ) -> None:
         wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"}
+        self._crowd = Crowd(wanted - {"STATUSTEXT"})
         wanted |= STATE_MESSAGES if vehicle_states else set()
         self._states = VehicleStates() if vehicle_states else None
         self._decoder = Decoder(wanted, dialect=dialect, key=key)
@@ -133,11 +135,12 @@ class Engine:
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
+        self._crowd.heed(tables)
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         for mapper, mapped in self._fleet.feed(tables, final=final):
-            if mapped.utc_us.size:
+            if mapped.utc_us.size and self._crowd.admits(mapped.vehicle):
                 yield from self._notice_clock(mapper, mapped)
                 yield from self._judge(mapper, mapped)
 
@@ -194,6 +197,9 @@ class Engine:
         mapper = self._fleet.mapper(vehicle)
         if vehicle is None or mapper is None:
             yield unjudged_vehicle(vehicle, tier, packaged_airframes())
+            return
+        if not self._crowd.admits(vehicle):
+            yield crowded_out(vehicle, tier, MOST)
             return
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))

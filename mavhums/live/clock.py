@@ -12,7 +12,9 @@ _STEP_NS = 50_000_000
 
 def _steady_ns() -> int:
     """Return the time since the computer started, which goes on while it is suspended."""
-    return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+    if hasattr(time, "CLOCK_BOOTTIME"):
+        return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+    return time.monotonic_ns()
 
 
 class ReceiveClock:
@@ -37,7 +39,7 @@ class ReceiveClock:
     def __init__(
         self,
         wall_ns: Callable[[], int] = time.time_ns,
-        steady_ns: Callable[[], int] = _steady_ns if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic_ns,
+        steady_ns: Callable[[], int] = _steady_ns,
     ) -> None:
         self._wall_ns, self._steady_ns = wall_ns, steady_ns
         self._offset_ns = self._ahead_ns = self._former_ns = wall_ns() - steady_ns()

@@ -125,7 +125,7 @@ class Spool(io.TextIOBase):
     Parameters
     ----------
     stream
-        Where the text goes.
+        Where the text goes; None, as of a program that was started without it, for nowhere.
     name
         As messages call it.
     report
@@ -133,25 +133,29 @@ class Spool(io.TextIOBase):
     """
 
     def __init__(
-        self, stream: TextIO, name: str, *, report: Callable[[str], object] | None = _LOG.warning
+        self, stream: TextIO | None, name: str, *, report: Callable[[str], object] | None = _LOG.warning
     ) -> None:
-        stream.flush()
-        self._stream, self._torn = stream, False
+        if stream:
+            stream.flush()
+        self._stream = stream
+        self._torn = False
         self._pending: list[str] = []
-        self._descriptor = _descriptor(stream)
+        self._descriptor = _descriptor(self._stream)
         self.outlet: Outlet[str] = Outlet(name, self._show, report=report)
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
         """Of the stream beneath."""
-        return self._stream.encoding or "utf-8"
+        return (self._stream and self._stream.encoding) or "utf-8"
 
     def isatty(self) -> bool:
         """Return whether somebody may watch."""
-        return self._stream.isatty()
+        return bool(self._stream and self._stream.isatty())
 
     def fileno(self) -> int:
         """Return the descriptor of the stream beneath."""
+        if self._stream is None:
+            raise io.UnsupportedOperation("fileno")
         return self._stream.fileno()
 
     def writable(self) -> bool:
@@ -175,6 +179,8 @@ class Spool(io.TextIOBase):
         return self.outlet.close(max(until_s - time.monotonic(), 0.0))
 
     def _show(self, text: str) -> None:
+        if self._stream is None:
+            return
         if self._descriptor is None:
             self._stream.write(text)
             self._stream.flush()
@@ -190,9 +196,9 @@ class Spool(io.TextIOBase):
             self._torn = bool(left) and (self._torn or len(left) < start)
 
 
-def _descriptor(stream: TextIO) -> int | None:
+def _descriptor(stream: TextIO | None) -> int | None:
     """Return the file beneath, which has no lock that a stalled write would hold; None if there is none."""
-    if os.name != "posix":
+    if os.name != "posix" or stream is None:
         return None
     try:
         return stream.fileno()
