@@ -80,6 +80,8 @@ class Session:
         Of reception.
     peers
         Who speaks over the links; the stamper tells it.
+    ground
+        Links over which alerts are sent, and nothing is heard.
 
     Examples
     --------
@@ -102,11 +104,14 @@ class Session:
         sinks: Sequence[Sink] = (),
         clock: ReceiveClock | None = None,
         peers: Peers | None = None,
+        ground: Sequence[Link] = (),
     ) -> None:
         self.clock = clock or ReceiveClock()
         self.links, self.recorder, self.sinks = links, recorder, list(sinks)
-        self.peers = peers or Peers()
+        self.peers = Peers() if peers is None else peers
+        self._ground = ground
         self.watch = Watch(stamper, links, recorder, self.clock.now_us(), self.peers)
+        self.watch.told = [*links, *ground]
         self._contested: dict[int, int] = {}
         self._engine, self._stamper, self._alerts = engine, stamper, alerts
         self._greet, self._remember = greet, remember
@@ -182,7 +187,7 @@ class Session:
             self._remember()
         path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
         assessment = self._heard(self._engine.assessment(path or None))
-        for link in self.links:
+        for link in (*self.links, *self._ground):
             link.close()
         for sink in self.sinks:
             sink.close(assessment)

@@ -133,6 +133,7 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
         sinks=sinks,
         clock=clock,
         peers=peers,
+        ground=ground_links if ground else (),
     )
 
 

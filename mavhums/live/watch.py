@@ -56,6 +56,8 @@ class Watch:
     ----------
     outlets
         Outputs, to tell what they drop.
+    told
+        Links over which alerts are sent.
     """
 
     def __init__(
@@ -67,7 +69,8 @@ class Watch:
         peers: Peers | None = None,
     ) -> None:
         self.outlets: list[Outlet[Any]] = []
-        self._peers = peers or Peers()
+        self.told: Sequence[Link] = links
+        self._peers = Peers() if peers is None else peers
         self._stamper, self._links, self._recorder = stamper, links, recorder
         self._start_us = self._looked_us = start_us
         self._heard: dict[Key, _Heard] = {}
@@ -137,7 +140,7 @@ class Watch:
         ]
         unsent = [
             OutputStatus(name=f"alerts to {link.address}", dropped=link.unsent, error=None)
-            for link in self._links
+            for link in self.told
             if link.unsent
         ]
         return (*told, *unsent)
