@@ -15,6 +15,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -43,11 +44,14 @@ class Attack:
         Of ``mavhums live``, after the link.
     reads
         Whether anybody reads the standard output.
+    lasts
+        Whether it is repeated until the program has ended.
     """
 
     send: Callable[[int], None]
     arguments: tuple[str, ...] = ("--json",)
     reads: bool = True
+    lasts: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,17 +66,11 @@ class Cost:
         Share of a core in the quiet seconds after the attack.
     shutdown_s
         From SIGTERM to the end of the program, s.
-    said
-        Bytes that came back to the attacker.
-    sent
-        Bytes that the attacker sent.
     """
 
     memory_mb: float
     cpu: float
     shutdown_s: float
-    said: int = 0
-    sent: int = 0
     lines: list[str] = field(default_factory=list, repr=False)
 
 
@@ -158,6 +156,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     "40,000 source ports": Attack(every_port, ("--json", "--alerts")),
     "10 MB of noise": Attack(noise),
     "nobody reads standard output": Attack(every_vehicle_flies, reads=False),
+    "ever new senders without end": Attack(every_sender_as_a_vehicle, lasts=True),
 }
 
 
@@ -178,7 +177,12 @@ def endure(attack: Attack, folder: Path, *, root: Path | None = None) -> Cost:
     try:
         _await_listening(program, port)
         attack.send(port)
-        time.sleep(1.0)
+        over = threading.Event()
+        if attack.lasts:
+            again = threading.Thread(target=_repeat, args=(attack, port, over), daemon=True)
+            again.start()
+        else:
+            _await_quiet(program.pid)
         before_s = _used_s(program.pid)
         time.sleep(_QUIET_S)
         used_s = _used_s(program.pid) - before_s
@@ -188,6 +192,7 @@ def endure(attack: Attack, folder: Path, *, root: Path | None = None) -> Cost:
         with contextlib.suppress(subprocess.TimeoutExpired):
             program.wait(timeout=60)
         shutdown_s = time.monotonic() - began
+        over.set()
     finally:
         if program.poll() is None:
             program.kill()
@@ -206,6 +211,20 @@ def _await_listening(program: subprocess.Popen[bytes], port: int) -> None:
             return
         time.sleep(0.1)
     raise AssertionError("it does not listen")
+
+
+def _repeat(attack: Attack, port: int, over: threading.Event) -> None:
+    while not over.is_set():
+        attack.send(port)
+
+
+def _await_quiet(pid: int) -> None:
+    """Wait until what was sent is worked off, at most 20 s."""
+    for _ in range(20):
+        before_s = _used_s(pid)
+        time.sleep(1.0)
+        if _used_s(pid) - before_s < 0.1:
+            return
 
 
 def _used_s(pid: int) -> float:
