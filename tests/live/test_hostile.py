@@ -19,11 +19,11 @@ from tests.live.conftest import RIGHT, Rig, conditions
 
 
 def test_a_burst_of_spoofed_senders_leaves_nothing(rig: Rig, worn_pieces: list[Piece]) -> None:
-    """A heartbeat from each of 65,280 senders within a second, in mid-flight, each from its own port."""
+    """A heartbeat from each of 4,080 senders within a second, in mid-flight, each from its own port."""
     burst = [
         Piece(("udp", (system, component)), EPOCH_US + 10_000_000 + 15 * (256 * system + component), frame)
         for system in range(1, 256)
-        for component in range(256)
+        for component in range(0, 256, 16)
         for frame in [heartbeat(system, component)]
     ]
     held = []
@@ -50,7 +50,7 @@ def test_a_stream_is_not_cut_by_senders_of_another_link(rig: Rig, worn_pieces: l
         Piece(("udp", k), 0, heartbeat(9, k % 256) if k % 2 else b"\xfd half") for k in itertools.count()
     )
     both: list[Piece] = []
-    for piece in worn_pieces[:400]:
+    for piece in worn_pieces[:40]:
         half = len(piece.data) // 2
         for part in (piece.data[:half], piece.data[half:]):
             both.append(Piece(("serial", 1), piece.time_us, part))
@@ -58,18 +58,18 @@ def test_a_stream_is_not_cut_by_senders_of_another_link(rig: Rig, worn_pieces: l
     for k in range(0, len(both), 1000):
         rig.session.take(both[k : k + 1000])
     counts = rig.session._engine._decoder.counts
-    assert sum(count for (system, _, _), count in counts.items() if system == 1) == 400
+    assert sum(count for (system, _, _), count in counts.items() if system == 1) == 40
     rig.session.close()
 
 
 def test_more_vehicles_than_can_be_judged(tmp_path: Path) -> None:
     """The first are judged, in the order of the log, live as in the recording, whatever the blocks."""
-    order = list(range(1, 101))
+    order = list(range(1, 37))
     random.Random(1).shuffle(order)
     frames = [(EPOCH_US, named(system)) for system in order]
     frames += [
         (EPOCH_US + 200_000 * step + k, frame)
-        for step in range(1, 80)
+        for step in range(1, 8)
         for k, system in enumerate(order)
         for frame in flown(system, 200_000 * step)
     ]
@@ -80,7 +80,7 @@ def test_more_vehicles_than_can_be_judged(tmp_path: Path) -> None:
     judged = {verdict.vehicle for verdict in live.verdicts if verdict.actuator != "all"}
     assert judged == set(order[:MOST])
     record = rig.recorder.path.read_bytes()
-    for size in (1000, 77_777):
+    for size in (10_000, 77_777):
         engine = Engine(model=None)
         for k in range(0, len(record), size):
             engine.feed(record[k : k + size])
@@ -97,7 +97,7 @@ def test_a_place_is_not_taken_by_who_says_nothing_of_actuators(tmp_path: Path) -
     ]
     stamped += [
         (EPOCH_US + 200_000 * k).to_bytes(8, "big") + frame
-        for k in range(1, 100)
+        for k in range(1, 10)
         for frame in flown(200, 200_000 * k)
     ]
     log.write_bytes(b"".join(stamped))
@@ -119,9 +119,7 @@ def test_an_attack_costs_little(name: str, tmp_path: Path, record_property: pyte
     cost = endure(ATTACKS[name], tmp_path)
     for what in ("memory_mb", "cpu", "shutdown_s"):
         record_property(what, getattr(cost, what))
-    print(
-        f"{name}: {cost.memory_mb:.0f} MB, {cost.cpu:.1%} of a core after it, {cost.shutdown_s:.2f} s to end"
-    )
+    print(f"{cost.memory_mb:.0f} MB, {cost.cpu:.1%} of a core after it, {cost.shutdown_s:.2f} s to end")
     assert cost.memory_mb < 512, "MemoryMax of the unit in docs/live.md"
     assert cost.shutdown_s < 10.0, "2 s on a computer that has nothing else to do"
     if not ATTACKS[name].lasts:
