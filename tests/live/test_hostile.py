@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -81,7 +82,7 @@ def test_more_vehicles_than_can_be_judged(tmp_path: Path) -> None:
     assert judged == set(order[:MOST])
     record = rig.recorder.path.read_bytes()
     for size in (10_000, 77_777):
-        engine = Engine(model=None)
+        engine = Engine()
         for k in range(0, len(record), size):
             engine.feed(record[k : k + size])
         engine.finish()
@@ -114,7 +115,9 @@ def test_a_crowd_admits_everyone_while_there_is_room() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ATTACKS)
-def test_an_attack_costs_little(name: str, tmp_path: Path, record_property: pytest.RecordProperty) -> None:
+def test_an_attack_costs_little(
+    name: str, tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     """Limits with room for a computer that does other things as well; the figures are reported."""
     cost = endure(ATTACKS[name], tmp_path)
     for what in ("memory_mb", "cpu", "shutdown_s"):

@@ -20,6 +20,7 @@ from mavhums.live.address import Address
 from mavhums.live.clock import ReceiveClock
 from mavhums.live.links import TcpLink, UdpLink
 from mavhums.live.outgoing import Outgoing
+from mavhums.log.mavlink.stamping import Piece
 
 SECOND = 1_000_000_000
 
@@ -149,7 +150,7 @@ def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
         link.send(bytes(40), [])
     assert link.unsent > 0
     os.write(master, b"heard all the same")
-    pieces = []
+    pieces: list[Piece] = []
     while not pieces:
         pieces = link.receive()
     assert pieces[0].data == b"heard all the same"
