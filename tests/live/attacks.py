@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import resource
 import signal
 import socket
 import subprocess
@@ -66,11 +67,14 @@ class Cost:
         Share of a core in the quiet seconds after the attack.
     shutdown_s
         From SIGTERM to the end of the program, s.
+    shutdown_cpu_s
+        CPU time that it took, s; that does not depend on what else the computer does.
     """
 
     memory_mb: float
     cpu: float
     shutdown_s: float
+    shutdown_cpu_s: float
     lines: list[str] = field(default_factory=list, repr=False)
 
 
@@ -187,18 +191,18 @@ def endure(attack: Attack, folder: Path, *, root: Path | None = None) -> Cost:
         time.sleep(_QUIET_S)
         used_s = _used_s(program.pid) - before_s
         memory_mb = _peak_mb(program.pid)
-        began = time.monotonic()
+        began, used_before_s = time.monotonic(), _used_s(program.pid) - _reaped_s()
         program.send_signal(signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             program.wait(timeout=60)
-        shutdown_s = time.monotonic() - began
+        shutdown_s, ended_in_s = time.monotonic() - began, _reaped_s() - used_before_s
         over.set()
     finally:
         if program.poll() is None:
             program.kill()
         program.wait()
         os.close(reader)
-    return Cost(memory_mb, used_s / _QUIET_S, shutdown_s, lines=out.read_text().splitlines())
+    return Cost(memory_mb, used_s / _QUIET_S, shutdown_s, ended_in_s, lines=out.read_text().splitlines())
 
 
 def _await_listening(program: subprocess.Popen[bytes], port: int) -> None:
@@ -233,6 +237,12 @@ def _used_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def _reaped_s() -> float:
+    """Return the CPU time of all programs that were started here and have ended, s."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
 def _peak_mb(pid: int) -> float:
     status = Path(f"/proc/{pid}/status").read_text()
     return next(int(line.split()[1]) / 1e3 for line in status.splitlines() if line.startswith("VmHWM"))
@@ -240,12 +250,15 @@ def _peak_mb(pid: int) -> float:
 
 def main(names: list[str]) -> None:
     root = Path(os.environ["MAVHUMS_ROOT"]) if "MAVHUMS_ROOT" in os.environ else None
-    print(f"{'attack':45} {'memory, MB':>10} {'CPU after':>10} {'shutdown, s':>12}")
+    print(f"{'attack':45} {'memory, MB':>10} {'CPU after':>10} {'shutdown, s':>12} {'of CPU':>8}")
     for name, attack in ATTACKS.items():
         if not names or name in names:
             with tempfile.TemporaryDirectory() as folder:
                 cost = endure(attack, Path(folder), root=root)
-            print(f"{name:45} {cost.memory_mb:10.0f} {cost.cpu:10.1%} {cost.shutdown_s:12.2f}", flush=True)
+            print(
+                f"{name:45} {cost.memory_mb:10.0f} {cost.cpu:10.1%} {cost.shutdown_s:12.2f} {cost.shutdown_cpu_s:8.2f}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":
