@@ -13,7 +13,7 @@ import mavhums
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
-from mavhums.learn import default_model
+from mavhums.learn import packaged_models
 from mavhums.live.alerts import Alerts
 from mavhums.live.clock import ReceiveClock
 from mavhums.live.peers import Peers
@@ -71,7 +71,7 @@ class Rig:
         self.clock = ReceiveClock(lambda: self.wall_us * 1000, lambda: self.now_us * 1000)
         self.alerts = Alerts(lambda frame, _: self.said.append(frame), key=key, start_us=EPOCH_US)
         self.session = Session(
-            Engine(EngineOptions(models=[default_model()])),
+            Engine(EngineOptions(models=packaged_models())),
             self.stamper,
             [],
             recorder=self.recorder,
