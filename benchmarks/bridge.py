@@ -39,9 +39,8 @@ def main() -> None:
             full, reached = cost(servos, rate_hz, ALL)
             lean, _ = cost(servos, rate_hz, CURRENT_AND_SPEED)
             shares = [f"{100 * value / RADIO_BYTES_S:.0f} %" for value in (full, lean)]
-            print(
-                f"| {servos} | {rate_hz} | {reached:.1f} | {full:.0f} | {shares[0]} | {lean:.0f} | {shares[1]} |"
-            )
+            row = (servos, rate_hz, f"{reached:.1f}", f"{full:.0f}", shares[0], f"{lean:.0f}", shares[1])
+            print("| " + " | ".join(map(str, row)) + " |")
 
 
 if __name__ == "__main__":

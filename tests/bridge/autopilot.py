@@ -26,7 +26,7 @@ local function strict(name, members)
    return setmetatable(members, { __index = function(_, key) error(name .. " has no " .. key) end })
 end
 local function uint32(value)
-   return strict("uint32_t", { toint = function() return value end, tofloat = function() return value + 0.0 end })
+   return strict("uint32_t", { toint = function() return value end })
 end
 local function telemetry(values)
    local function getter(key) return function() return values[key] end end
