@@ -235,7 +235,8 @@ def with_data_sheet(text: str) -> str:
             f"{block}\n[actuators.fields.V7]\nmessage = 'NAMED_VALUE_FLOAT'\n"
             f"where = {{ name = 'S{number}Spd' }}\nfield = 'value'\nscale = {GEAR_RATIO / 6}\n"
             f"[actuators.ema]\ngear_ratio = {GEAR_RATIO}\ntorque_constant = 0.01460784\n"
-            "resistance = 22.6457\ninertia = 2.4e-7\nviscous = 0.025\nviscous_uncertainty = 0.03\ntorque_uncertainty = 0.06\n"
+            "resistance = 22.6457\ninertia = 2.4e-7\nviscous = 0.025\nviscous_uncertainty = 0.03\n"
+            "torque_uncertainty = 0.06\n"
             "[actuators.limits]\nnormal = 0.375\nemergency = 0.875\n"
         )
     return head + "".join(f"[[actuators]]\n{block}\n" for block in filled)
