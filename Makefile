@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint model pictures clean
+.PHONY: demo test lint model docs pictures clean
 
 demo: .venv/.ready
 	$(BIN)/python examples/demo.py demo
@@ -23,6 +23,10 @@ model: .venv/.ready
 	for tier in instrumented without-load esc; do \
 		$(BIN)/mavhums train --airframe paper --tier $$tier -o mavhums/learn/models/paper-$$tier.safetensors || exit 1; \
 	done
+
+# The parts of the reference pages that come from the code.
+docs: .venv/.ready
+	$(BIN)/python -m docs.generate
 
 # The pictures of recordings in README and docs; needs the Debian packages mesa-vulkan-drivers and
 # ca-certificates, and for the real log's its folder in MAVHUMS_REAL_LOGS.
