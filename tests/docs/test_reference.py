@@ -112,10 +112,15 @@ def _called(page: Path) -> list[list[str]]:
     """Return the calls of our programs in a page's blocks of commands, as words."""
     text = page.read_text(encoding="utf-8")
     lines = [
-        line for kind, body in FENCE.findall(text) if kind in ("console", "bash", "") for line in body.splitlines()
+        line
+        for kind, body in FENCE.findall(text)
+        if kind in ("console", "bash", "")
+        for line in body.splitlines()
     ]
     calls = [line.removeprefix("$ ") for line in lines]
-    return [shlex.split(line, comments=True) for line in calls if line.startswith(("mavhums ", "mavhums-sim "))]
+    return [
+        shlex.split(line, comments=True) for line in calls if line.startswith(("mavhums ", "mavhums-sim "))
+    ]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
