@@ -7,25 +7,20 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
-
 from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.core.models import Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.log import Decoder, decode_blocks
+from mavhums.log.losses import Losses
 from mavhums.log.mavlink.vehicles import vehicles_of
-from mavhums.report.assessment import Losses
 
 __all__ = ["ActuatorTelemetry", "Inspection", "MessageRate", "VehicleTelemetry", "inspect_log"]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class MessageRate(_Section):
+class MessageRate(Frozen):
     """How often one sender sent one message."""
 
     system: int
@@ -35,7 +30,7 @@ class MessageRate(_Section):
     rate_hz: float
 
 
-class ActuatorTelemetry(_Section):
+class ActuatorTelemetry(Frozen):
     """Where each quantity of an actuator comes from; ``missing`` names those that come from nowhere."""
 
     actuator: str
@@ -44,7 +39,7 @@ class ActuatorTelemetry(_Section):
     missing: tuple[str, ...]
 
 
-class VehicleTelemetry(_Section):
+class VehicleTelemetry(Frozen):
     """What the log carries of one vehicle's actuators, and how to get more."""
 
     vehicle: int
@@ -56,7 +51,7 @@ class VehicleTelemetry(_Section):
     actuators: tuple[ActuatorTelemetry, ...]
 
 
-class Inspection(_Section):
+class Inspection(Frozen):
     """What a log holds.
 
     ``sender_clock`` says that the log has no time stamps and that times count from the sender's boot.

@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.baseline import Baseline
-from mavhums.health.decision import FALSE_ALARMS, SEVERITY, Decision, bounds, half_width, shown_by, tail_of
+from mavhums.health.decision import FALSE_ALARMS, Decision, bounds, half_width, shown_by, tail_of
 from mavhums.health.detector import Detector, Estimates
 from mavhums.health.drift import Drift, Shift
 from mavhums.health.least_squares import Fit
 from mavhums.health.panel import Look
 from mavhums.health.rules import drift_rule, limit_rule
 from mavhums.health.scatter import Scatter
-from mavhums.report.assessment import Condition, Evidence, Indicator, Interval, Suspect
+from mavhums.report.assessment import Evidence, Indicator, Interval, Suspect
 
 __all__ = ["Change", "Course"]
 
