@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from benchmarks import bridge as cost
-from mavhums import actuators, analyse, load_airframe, read_log
+from mavhums import Options, actuators, analyse, load_airframe, read_log
 from mavhums_sim import Flight, FlightRecord, fly
 from tests.bridge.autopilot import SCRIPT, Autopilot, Sent, Telemetry, frame
 from tests.conftest import Run
@@ -219,7 +219,7 @@ def test_mavhums_reads_the_quantities_that_the_servos_had(growing: FlightRecord,
 def test_with_data_sheet_and_limits_the_wear_is_found(growing_log: Path, tmp_path: Path) -> None:
     profile = tmp_path / "mine.toml"
     profile.write_text(with_data_sheet(PROFILE.read_text(encoding="utf-8")), encoding="utf-8")
-    assessment = analyse(growing_log, airframe=profile)
+    assessment = analyse(growing_log, Options(airframe=profile))
     conditions = {verdict.actuator: verdict.condition for verdict in assessment.verdicts}
     assert conditions.pop("elevator") == "emergency"
     assert set(conditions.values()) == {"normal"}

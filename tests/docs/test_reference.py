@@ -72,6 +72,12 @@ def test_every_public_name_has_a_docstring_and_a_chapter() -> None:
             assert f"\n### {module.__name__}.{name}\n" in page
 
 
+def test_every_error_that_a_user_meets_is_public() -> None:
+    for file in (ROOT / "mavhums").rglob("*.py"):
+        for name in re.findall(r"^class ([A-Z]\w+Error)\(\w*Error\)", file.read_text(encoding="utf-8"), re.MULTILINE):
+            assert name in mavhums.__all__, f"{file.relative_to(ROOT)}: export {name} in mavhums/__init__.py"
+
+
 def test_every_selector_is_introduced() -> None:
     page = (DOCS / "selectors.md").read_text(encoding="utf-8")
     estimators = [
