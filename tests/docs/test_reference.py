@@ -74,7 +74,9 @@ def test_every_public_name_has_a_docstring_and_a_chapter() -> None:
 
 def test_every_error_that_a_user_meets_is_public() -> None:
     for file in (ROOT / "mavhums").rglob("*.py"):
-        for name in re.findall(r"^class ([A-Z]\w+Error)\(\w*Error\)", file.read_text(encoding="utf-8"), re.MULTILINE):
+        for name in re.findall(
+            r"^class ([A-Z]\w+Error)\(\w*Error\)", file.read_text(encoding="utf-8"), re.MULTILINE
+        ):
             assert name in mavhums.__all__, f"{file.relative_to(ROOT)}: export {name} in mavhums/__init__.py"
 
 
