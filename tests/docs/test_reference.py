@@ -34,7 +34,7 @@ def test_check_names_a_stale_page_and_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for page in generate.PAGES:
-        (tmp_path / page).write_text((DOCS / page).read_text(encoding="utf-8"), encoding="utf-8")
+        (tmp_path / page).write_text(generate.current(page), encoding="utf-8")
     stale = tmp_path / "profile.md"
     before = stale.read_text(encoding="utf-8").replace("gear_ratio", "ratio_of_the_gear")
     stale.write_text(before, encoding="utf-8")
