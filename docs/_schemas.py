@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from mavhums.actuator.profile import Airframe
-from mavhums.app.inspection import Inspection
 from mavhums.report import assessment, live
+from mavhums.report.inspection import Inspection
 from mavhums.report.trend import TrendReport
 
 __all__ = ["contracts", "fields", "render_contracts", "render_profile", "undescribed", "unused"]
