@@ -2,16 +2,20 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint model docs pictures clean
+.PHONY: demo test test-all lint model docs pictures clean
 
 demo: .venv/.ready
 	$(BIN)/python examples/demo.py demo
 
 test: .venv/.ready
 	$(BIN)/coverage erase
-	$(BIN)/coverage run -m pytest -q
+	$(BIN)/coverage run -m pytest -q -m "not slow"
 	$(BIN)/coverage combine -q
 	$(BIN)/coverage report --fail-under=95
+
+# Everything, the long tests too: hostile links, stalled readers.
+test-all: .venv/.ready
+	$(BIN)/python -m pytest -q
 
 lint: .venv/.ready
 	$(BIN)/ruff check .
