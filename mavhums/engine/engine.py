@@ -41,7 +41,7 @@ class Engine:
     >>> engine = Engine()
     >>> events = engine.feed(b"") + engine.finish()
     >>> engine.assessment().verdicts[0].reason
-    'no vehicle speaks in this log'
+    'no vehicle sends in this log'
     """
 
     def __init__(self, options: EngineOptions | None = None) -> None:

@@ -88,7 +88,7 @@ class Session:
     >>> from mavhums.log.mavlink.dialect import load_dialect
     >>> session = Session(Engine(), Stamper(load_dialect()), [])
     >>> session.run(stop=lambda: True).verdicts[0].reason
-    'no vehicle speaks in this log'
+    'no vehicle sends in this log'
     """
 
     def __init__(
