@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums import __version__
+from mavhums.cli.ending import heed_signals
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
 from mavhums.cli.options import (
@@ -177,6 +178,7 @@ for _command in (live, trend, train, precedents, study, export, model, profile):
 
 def main() -> None:
     """Run the command line; errors that a user can act on are one line and a remedy."""
+    heed_signals()
     try:
         cli.main(prog_name="mavhums", standalone_mode=False)
     except MavhumsError as error:
