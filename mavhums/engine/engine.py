@@ -78,7 +78,6 @@ class Engine:
         self._false_alarms = false_alarms
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
-        self._segments: dict[int, int] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return what they bring about."""
@@ -128,9 +127,12 @@ class Engine:
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
-        for mapper, mapped in self._fleet.feed(tables, final=final):
+        settled = list(self._fleet.feed(tables, final=final))
+        for vehicle, time_us in self._fleet.clock_jumps():
+            text = "its clock jumped: it rebooted, or its time was set"
+            yield Notice(self._flight_time(time_us), vehicle, text)
+        for mapper, mapped in settled:
             if mapped.utc_us.size:
-                yield from self._notice_clock(mapper, mapped)
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
@@ -146,14 +148,6 @@ class Engine:
             for k, text in enumerate(texts.texts("text")):
                 if text and not text.startswith("mavhums airframe="):
                     yield Notice(self._flight_time(int(texts.time_us[k])), int(texts.system[k]), text)
-
-    def _notice_clock(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
-        """Say that a vehicle's clock jumped, so that nobody wonders at the gap."""
-        segments = mapper.clock_segments(mapped.vehicle)
-        if segments > self._segments.get(mapped.vehicle, 1):
-            self._segments[mapped.vehicle] = segments
-            time_s = self._flight_time(int(mapped.utc_us[-1]))
-            yield Notice(time_s, mapped.vehicle, "its clock jumped: it rebooted, or its time was set")
 
     def _judge(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
         actuator = mapped.actuator
@@ -206,6 +200,7 @@ class Engine:
                     start_utc=_utc(self._decoder.first_time_us or 0),
                     end_s=self._flight_time(self._decoder.last_time_us or 0),
                     late=mapper.late(vehicle, actuator),
+                    implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
                     model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),

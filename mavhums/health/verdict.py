@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
@@ -22,6 +23,8 @@ from mavhums.report.assessment import (
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
 
+_MOSTLY = 0.1
+
 
 def judged(
     vehicle: int,
@@ -31,6 +34,7 @@ def judged(
     start_utc: datetime,
     end_s: float,
     late: int,
+    implausible: Mapping[str, tuple[int, int]],
     provenance: dict[str, str],
     tier: Tier,
     model: ModelSummary | None = None,
@@ -38,13 +42,14 @@ def judged(
     """Return the verdict on an actuator whose telemetry was followed.
 
     Where its telemetry ended more than a window before the log did, at ``end_s``, its condition is
-    undecided: silence is never normal. What was found until then remains.
+    undecided: silence is never normal. What was found until then remains. ``implausible`` tells by quantity
+    how many values no such actuator can have, and of how many.
     """
     silent = findings.last_s < end_s - WINDOW_S
     condition: Condition = "undecided" if silent else findings.condition
     reason, remedy = None, None
     if findings.condition == "undecided":
-        reason, remedy = _why_undecided(actuator, findings, provenance)
+        reason, remedy = _absurd(implausible) or _why_undecided(actuator, findings, provenance)
     elif silent:
         ended = f"its telemetry ended at {findings.last_s:.0f} s of {end_s:.0f} s"
         reason = f"{ended}, when it was {findings.condition}"
@@ -64,6 +69,7 @@ def judged(
             windows=findings.coverage.windows,
             decidable=findings.coverage.decidable,
             late=findings.coverage.late + late,
+            implausible={key: refused for key, (refused, _) in implausible.items()},
         ),
         tier=tier.name,
         provenance=provenance,
@@ -124,6 +130,19 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
         tier=tier.name if tier else None,
         reason=reason,
         remedy=remedy,
+    )
+
+
+def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
+    """Say that most values of some quantities cannot be this actuator's, if it is so."""
+    shares = {key: refused / told for key, (refused, told) in implausible.items()}
+    worst = [key for key, share in shares.items() if share > _MOSTLY]
+    if not worst:
+        return None
+    share = f"{100 * max(shares.values()):.0f} %"
+    return (
+        f"up to {share} of the values of {', '.join(worst)} are beyond what the profile's actuator can do",
+        "check the unit and scale of these fields, and the profile's constants, travel and voltage",
     )
 
 

@@ -21,6 +21,7 @@ __all__ = [
     "finding",
     "friction",
     "headline",
+    "implausible",
     "join",
     "losses",
     "name",
@@ -83,6 +84,20 @@ def friction(interval: Interval) -> str:
     '0.521 (0.500–0.540)'
     """
     return f"{interval.estimate:.3f} ({interval.low:.3f}–{interval.high:.3f})"
+
+
+def implausible(verdict: Verdict) -> str | None:
+    """Return how many values no such actuator can have; None if there are none.
+
+    Examples
+    --------
+    >>> implausible(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
+    """
+    counts = verdict.coverage.implausible
+    if not counts:
+        return None
+    values = ", ".join(f"{count:,} of {key}" for key, count in counts.items())
+    return f"values that no such actuator can have, counted as not measured: {values}"
 
 
 def percent(fraction: float) -> str:

@@ -15,6 +15,7 @@ from mavhums.show._words import (
     finding,
     friction,
     headline,
+    implausible,
     join,
     losses,
     name,
@@ -51,6 +52,7 @@ def markdown(assessment: Assessment) -> str:
     ranked = assessment.ranked()
     told = [verdict for verdict in ranked if verdict.worst not in ("normal", "undecided")]
     sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
+    sections += _doubtful(assessment)
     sections += _undecided(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
@@ -163,6 +165,14 @@ def _figure(value: float, interval: Interval) -> str:
     half = (interval.high - interval.low) / 2
     digits = min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
     return f"{value:z.{digits}f}"
+
+
+def _doubtful(assessment: Assessment) -> Iterator[str]:
+    for verdict in assessment.ranked():
+        odd = implausible(verdict)
+        if odd:
+            title = _literal(name(verdict, assessment))
+            yield f"## {title}: values in doubt\n\n{_literal(odd[:1].upper() + odd[1:])}."
 
 
 def _undecided(assessment: Assessment) -> Iterator[str]:

@@ -18,6 +18,7 @@ from mavhums.show._words import (
     finding,
     friction,
     headline,
+    implausible,
     join,
     losses,
     name,
@@ -94,6 +95,10 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
             if len(verdict.evidence) > len(shown):
                 lines.append(f"and {len(verdict.evidence) - len(shown)} more findings (--json has them all)")
             yield (printable(name(verdict, assessment)), [*lines, f"what to do: {advice(verdict)}"])
+    for verdict in assessment.ranked():
+        odd = implausible(verdict)
+        if odd:
+            yield (printable(f"{name(verdict, assessment)}: values in doubt"), [odd])
     for (reason, remedy), verdicts in undecided(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])

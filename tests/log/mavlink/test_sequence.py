@@ -55,6 +55,18 @@ def test_frames_out_of_order_are_not_lost(delays: list[int]) -> None:
     assert figures(loss)[1] == sum(n < max(arrival[:k]) for k, n in enumerate(arrival) if k)
 
 
+@given(st.lists(st.integers(0, 80), min_size=300, max_size=600), st.integers(1, 60))
+@settings(max_examples=60, deadline=None)
+def test_frames_that_up_to_eighty_others_overtake_are_not_lost(delays: list[int], chunk: int) -> None:
+    """Every frame comes: single ones late, or whole runs of them, as over two paths."""
+    waits = [delays[k // chunk] if k > 90 else 0 for k in range(len(delays))]
+    frames = numbered(range(40, 40 + len(waits) + 90))
+    arrival = sorted(range(len(waits)), key=lambda k: k + waits[k])
+    loss = follow([frames[k] for k in [*arrival, *range(len(waits), len(frames))]])
+    assert figures(loss)[0] == 0
+    assert figures(loss)[2] == 0
+
+
 @given(st.integers(0, 6), st.integers(100, 400))
 @settings(max_examples=30, deadline=None)
 def test_a_link_that_is_logged_twice_is_told(lag: int, count: int) -> None:
