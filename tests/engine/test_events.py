@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, Indication, Notice, Position, Samples
+from mavhums.engine.options import EngineOptions
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
 from tests.strategies import START_US, blocks, cuts
@@ -77,7 +78,7 @@ def _joined(events: list[Any]) -> Any:
 
 
 def follow(parts: Iterable[bytes]) -> list[Event]:
-    engine = Engine(vehicle_states=True)
+    engine = Engine(EngineOptions(vehicle_states=True))
     return [*(event for part in parts for event in engine.feed(part)), *engine.finish()]
 
 
@@ -116,8 +117,8 @@ def test_a_jump_of_the_clock_is_told_where_it_is(content: bytes, size: int) -> N
 
 def test_what_is_remembered_of_jumps_does_not_grow(tmp_path: Path) -> None:
     """A sender whose clock jumps all the time costs no memory."""
-    from mavhums.actuator.readings import Clocks
     from mavhums.log import Decoder
+    from mavhums.vehicle.clocks import Clocks
 
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
     data = bytearray()

@@ -38,8 +38,9 @@ LINK = np.dtype(
         ("crc", "u2", (128,)),
     ]
 )
-"""One counter. ``seen`` has bit j set if number ``high - j`` came, ``older`` those 64 before; ``used`` and ``opened`` are the
-sender's frame counts then (0: free); ``before`` is the counter that spoke before it, or -1."""
+"""One counter. ``seen`` has bit j set if number ``high - j`` came, ``older`` those 64 before; ``used`` and
+``opened`` are the sender's frame counts then (0: free); ``before`` is the counter that spoke before it, or
+-1."""
 
 SENDER = np.dtype(
     [
@@ -154,13 +155,12 @@ def _follow(sender: Any, sequence: int, crc: int) -> None:
         _advance(link, step)
         sender.missing += step - 1
         sender.gaps += step > 1
+    elif _came(link, -step):
+        sender.duplicated += 1
     else:
-        if _came(link, -step):
-            sender.duplicated += 1
-        else:
-            _mark(link, -step, True)
-            sender.missing -= 1
-            sender.reordered += 1
+        _mark(link, -step, True)
+        sender.missing -= 1
+        sender.reordered += 1
     link.crc[sequence & 127] = crc
     link.used = sender.frames
     sender.link = chosen
