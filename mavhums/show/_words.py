@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from mavhums.core.conditions import Condition
+from mavhums.core.text import printable
 from mavhums.health.detector import to_inspect
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, Verdict
@@ -25,6 +26,7 @@ __all__ = [
     "headline",
     "implausible",
     "join",
+    "link_loss",
     "losses",
     "name",
     "percent",
@@ -192,17 +194,6 @@ def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
     return groups
 
 
-def printable(text: str) -> str:
-    r"""Return a text from outside without what a terminal or a viewer would obey.
-
-    Examples
-    --------
-    >>> printable("S1\x1b[31m")
-    'S1�[31m'
-    """
-    return "".join(letter if letter.isprintable() else "�" for letter in text)
-
-
 def losses(lost: Losses) -> str:
     """Return what the log lost, in one line."""
     counts = (
@@ -218,4 +209,23 @@ def losses(lost: Losses) -> str:
         (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
-    return join(parts) if parts else "nothing"
+    missing = link_loss(lost)
+    if missing is None:
+        return join(parts) if parts else "nothing"
+    return f"{join(parts) if parts else 'file intact'}; {missing}"
+
+
+def link_loss(lost: Losses) -> str | None:
+    """Return what never reached the log, by the senders' sequence numbers; None if nothing is missing.
+
+    Examples
+    --------
+    >>> sender = dict(gaps=3, reordered=0, duplicated=0)
+    >>> link_loss(Losses(sequence=[dict(system=1, component=1, frames=952, missing=48, **sender)]))
+    'the radio link lost 4.8 %'
+    """
+    missing = sum(sender.missing for sender in lost.sequence)
+    if not missing:
+        return None
+    sent = missing + sum(sender.frames for sender in lost.sequence)
+    return f"the radio link lost {max(100 * missing / sent, 0.1):.1f} %"
