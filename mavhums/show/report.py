@@ -125,9 +125,9 @@ def _section(verdict: Verdict, title: str) -> str:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if verdict.p_emergency is not None:
         sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
-    sure.append(f"{coverage.decidable} of {coverage.windows} windows could be judged")
-    if "V7" in verdict.provenance:
-        sure.append(f"the actuator moved {percent(coverage.moving_fraction)} of the time")
+    moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
+    judged = f"{coverage.decidable} of {coverage.windows} windows could be judged"
+    sure.append(judged + moved if "V7" in verdict.provenance else judged)
     lines.append(f"**How sure:** {'; '.join(sure)}.")
     return "\n\n".join(lines)
 
