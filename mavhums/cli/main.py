@@ -32,6 +32,7 @@ from mavhums.cli.output import complain, say, say_json, sound_output
 from mavhums.cli.progress import reading
 from mavhums.cli.tools import export, model, profile
 from mavhums.cli.trend import opened_history, trend
+from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
@@ -171,13 +172,14 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (live, trend, train, precedents, study, export, model, profile):
+for _command in (live, trend, train, precedents, study, export, model, profile, warm_up):
     cli.add_command(_command)
 
 
 def main() -> None:
     """Run the command line; errors that a user can act on are one line and a remedy."""
     heed_signals()
+    announce_compiling()
     with sound_output():
         try:
             cli.main(prog_name="mavhums", standalone_mode=False)

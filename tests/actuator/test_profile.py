@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
 from pathlib import Path
 
@@ -197,9 +198,7 @@ def test_a_mapping_of_what_does_not_exist_is_refused(
     ["gear_ratio", "torque_constant", "resistance", "inertia", "viscous", "normal", "pwm_us", "travel_deg"],
 )
 def test_huge_but_finite_values_are_an_error_with_a_place(tmp_path: Path, key: str, value: str) -> None:
-    import re
-
-    text = resources.files("mavhums.actuator").joinpath("airframes/paper.toml").read_text(encoding="utf-8")
+    text = packaged_text()
     old = re.search(rf"^{key} = (.*)$", text, re.MULTILINE)
     assert old is not None
     new = f"[{value}, 0, 1]" if key == "pwm_us" else f"[{value}, 60.0]" if key == "travel_deg" else value
