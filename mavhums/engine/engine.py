@@ -22,6 +22,7 @@ from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 
 __all__ = ["Engine"]
@@ -46,10 +47,11 @@ class Engine:
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
         airframe = options.airframe
-        wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"}
+        wanted = messages_for(airframe.actuators if airframe else ()) | IDENTITY_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
+        self._identities = Identities()
         self._mappers = VehicleMappers(airframe)
         self._models = tuple(options.models)
         self._baselines = options.baselines
@@ -79,7 +81,7 @@ class Engine:
         """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
-        vehicles = vehicles_of(decoder.counts)
+        vehicles = vehicles_of(decoder.counts) or self._identities.vehicles
         names = self._mappers.airframes
         verdicts = tuple(
             verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
@@ -102,6 +104,7 @@ class Engine:
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
+        self._identities.feed(tables)
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
@@ -158,7 +161,8 @@ class Engine:
         tier = self._mappers.tier(vehicle, self._decoder.counts)
         mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
-            yield unjudged_vehicle(vehicle, tier, packaged_airframes())
+            identity = None if vehicle is None else self._identities.of(vehicle)
+            yield unjudged_vehicle(vehicle, tier, packaged_airframes(), identity)
             return
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))

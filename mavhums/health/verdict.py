@@ -9,6 +9,7 @@ from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.monitor import WINDOW_S, Findings
+from mavhums.health.obstacles import obstacle
 from mavhums.report.assessment import (
     ALL,
     Coverage,
@@ -20,6 +21,7 @@ from mavhums.report.assessment import (
     Suspect,
     Verdict,
 )
+from mavhums.vehicle.identity import Identity
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
 
@@ -108,20 +110,21 @@ def unjudged_actuator(
 def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
     if tier is None:
         return f"the log carries no telemetry of servo {actuator.servo}"
+    if tier.name.startswith("esc") and actuator.esc is None:
+        return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
     if tier.judged:
         return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
     return f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
 
 
-def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str]) -> Verdict:
+def unjudged_vehicle(
+    vehicle: int | None, tier: Tier | None, airframes: list[str], identity: Identity | None = None
+) -> Verdict:
     """Return the verdict on all actuators of a vehicle without a profile, or of a log without one."""
     if vehicle is None:
         reason, remedy = "no vehicle speaks in this log", "record the link between vehicle and ground station"
     else:
-        known = ", ".join(airframes)
-        reason = "no airframe profile: one actuator's limits say nothing about another's"
-        drafted = "which `mavhums profile new LOG` drafts"
-        remedy = f"name one with --airframe (a TOML file, {drafted}, or one of: {known})"
+        reason, remedy = obstacle(tier, airframes, identity)
     return Verdict(
         vehicle=vehicle,
         actuator=ALL,

@@ -44,8 +44,8 @@ def render_inspection(inspection: Inspection, console: Console) -> None:
 def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
     airframe = printable(vehicle.airframe or "not named")
     console.print(
-        f"\n[bold]Vehicle {vehicle.vehicle}[/]: airframe {escape(airframe)}; telemetry tier "
-        f"{vehicle.tier or 'none'}, which gives {vehicle.gives}",
+        f"\n[bold]Vehicle {vehicle.vehicle}[/]{escape(_who(vehicle))}: airframe {escape(airframe)}; "
+        f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}",
         highlight=False,
     )
     if not vehicle.judged:
@@ -62,6 +62,12 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
         )
 
 
+def _who(vehicle: VehicleTelemetry) -> str:
+    told = (vehicle.kind, vehicle.firmware or vehicle.autopilot, vehicle.board and f"board {vehicle.board}")
+    names = ", ".join(printable(name) for name in told if name)
+    return f" ({names})" if names else ""
+
+
 def _shorten(provenance: dict[str, str]) -> str:
     """Name each source once, with the range of quantities that come from it."""
     by_source: dict[str, list[str]] = {}
@@ -71,7 +77,7 @@ def _shorten(provenance: dict[str, str]) -> str:
     for source, keys in by_source.items():
         named = f"{keys[0]}–{keys[-1]}" if len(keys) > 2 and _consecutive(keys) else ", ".join(keys)
         parts.append(f"{named} from {source}")
-    return "; ".join(parts) or "no telemetry"
+    return "; ".join(parts) or "nothing that the profile makes a quantity"
 
 
 def _consecutive(keys: list[str]) -> bool:
