@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import runpy
 import sys
 from pathlib import Path
 
 import pytest
 
+from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.cli import main
 from mavhums_sim.validation import Check
 
@@ -43,6 +45,22 @@ def test_flight_writes_a_log_and_its_truth(
     assert truth["actuators"]["elevator"]["friction_nm"] == {"start": 0.225, "end": 1.0}
     assert truth["actuators"]["rudder"]["friction_nm"] == {"start": 0.9, "end": 0.9}
     assert f"{sum(truth['messages'].values()):,} messages" in capsys.readouterr().out
+    before = log.read_bytes()
+    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "1") == 2
+    assert "is there already; name another, or replace it with --force" in capsys.readouterr().err
+    assert log.read_bytes() == before
+    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "1", "--force") == 0
+    assert log.read_bytes() != before
+
+
+def test_a_flight_into_a_device_leaves_the_device(tmp_path: Path) -> None:
+    link = tmp_path / "link.tlog"
+    link.symlink_to(tmp_path / "real.tlog")
+    write_tlog(fly(Flight(seed=1, duration_s=1.0)), Path(os.devnull))
+    assert not Path(os.devnull).is_file()
+    write_tlog(fly(Flight(seed=1, duration_s=1.0)), link)
+    assert link.is_symlink()
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["link.tlog", "real.tlog"]
 
 
 def test_campaign_writes_its_folder(
