@@ -52,8 +52,9 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
         console.print("  Health cannot be judged from this log.", highlight=False)
     if vehicle.remedy:
         console.print(f"  Remedy: {escape(printable(vehicle.remedy))}", highlight=False)
+    nothing = "nothing without travel_deg" if "travel_deg" in (vehicle.remedy or "") else "no telemetry"
     for actuator in vehicle.actuators:
-        sources = _shorten(actuator.provenance)
+        sources = _shorten(actuator.provenance) or nothing
         missing = f"; missing {', '.join(actuator.missing)}" if actuator.missing else ""
         console.print(
             printable(f"  {actuator.actuator} (servo {actuator.servo}): {sources}{missing}"),
@@ -77,7 +78,7 @@ def _shorten(provenance: dict[str, str]) -> str:
     for source, keys in by_source.items():
         named = f"{keys[0]}–{keys[-1]}" if len(keys) > 2 and _consecutive(keys) else ", ".join(keys)
         parts.append(f"{named} from {source}")
-    return "; ".join(parts) or "nothing that the profile makes a quantity"
+    return "; ".join(parts)
 
 
 def _consecutive(keys: list[str]) -> bool:
