@@ -30,7 +30,7 @@ def warm_up() -> None:
 
 
 def announce_compiling() -> None:
-    """Let the user know, on standard error, why a first call takes a while; on a terminal with a count."""
+    """Tell the user, on standard error, why a first call takes a while; on a terminal with a count."""
     count = 0
 
     def tell() -> None:

@@ -92,7 +92,7 @@ def _losses(inspection: Inspection, console: Console) -> None:
         console.print(f"\n{note}", highlight=False, markup=False)
     if not losses.any:
         missing = link_loss(losses)
-        console.print(f"\nFile intact; {missing}." if missing else "\nNothing was lost.", highlight=False)
+        console.print(f"\nFile intact; {missing}." if missing else "\nLog losses: none.", highlight=False)
         return
     parts = []
     if losses.bytes_skipped:
@@ -106,7 +106,7 @@ def _losses(inspection: Inspection, console: Console) -> None:
     if losses.cut_end_bytes:
         parts.append(f"{losses.cut_end_bytes:,} bytes of an unfinished record at the end")
     if parts:
-        console.print(f"\nLost: {', '.join(parts)}.", highlight=False)
+        console.print(f"\nLosses: {', '.join(parts)}.", highlight=False)
     if losses.regions:
         shown = ", ".join(f"{region.offset:,}+{region.size:,}" for region in losses.regions[:5])
         more = ", …" if losses.damaged_regions > 5 else ""

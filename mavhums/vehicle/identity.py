@@ -110,12 +110,12 @@ class Identities:
 
     def __init__(self) -> None:
         self._known: dict[int, Identity] = {}
-        self._heard: set[tuple[int, int]] = set()
+        self._heard: set[int] = set()
 
     @property
     def vehicles(self) -> tuple[int, ...]:
         """System ids of those whose heartbeat is a vehicle's, not a ground station's or a peripheral's."""
-        return tuple(sorted({system for system, _ in self._heard}))
+        return tuple(sorted(self._heard))
 
     def of(self, vehicle: int) -> Identity:
         """Return what is known of a vehicle."""
@@ -130,11 +130,11 @@ class Identities:
     def _heartbeats(self, table: Table | None) -> None:
         if table is None:
             return
-        beats = np.stack([table.system, table.component, table["type"], table["autopilot"]], axis=1)
-        for system, component, kind, autopilot in _distinct(beats):
-            if autopilot == _NO_AUTOPILOT or kind in _STATIONS or (system, component) in self._heard:
+        beats = np.stack([table.system, table["type"], table["autopilot"]], axis=1)
+        for system, kind, autopilot in _distinct(beats):
+            if autopilot == _NO_AUTOPILOT or kind in _STATIONS or system in self._heard:
                 continue
-            self._heard.add((system, component))
+            self._heard.add(system)
             self._known[system] = replace(
                 self.of(system),
                 kind=_KINDS.get(kind),
@@ -178,10 +178,10 @@ def _version(number: int) -> str:
     return f"{major}.{minor}.{patch}{_RELEASES.get(release, '')}"
 
 
-def _distinct(rows: NDArray[np.uint8]) -> list[tuple[int, int, int, int]]:
-    """Return the different rows of an (n, 4) array, in the order of their first appearance."""
+def _distinct(rows: NDArray[np.uint8]) -> list[tuple[int, int, int]]:
+    """Return the different rows of an (n, 3) array, in the order of their first appearance."""
     _, first = np.unique(rows, axis=0, return_index=True)
-    return [(int(a), int(b), int(c), int(d)) for a, b, c, d in rows[np.sort(first)].tolist()]
+    return [(int(a), int(b), int(c)) for a, b, c in rows[np.sort(first)].tolist()]
 
 
 def _first_of_each(values: NDArray[np.uint8]) -> list[int]:
