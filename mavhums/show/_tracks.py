@@ -191,13 +191,9 @@ class Track:
             self._state(time_s, STALE)
 
     def _state(self, time_s: float, state: str) -> None:
-        """Add a state where it began; where later ones are drawn already, after them again."""
-        if self._state_s is not None and time_s <= self._state_s:
-            if time_s < self._state_s:
-                self._states.append((time_s, state))
-            time_s = self._state_s + 1e-6
-        self._state_s = time_s
-        self._states.append((time_s, state))
+        """Add a state; one found later is never drawn below one found earlier."""
+        self._state_s = time_s if self._state_s is None else max(time_s, self._state_s + 1e-6)
+        self._states.append((self._state_s, state))
         if len(self._states) >= _ROWS_PER_CHUNK:
             self._flush_states()
 
@@ -222,7 +218,7 @@ class Track:
             self._send(leaf, time, rr.Scalars.columns(scalars=rows))
 
     def _flush_states(self) -> None:
-        states, self._states = sorted(self._states, key=lambda drawn: drawn[0]), []
+        states, self._states = self._states, []
         if states:
             time = [time_s for time_s, _ in states]
             self._send("", time, rr.StateChange.columns(state=[state for _, state in states]))
