@@ -180,7 +180,9 @@ def test_flight_replays_a_log_as_long_as_it_lasts(
     )
     assert run(monkeypatch, *arguments, "--duration", "2") == 0
     assert "replaying rudder from output 4" in capsys.readouterr().err
-    assert run(monkeypatch, "flight", "-o", str(second), "--force", "--replay", str(tmp_path / "none.tlog")) == 1
+    assert (
+        run(monkeypatch, "flight", "-o", str(second), "--force", "--replay", str(tmp_path / "none.tlog")) == 1
+    )
 
 
 def test_stream_sends_the_flight(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
