@@ -194,6 +194,7 @@ def test_unknown_messages_are_named(run: Run, growing_log: Path, tmp_path: Path)
     assert "1 frames of messages that the dialect does not define" in run("inspect", path).out
 
 
+@pytest.mark.slow
 def test_train_writes_a_model_that_analyse_uses(
     run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
