@@ -17,6 +17,7 @@ from mavhums.show._words import (
     finding,
     friction,
     headline,
+    implausible,
     join,
     losses,
     name,
@@ -54,6 +55,7 @@ def markdown(assessment: Assessment) -> str:
     ranked = assessment.ranked()
     told = [verdict for verdict in ranked if SEVERITY[verdict.worst] > SEVERITY["normal"]]
     sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
+    sections += _doubtful(assessment)
     sections += _undecided(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
@@ -72,7 +74,7 @@ def so_far(actuators: Iterable[tuple[str, str, Interval | None, float | None, fl
     for title, condition, torque, vote, since_s in actuators:
         word = condition if condition == "normal" else f"**{condition}**"
         lines.append(_row(title, word, torque, vote, since_s))
-    lines.append("\nWhat to do about it, and why, is in the report at the end of the flight.")
+    lines.append("\nThe report at the end of the flight gives reasons and advice.")
     return "\n".join(lines) + "\n"
 
 
@@ -111,7 +113,7 @@ def _section(verdict: Verdict, title: str) -> str:
     )
     if verdict.condition != verdict.worst:
         again = f"since {since}" if since else "at the end"
-        lines.append(f"It has been {verdict.condition} {again}; that does not undo what was found before.")
+        lines.append(f"It is {verdict.condition} {again}; the earlier finding stands.")
     elif since:
         lines.append(f"**Since:** {since}.")
     if verdict.evidence:
@@ -131,10 +133,9 @@ def _section(verdict: Verdict, title: str) -> str:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if verdict.p_emergency is not None:
         sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
-    sure.append(
-        f"{coverage.decidable} of {coverage.windows} windows could be judged, "
-        f"the actuator moved {percent(coverage.moving_fraction)} of the time"
-    )
+    moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
+    judged = f"{coverage.decidable} of {coverage.windows} windows are decidable"
+    sure.append(judged + moved if "V7" in verdict.provenance else judged)
     lines.append(f"**How sure:** {'; '.join(sure)}.")
     return "\n\n".join(lines)
 
@@ -171,6 +172,14 @@ def _figure(value: float, interval: Interval) -> str:
     half = (interval.high - interval.low) / 2
     digits = min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
     return f"{value:z.{digits}f}"
+
+
+def _doubtful(assessment: Assessment) -> Iterator[str]:
+    for verdict in assessment.ranked():
+        odd = implausible(verdict)
+        if odd:
+            title = _literal(name(verdict, assessment))
+            yield f"## {title}: values in doubt\n\n{_literal(odd[:1].upper() + odd[1:])}."
 
 
 def _undecided(assessment: Assessment) -> Iterator[str]:
@@ -219,7 +228,7 @@ def _log(assessment: Assessment) -> str:
     facts = [
         f"File: {_literal(log.path) if log.path else 'a live link'}",
         f"Start: {log.start_utc or 'not known'}; duration: {clock(log.duration_s)}",
-        f"Lost: {losses(log.losses)}",
+        f"Losses: {losses(log.losses)}",
         f"Airframe: {_literal(assessment.airframe or 'none named')}; "
         f"network: {_literal(assessment.model.name) if assessment.model else 'none'}",
     ]
