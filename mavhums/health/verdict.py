@@ -91,7 +91,11 @@ def unjudged_actuator(
     One that reports nothing back is not monitored, whatever its profile says.
     """
     if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
-        return _unmonitored(vehicle, actuator.name, tier, provenance)
+        unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
+        if actuator.travel_deg is not None or "V1" in actuator.fields:
+            return unmonitored
+        reason = f"{unmonitored.reason}; without travel_deg in the profile its command is no angle"
+        return unmonitored.model_copy(update={"reason": reason})
     reasons, remedies = [], []
     if actuator.blanks:
         no_command = actuator.travel_deg is None and "V1" not in actuator.fields
