@@ -38,7 +38,14 @@ def cli() -> None:
 
 
 @cli.command()
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FILE.tlog")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE.tlog",
+    help="Log to write.",
+)
 @with_loop_options
 @with_flight_options
 def flight(output: Path, **options: Any) -> None:
@@ -116,7 +123,14 @@ def stream(urls: tuple[str, ...], speed: float, **options: Any) -> None:
 
 @cli.command()
 @click.argument("name", metavar="NAME|FILE.toml")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FOLDER")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Folder to write the logs to.",
+)
 @click.option(
     "--workers",
     type=click.IntRange(1),
