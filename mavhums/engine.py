@@ -23,7 +23,6 @@ from mavhums.health.monitor import Monitor
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
-from mavhums.log.vehicles import vehicles_of
 
 __all__ = ["Engine"]
 
@@ -102,7 +101,7 @@ class Engine:
         """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
-        vehicles = vehicles_of(decoder.counts)
+        vehicles = decoder.vehicles
         names = self._fleet.airframes
         verdicts = tuple(
             verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
@@ -112,7 +111,7 @@ class Engine:
             log=LogSummary(
                 path=path,
                 sha256=sha256,
-                start_utc=None if first is None or decoder.sender_clock else _utc(first).isoformat(),
+                start_utc=None if first is None or decoder.undated else _utc(first).isoformat(),
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=decoder.losses,
@@ -178,7 +177,7 @@ class Engine:
         baselines = self._baselines
         if callable(baselines):
             first = self._decoder.first_time_us
-            undated = first is None or self._decoder.sender_clock
+            undated = first is None or self._decoder.undated
             baselines = baselines(airframe, None if undated else _utc(first or 0))
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 

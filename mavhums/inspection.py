@@ -15,7 +15,6 @@ from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.assessment import Losses
 from mavhums.log import Decoder, decode_blocks
-from mavhums.log.vehicles import vehicles_of
 from mavhums.quantities import KEYS
 
 __all__ = ["ActuatorTelemetry", "Inspection", "MessageRate", "VehicleTelemetry", "inspect_log"]
@@ -117,12 +116,12 @@ def inspect_log(
             progress(size)
     first, last = decoder.first_time_us, decoder.last_time_us
     duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
-    vehicles = vehicles_of(decoder.counts)
+    vehicles = decoder.vehicles
     return Inspection(
         path=str(path),
         size_bytes=size,
         start_utc=None
-        if first is None or decoder.sender_clock
+        if first is None or decoder.undated
         else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
         duration_s=duration_s,
         vehicles=tuple(
@@ -139,7 +138,7 @@ def inspect_log(
             )
             for (system, component, name), count in sorted(decoder.counts.items())
         ),
-        sender_clock=decoder.sender_clock,
+        sender_clock=decoder.undated,
         unknown_ids=decoder.unknown,
         losses=decoder.losses,
     )

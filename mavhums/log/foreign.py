@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 
 from mavhums.errors import UnreadableLogError
-from mavhums.log.decoder import Decoder
+from mavhums.log.decoder import MavlinkDecoder
+from mavhums.log.decoding import format_of
 
 __all__ = ["refuse_foreign"]
 
 _SIGNATURES = (
-    (b"\xa3\x95", "an ArduPilot DataFlash log (.BIN)"),
     (b"ULog\x01\x12\x35", "a PX4 ULog (.ulg)"),
     (b"RRF2", "a Rerun recording"),
     (b"\x1f\x8b", "gzip-compressed"),
@@ -31,6 +31,12 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         raise UnreadableLogError(
             f"{name}: the file is empty", "check that the ground station had closed the log"
         )
+    known = format_of(head)
+    if known is not None:
+        refused = known.load().refusal(head)
+        if refused is not None:
+            raise UnreadableLogError(f"{name}: {refused.problem}", refused.remedy)
+        return
     if _holds_frames(head, dialect):
         return
     for signature, kind in _SIGNATURES:
@@ -43,7 +49,7 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
 
 
 def _holds_frames(data: bytes, dialect: str | os.PathLike[str] | None) -> bool:
-    decoder = Decoder((), dialect=dialect)
+    decoder = MavlinkDecoder((), dialect=dialect)
     decoder.feed(data, final=True)
     return bool(decoder.counts or decoder.unknown)
 

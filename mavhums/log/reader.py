@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.assessment import Losses
 from mavhums.errors import UnreadableLogError
-from mavhums.log.decoder import Decoder
+from mavhums.log.decoding import Decoder, LogDecoder
 from mavhums.log.foreign import refuse_foreign
 from mavhums.log.tables import Table
-from mavhums.log.vehicles import vehicles_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +78,7 @@ class Decoded(NamedTuple):
 
 def decode_blocks(
     path: str | os.PathLike[str],
-    decoder: Decoder,
+    decoder: LogDecoder,
     *,
     dialect: str | os.PathLike[str] | None = None,
 ) -> Iterator[Decoded]:
@@ -125,7 +124,9 @@ class Log:
     span
         Times of reception of the first and the last frame, microseconds of UTC; None if empty.
     sender_clock
-        Whether the log has no time stamps, so that all times count from the sender's boot.
+        Whether the log tells no date, so that all times count from the sender's boot.
+    format
+        Name of the log's format.
     """
 
     path: Path
@@ -136,6 +137,7 @@ class Log:
     vehicles: tuple[int, ...]
     span: tuple[int, int] | None
     sender_clock: bool = False
+    format: str = "tlog"
 
     @cached_property
     def messages(self) -> dict[str, pd.DataFrame]:
@@ -187,7 +189,8 @@ def read_log(
         decoder.counts,
         decoder.unknown,
         decoder.losses,
-        vehicles_of(decoder.counts),
+        decoder.vehicles,
         None if first is None or last is None else (first, last),
-        decoder.sender_clock,
+        decoder.undated,
+        decoder.format,
     )

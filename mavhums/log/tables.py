@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +40,10 @@ class Table:
     flags
         How the frame came: bits of `mavhums.log.flags`.
     fields
-        Record array: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
+        Record array as the log has it: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
+    scales
+        What a field's number is multiplied by, where the format's type says so; ``table["Lat"]`` and
+        every conversion do that.
     """
 
     name: str
@@ -49,18 +54,21 @@ class Table:
     sequence: NDArray[np.uint8]
     flags: NDArray[np.uint8]
     fields: NDArray[np.void]
+    scales: Mapping[str, float] = MappingProxyType({})
 
     def __len__(self) -> int:
         return len(self.frame)
 
     def __getitem__(self, field: str) -> NDArray[Any]:
-        return self.fields[field]
+        values = self.fields[field]
+        scale = self.scales.get(field)
+        return values if scale is None else values * scale
 
     def select(self, rows: NDArray[Any]) -> Table:
         """Return the rows that a mask or an index array names."""
         if rows.dtype == np.bool_ and rows.all():
             return self
-        return Table(self.name, **{part: getattr(self, part)[rows] for part in _PARTS})
+        return replace(self, **{part: getattr(self, part)[rows] for part in _PARTS})
 
     @classmethod
     def concatenate(cls, tables: list[Table]) -> Table:
@@ -71,7 +79,7 @@ class Table:
         wire = tables[0].fields.dtype
         parts["fields"] = [np.ascontiguousarray(rows).view(np.uint8) for rows in parts["fields"]]
         joined = {part: np.concatenate(rows) for part, rows in parts.items()}
-        return cls(tables[0].name, **joined | {"fields": joined["fields"].view(wire)})
+        return replace(tables[0], **joined | {"fields": joined["fields"].view(wire)})
 
     def texts(self, field: str) -> list[str]:
         """Return a char field as text, cut at the first NUL."""
