@@ -121,6 +121,7 @@ class Format:
 
 FORMATS: Final[tuple[Format, ...]] = (
     Format("dataflash", "an ArduPilot DataFlash log (.BIN)", b"\xa3\x95", "mavhums.log.dataflash"),
+    Format("ulog", "a PX4 ULog (.ulg)", b"ULog\x01\x12\x35", "mavhums.log.ulog"),
 )
 _LONGEST: Final = max(len(known.signature) for known in FORMATS)
 

@@ -11,7 +11,6 @@ from mavhums.log.decoding import format_of
 __all__ = ["refuse_foreign"]
 
 _SIGNATURES = (
-    (b"ULog\x01\x12\x35", "a PX4 ULog (.ulg)"),
     (b"RRF2", "a Rerun recording"),
     (b"\x1f\x8b", "gzip-compressed"),
     (b"PK\x03\x04", "a zip archive"),
