@@ -68,7 +68,8 @@ class Table:
         """Return the rows that a mask or an index array names."""
         if rows.dtype == np.bool_ and rows.all():
             return self
-        return replace(self, **{part: getattr(self, part)[rows] for part in _PARTS})
+        parts: dict[str, Any] = {part: getattr(self, part)[rows] for part in _PARTS}
+        return replace(self, **parts)
 
     @classmethod
     def concatenate(cls, tables: list[Table]) -> Table:
@@ -78,7 +79,7 @@ class Table:
         parts = {part: [getattr(table, part) for table in tables] for part in _PARTS}
         wire = tables[0].fields.dtype
         parts["fields"] = [np.ascontiguousarray(rows).view(np.uint8) for rows in parts["fields"]]
-        joined = {part: np.concatenate(rows) for part, rows in parts.items()}
+        joined: dict[str, Any] = {part: np.concatenate(rows) for part, rows in parts.items()}
         return replace(tables[0], **joined | {"fields": joined["fields"].view(wire)})
 
     def texts(self, field: str) -> list[str]:
