@@ -34,12 +34,13 @@ YES, NO, WAIT = 1, 0, -1
 
 UNUSED, UNKNOWN = -1, -2
 
-TOPIC = np.dtype([(name, "i4") for name in ("definition", "least", "most", "stamp", "instance", "unknown")])
+TOPIC = np.dtype([(name, "i4") for name in ("definition", "least", "most", "stamp", "instance", "timed", "unknown")])
 """What a message id stands for.
 
 ``definition`` is the number of a record's layout, ``UNUSED``, or ``UNKNOWN`` of an id whose layout is
 not known; ``least`` and ``most`` bound the bytes of a record, ``stamp`` is where its time stamp lies,
--1 where it has none, ``instance`` the multi id. ``unknown`` counts the records without a layout.
+-1 where it has none, ``instance`` the multi id. ``timed`` tells whether a record of it had a sound time,
+``unknown`` counts the records without a layout.
 """
 
 BODY = 3
@@ -197,7 +198,18 @@ def landing(
 
 
 @kernel
-def follows(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]) -> int:
-    """Return whether a message begins at ``place``, be it damaged in one part of its header."""
+def follows(data: NDArray[np.uint8], start: int, final: bool, topics: NDArray[np.void], strict: bool) -> int:
+    """Return whether a message follows the one at ``start``.
+
+    Unless ``strict`` it may be damaged in one part of its header.
+    """
+    place = start + BODY + size_of(data, start)
     fits = header_fits(data, place, final, topics)
-    return fits if fits != NO else landing(data, place, final, topics)[0]
+    if fits != NO:
+        return fits
+    if kind_of(data, start) == _A and kind_of(data, place) == _D:
+        if place + BODY + 2 > data.size:
+            return NO if final else WAIT
+        if data[place + BODY] == data[start + BODY + 1] and data[place + BODY + 1] == data[start + BODY + 2]:
+            return YES
+    return NO if strict else landing(data, place, final, topics)[0]

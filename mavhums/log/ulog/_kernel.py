@@ -118,9 +118,11 @@ def _note_row(
         row.instance = topic.instance
         if topic.stamp >= 0:
             told_us = np.int64(load_word(data, position + BODY + 2 + topic.stamp))
-            if not _judge_time(state, told_us):
+            if _judge_time(state, told_us):
+                topic.timed = 1
+            else:
                 row.odd = 1
-                state.odd_times += 1 if told_us != 0 else 0
+                state.odd_times += topic.timed
     row.time_us = state.time_us
 
 
@@ -184,10 +186,8 @@ def scan(
             if fits == YES:
                 end = position + BODY + size_of(data, position)
                 if end <= data.size:
-                    if in_step:
-                        accepted = follows(data, end, final, topics)
-                    elif looks_sound(data, position):
-                        accepted = header_fits(data, end, final, topics)
+                    if in_step or looks_sound(data, position):
+                        accepted = follows(data, position, final, topics, not in_step)
                 elif not final:
                     break
                 elif in_step:

@@ -25,7 +25,7 @@ BASIC: Final = {
     "uint64_t": "<u8",
     "float": "<f4",
     "double": "<f8",
-    "bool": "?",
+    "bool": "u1",
     "char": "S1",
 }
 _NAME = r"[A-Za-z_][A-Za-z0-9_\-/]*"
