@@ -34,7 +34,7 @@ YES, NO, WAIT = 1, 0, -1
 
 UNUSED, UNKNOWN = -1, -2
 
-TOPIC = np.dtype([(name, "i4") for name in ("definition", "least", "most", "stamp", "instance", "timed", "unknown")])
+TOPIC = np.dtype([(name, "i4") for name in ("definition", "least", "most", "stamp", "instance", "timed", "unknown", "spare")])
 """What a message id stands for.
 
 ``definition`` is the number of a record's layout, ``UNUSED``, or ``UNKNOWN`` of an id whose layout is

@@ -127,6 +127,56 @@ def _note_row(
 
 
 @inlined
+def _is_data(data: NDArray[np.uint8], place: int, topics: NDArray[np.void]) -> bool:
+    """Return whether a record of a known layout begins at ``place``; five bytes from there can be read."""
+    topic = topics[topic_of(data, place)]
+    size = size_of(data, place) - 2
+    return bool(
+        kind_of(data, place) == _D and topic.least <= size and size <= topic.most and topic.definition >= 0
+    )
+
+
+@kernel
+def _run_of_data(
+    data: NDArray[np.uint8], position: int, state: Record, topics: NDArray[np.void], rows: NDArray[np.void]
+) -> int:
+    """Write rows for records in step as long as nothing is odd; return where that ends.
+
+    `scan` would find the same rows, but asks more of each.
+    """
+    last = data.size - BODY - 2
+    found, clock = state.found, state.time_us
+    here = position <= last and _is_data(data, position, topics)
+    while here:
+        size = size_of(data, position)
+        end = position + BODY + size
+        if end > last or not _is_data(data, end, topics):
+            break
+        topic = topics[topic_of(data, position)]
+        if topic.stamp < 0:
+            break
+        told_us = np.int64(load_word(data, position + BODY + 2 + topic.stamp))
+        if abs(told_us - clock) > _STEP_US:
+            break
+        clock = told_us
+        topic.timed = 1
+        row = rows[found]
+        row.offset = state.base + position
+        row.time_us = told_us
+        row.definition = topic.definition
+        row.size = size
+        row.kind = _D
+        row.instance = topic.instance
+        row.odd = 0
+        found += 1
+        position = end
+    if found > state.found:
+        state.run = 0
+    state.found, state.time_us = found, clock
+    return position
+
+
+@inlined
 def _pass_damaged(
     state: Record,
     data: NDArray[np.uint8],
@@ -179,6 +229,8 @@ def scan(
     position = state.position
     while position < data.size:
         accepted, end, in_step = NO, position, state.lost_step == 0
+        if in_step:
+            position = _run_of_data(data, position, state, topics, rows)
         if position + BODY <= data.size or not final:
             fits = header_fits(data, position, final, topics)
             if fits == WAIT:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mavhums.log.ulog.layouts import BASIC
 
-__all__ = ["INFO", "READERS", "RESERVED", "FlagBits", "flag_bits"]
+__all__ = ["READERS", "RESERVED", "FlagBits", "flag_bits", "parameter"]
 
 TEXT_BYTES: Final = 255
 PARAMETER: Final = np.dtype([("name", "S64"), ("type", "S16"), ("value", "<f8")])
@@ -49,7 +49,8 @@ def flag_bits(body: bytes) -> FlagBits:
     return FlagBits(bool(unknown), tuple(sorted(offset for offset in offsets if offset)))
 
 
-def _parameter(body: bytes) -> Row | None:
+def parameter(body: bytes) -> tuple[str, str, float] | None:
+    """Return name, type and value of a parameter; None if it is none."""
     kind, name, value = _keyed(body)
     if kind not in ("int32_t", "float") or len(value) != 4:
         return None
@@ -87,7 +88,7 @@ def _keyed(body: bytes) -> tuple[str, str, bytes]:
 
 
 READERS: Final = {
-    ord("P"): _Reader("parameter", PARAMETER, _parameter),
+    ord("P"): _Reader("parameter", PARAMETER, parameter),
     ord("I"): _Reader("info", INFO, _info),
     ord("L"): _Reader("logged_string", STRING, _string),
     ord("C"): _Reader("logged_string", STRING, _tagged_string),

@@ -51,6 +51,10 @@ class Batch:
     base: int
     rows: NDArray[np.void]
 
+    def copy(self) -> Batch:
+        """Return a batch that holds for longer."""
+        return Batch(self.data.copy(), self.base, self.rows.copy())
+
     def body(self, row: np.void) -> bytes:
         """Return what follows a message's header."""
         begin = int(row["offset"]) - self.base + BODY
@@ -74,25 +78,43 @@ class UlogScanner:
         self.topics = Topics()
         self.regions: list[tuple[int, int]] = []
         self._carried: NDArray[np.void] = np.zeros(1, dtype=_kernel.STATE)
-        self._rest = b""
+        self._rows: NDArray[np.void] = np.empty(0, dtype=_kernel.ROW)
+        self._buffer: NDArray[np.uint8] = np.zeros(SPARE, dtype=np.uint8)
+        self._rest = slice(0, 0)
         self._boundaries: list[int] = []
         self._open = False
         self._skipped = self._count = self._cut = self._zeros = 0
 
     def feed(self, block: bytes, *, final: bool = False) -> Iterator[Batch]:
-        """Yield the messages that ``block`` completes; ``final`` says that nothing follows."""
-        self._rest += block
-        if not self._open and not self._read_header(final):
-            return
-        base = int(self._carried["base"][0])
-        while self._boundaries and self._boundaries[0] <= base + len(self._rest):
+        """Yield the messages that ``block`` completes; ``final`` says that nothing follows.
+
+        A batch holds until the next call.
+        """
+        begin, end = 0, self._append(block)
+        if not self._open:
+            begin = self._read_header(self._buffer[:end].tobytes(), final)
+            if not self._open:
+                return
+        base = int(self._carried["base"][0]) - begin
+        while self._boundaries and self._boundaries[0] <= base + end:
             boundary = self._boundaries.pop(0)
-            if boundary > base:
-                before, after = self._rest[: boundary - base], self._rest[boundary - base :]
-                yield self._scan(before, final=True)
-                self._rest, base = after, boundary
-                self._carried["base"] = boundary
-        yield self._scan(self._rest, final=final)
+            if boundary > base + begin:
+                yield self._scan(begin, boundary - base, final=True)
+                begin = boundary - base
+        batch = self._scan(begin, end, final=final)
+        self._rest = slice(begin + int(self._carried["position"][0]), end)
+        yield batch
+
+    def _append(self, block: bytes) -> int:
+        """Put a block behind what was left unfinished, at the buffer's begin; return where it ends."""
+        rest = self._buffer[self._rest].copy()
+        end = rest.size + len(block)
+        if self._buffer.size < end + SPARE:
+            self._buffer = np.zeros(2 * end + SPARE, dtype=np.uint8)
+        self._buffer[: rest.size] = rest
+        self._buffer[rest.size : end] = np.frombuffer(block, dtype=np.uint8)
+        self._rest = slice(0, end)
+        return end
 
     @property
     def totals(self) -> Totals:
@@ -107,52 +129,48 @@ class UlogScanner:
             *(int(state[name]) for name in ("odd_times", "jumps", "unknown")),
         )
 
-    def _read_header(self, final: bool) -> bool:
-        """Read the file's header and its flag bits; return whether they are there."""
+    def _read_header(self, head: bytes, final: bool) -> int:
+        """Read the file's header and its flag bits, if they are all there; return where they end."""
         end = HEADER + BODY
-        size = int.from_bytes(self._rest[HEADER : HEADER + 2], "little")
-        flagged = self._rest[HEADER + 2 : end] == b"B" and _FLAGS_BODY <= size <= _LONGEST_FLAGS
-        if len(self._rest) < end + size * flagged and not final:
-            return False
+        size = int.from_bytes(head[HEADER : HEADER + 2], "little")
+        flagged = head[HEADER + 2 : end] == b"B" and _FLAGS_BODY <= size <= _LONGEST_FLAGS
+        if len(head) < end + size * flagged and not final:
+            return 0
         self._open = True
-        head = self._rest[:HEADER]
-        self._carried["time_us"] = np.frombuffer(head[8:].ljust(8, b"\0"), dtype="<i8")
-        if len(head) < HEADER:
-            self._cut = len(head)
-        elif flagged and len(self._rest) >= end + size:
-            self._boundaries = list(flag_bits(self._rest[end : end + size]).appended)
-            head = self._rest[: end + size]
-        self._rest = self._rest[len(head) :]
-        self._carried["base"] = len(head)
-        return True
+        self._carried["time_us"] = np.frombuffer(head[8:HEADER].ljust(8, b"\0"), dtype="<i8")
+        place = min(HEADER, len(head))
+        if place < HEADER:
+            self._cut = place
+        elif flagged and len(head) >= end + size:
+            self._boundaries = list(flag_bits(head[end : end + size]).appended)
+            place = end + size
+        self._carried["base"] = place
+        return place
 
-    def _scan(self, stream: bytes, *, final: bool) -> Batch:
-        padded = np.frombuffer(stream + bytes(SPARE), dtype=np.uint8)
-        data = padded[: len(stream)]
-        rows: NDArray[np.void] = np.empty(data.size // 5 + 1, dtype=_kernel.ROW)
+    def _scan(self, begin: int, end: int, *, final: bool) -> Batch:
+        """Scan a part of the buffer; ``position`` is where in it the scan stopped."""
+        padded, data = self._buffer[begin : end + SPARE], self._buffer[begin:end]
+        if self._rows.size < data.size // 5 + 1:
+            self._rows = np.empty(data.size // 5 + 1, dtype=_kernel.ROW)
         regions: NDArray[np.void] = np.empty(data.size // BODY + 2, dtype=_kernel.REGION)
         state = self._carried[0]
         base = int(state["base"])
         for name in ("position", "found", "ended", "cut"):
             state[name] = 0
-        handled = 0
-        paused = True
+        handled, paused = 0, True
         while paused:
-            paused = bool(_kernel.scan(data, final, self._carried, self.topics.ids, rows, regions))
+            paused = bool(_kernel.scan(data, final, self._carried, self.topics.ids, self._rows, regions))
             found = int(state["found"])
-            self._define(Batch(padded, base, rows[handled:found]))
+            self._define(Batch(padded, base, self._rows[handled:found]))
             handled = found
         self._keep(regions[: int(state["ended"])])
-        position = int(state["position"])
-        self._rest = stream[position:]
-        state["base"] += position
+        state["base"] += state["position"]
         if final:
             self._finish()
-        return Batch(padded, base, rows[:handled])
+        return Batch(padded, base, self._rows[:handled])
 
     def _define(self, batch: Batch) -> None:
-        for k in np.flatnonzero(np.isin(batch.rows["kind"], _DEFINING)).tolist():
-            row = batch.rows[k]
+        for row in batch.rows[np.isin(batch.rows["kind"], _DEFINING)]:
             self.topics.take(int(row["kind"]), batch.body(row))
 
     def _keep(self, regions: NDArray[np.void]) -> None:
