@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,7 +53,7 @@ class Table:
     sequence: NDArray[np.uint8]
     flags: NDArray[np.uint8]
     fields: NDArray[np.void]
-    scales: Mapping[str, float] = MappingProxyType({})
+    scales: Mapping[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.frame)
