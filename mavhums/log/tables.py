@@ -40,8 +40,8 @@ class Table:
         How the frame came: bits of `mavhums.log.flags`.
     fields
         Record array as the log has it: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
-    scales
-        What a field's number is multiplied by, where the format's type says so; ``table["Lat"]`` and
+    divisors
+        What a field's number is divided by, where the format's type says so; ``table["Lat"]`` and
         every conversion do that.
     """
 
@@ -53,15 +53,15 @@ class Table:
     sequence: NDArray[np.uint8]
     flags: NDArray[np.uint8]
     fields: NDArray[np.void]
-    scales: Mapping[str, float] = field(default_factory=dict)
+    divisors: Mapping[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.frame)
 
     def __getitem__(self, field: str) -> NDArray[Any]:
         values = self.fields[field]
-        scale = self.scales.get(field)
-        return values if scale is None else values * scale
+        divisor = self.divisors.get(field)
+        return values if divisor is None else values / divisor
 
     def select(self, rows: NDArray[Any]) -> Table:
         """Return the rows that a mask or an index array names."""

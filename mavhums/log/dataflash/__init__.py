@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from mavhums.log.decoding import LogDecoder, Refusal
+from mavhums.log.dataflash.decoder import DataFlashDecoder
+from mavhums.log.dataflash.refusals import refusal
 
-__all__ = ["decoder", "refusal"]
+__all__ = ["DataFlashDecoder", "decoder", "refusal"]
 
 
-def decoder(messages: Collection[str] | None) -> LogDecoder:
+def decoder(messages: Collection[str] | None) -> DataFlashDecoder:
     """Return a new decoder of the wanted message types, all if None."""
-    raise NotImplementedError
-
-
-def refusal(head: bytes) -> Refusal | None:
-    """Return why a log that begins with ``head`` cannot be read; None if it can."""
-    return Refusal(
-        "this is an ArduPilot DataFlash log (.BIN), not a MAVLink telemetry log",
-        "mavhums reads MAVLink telemetry logs (.tlog); record one with the ground station, or with MAVProxy",
-    )
+    return DataFlashDecoder(messages)
