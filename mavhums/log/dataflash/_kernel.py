@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import inlined, kernel
-from mavhums.log._crc import GUARD
+from mavhums.core.kernels import inlined, kernel
 from mavhums.log.dataflash._layout import (
     FMT,
     HEAD,
@@ -34,7 +33,8 @@ from mavhums.log.dataflash._layout import (
     time_at,
 )
 from mavhums.log.dataflash._times import AHEAD, BACK, GAP_US, ODD, judge_time
-from mavhums.log.flags import ODD_TIME
+from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.mavlink.flags import ODD_TIME
 
 __all__ = ["REGION", "ROW", "STATE", "scan"]
 

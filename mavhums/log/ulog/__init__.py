@@ -21,7 +21,10 @@ def decoder(messages: Collection[str] | None) -> LogDecoder:
 
 def refusal(head: bytes) -> Refusal | None:
     """Return why a log that begins with ``head`` cannot be read; None if it can."""
-    if head[HEADER + 2 : HEADER + 3] == b"B" and flag_bits(head[HEADER + 3 :][:40].ljust(40, b"\0")).incompatible:
+    if (
+        head[HEADER + 2 : HEADER + 3] == b"B"
+        and flag_bits(head[HEADER + 3 :][:40].ljust(40, b"\0")).incompatible
+    ):
         return Refusal("this ULog needs a newer reader (unknown incompatible flags)", "update mavhums")
     scanner = UlogScanner()
     rows = sum(batch.rows.size for batch in scanner.feed(head, final=True))

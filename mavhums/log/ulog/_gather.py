@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import kernel
-from mavhums.log._crc import load_word, store_word
+from mavhums.core.kernels import kernel
+from mavhums.log.mavlink._crc import load_word, store_word
 from mavhums.log.ulog._headers import BODY
 
 __all__ = ["SPARE", "count", "gather"]

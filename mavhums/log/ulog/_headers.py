@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import inlined, kernel
+from mavhums.core.kernels import inlined, kernel
 
 __all__ = [
     "BODY",
@@ -34,7 +34,12 @@ YES, NO, WAIT = 1, 0, -1
 
 UNUSED, UNKNOWN = -1, -2
 
-TOPIC = np.dtype([(name, "i4") for name in ("definition", "least", "most", "stamp", "instance", "timed", "unknown", "spare")])
+TOPIC = np.dtype(
+    [
+        (name, "i4")
+        for name in ("definition", "least", "most", "stamp", "instance", "timed", "unknown", "spare")
+    ]
+)
 """What a message id stands for.
 
 ``definition`` is the number of a record's layout, ``UNUSED``, or ``UNKNOWN`` of an id whose layout is
@@ -170,9 +175,7 @@ def _sound_at(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[
 
 
 @kernel
-def landing(
-    data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]
-) -> tuple[int, int]:
+def landing(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]) -> tuple[int, int]:
     """Return whether a message begins at ``place`` whose header does not fit, and where it ends.
 
     Two of the header's three parts (size, kind, message id) must agree, and a sound header must be

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import inlined, kernel
-from mavhums.log._crc import load_word
+from mavhums.core.kernels import inlined, kernel
+from mavhums.log.mavlink._crc import load_word
 from mavhums.log.ulog._headers import (
     BODY,
     NO,
@@ -131,9 +131,7 @@ def _is_data(data: NDArray[np.uint8], place: int, topics: NDArray[np.void]) -> b
     """Return whether a record of a known layout begins at ``place``; five bytes from there can be read."""
     topic = topics[topic_of(data, place)]
     size = size_of(data, place) - 2
-    return bool(
-        kind_of(data, place) == _D and topic.least <= size and size <= topic.most and topic.definition >= 0
-    )
+    return bool(kind_of(data, place) == _D and topic.least <= size <= topic.most and topic.definition >= 0)
 
 
 @kernel
