@@ -89,49 +89,56 @@ def _cut(final: bool) -> int:
 @kernel
 def header_fits(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]) -> int:
     """Return whether a message of a known kind, with a size that it may have, begins at ``place``."""
-    end = data.size
-    if place + BODY > end:
+    if place + BODY > data.size:
         return _cut(final)
     size, kind = size_of(data, place), kind_of(data, place)
     if kind == _D:
-        if size < 2:
-            return NO
-        if place + BODY + 2 > end:
-            return _cut(final)
+        if place + BODY + 2 > data.size:
+            return _cut(final) if size >= 2 else NO
         topic = topics[topic_of(data, place)]
-        if topic.definition == UNUSED:
-            return NO
-        return YES if topic.least <= size - 2 <= topic.most else NO
-    if kind == _S:
-        if size != _SYNC.size:
-            return NO
-        for k in range(min(_SYNC.size, end - place - BODY)):
-            if data[place + BODY + k] != _SYNC[k]:
-                return NO
-        return YES
+        known = topic.definition != UNUSED
+        return YES if known and topic.least <= size - 2 <= topic.most else NO
     if kind in (_O, _R):
         return YES if size == 2 else NO
+    if kind == _S:
+        return _is_sync(data, place + BODY) if size == _SYNC.size else NO
     if kind in (_L, _C):
-        if size < (9 if kind == _L else 11):
-            return NO
-        if place + BODY >= end:
-            return _cut(final)
-        return YES if 48 <= data[place + BODY] <= 55 else NO
-    if kind == _F:
-        return _letter_at(data, place + BODY, final) if size >= 4 else NO
-    if kind == _A:
-        return _letter_at(data, place + BODY + 3, final) if 4 <= size <= 3 + _LONGEST_NAME else NO
+        return _level_at(data, place + BODY, final) if size >= (9 if kind == _L else 11) else NO
+    if kind in (_F, _A):
+        before = 0 if kind == _F else 3
+        longest = _LONGEST_NAME + 3 if kind == _A else 0xFFFF
+        return _letter_at(data, place + BODY + before, final) if before < size <= longest else NO
     if kind in (_I, _P, _M, _Q):
-        skip = 1 if kind in (_M, _Q) else 0
-        if size < skip + 2:
-            return NO
-        if place + BODY + skip >= end:
-            return _cut(final)
-        length = np.int64(data[place + BODY + skip])
-        if length < 3 or length + skip + 1 > size:
-            return NO
-        return _letter_at(data, place + BODY + skip + 1, final)
+        return _keyed_at(data, place + BODY, size, 0 if kind in (_I, _P) else 1, final)
     return NO
+
+
+@inlined
+def _is_sync(data: NDArray[np.uint8], place: int) -> int:
+    for k in range(min(_SYNC.size, data.size - place)):
+        if data[place + k] != _SYNC[k]:
+            return NO
+    return YES
+
+
+@inlined
+def _level_at(data: NDArray[np.uint8], place: int, final: bool) -> int:
+    if place >= data.size:
+        return _cut(final)
+    return YES if 48 <= data[place] <= 55 else NO
+
+
+@inlined
+def _keyed_at(data: NDArray[np.uint8], place: int, size: int, before: int, final: bool) -> int:
+    """Return whether the length of a key fits at ``place + before``, and a letter follows."""
+    if size < before + 2:
+        return NO
+    if place + before >= data.size:
+        return _cut(final)
+    length = np.int64(data[place + before])
+    if length < 3 or length + before + 1 > size:
+        return NO
+    return _letter_at(data, place + before + 1, final)
 
 
 @inlined
@@ -139,6 +146,14 @@ def _letter_at(data: NDArray[np.uint8], place: int, final: bool) -> int:
     if place >= data.size:
         return _cut(final)
     return YES if _is_letter(data[place]) else NO
+
+
+@inlined
+def _is_text(data: NDArray[np.uint8], begin: int, end: int) -> bool:
+    sound = True
+    for k in range(begin, end):
+        sound &= data[k] >= 32 or 9 <= data[k] <= 13
+    return sound
 
 
 @kernel
@@ -159,12 +174,9 @@ def looks_sound(data: NDArray[np.uint8], place: int) -> bool:
         begin += 3
     elif kind != _F:
         begin += 1 if kind in (_M, _Q) else 0
-        end = begin + 1 + np.int64(data[begin])
+        end = begin + 1 + int(data[begin])
         begin += 1
-    for k in range(begin, end):
-        if data[k] < 32 and data[k] not in (9, 10, 13):
-            return False
-    return True
+    return _is_text(data, begin, end)
 
 
 @inlined

@@ -69,6 +69,7 @@ unknown kinds, ``cut`` tells whether a message is cut by the end.
 MOST_PAUSES = 1 << 16
 _STEP_US = 60 * 1_000_000
 _CONFIRM = 3
+_DAMAGED = 2
 _A, _D, _R = ord("A"), ord("D"), ord("R")
 
 Record = Any
@@ -117,7 +118,7 @@ def _note_row(
         row.definition = topic.definition
         row.instance = topic.instance
         if topic.stamp >= 0:
-            told_us = np.int64(load_word(data, position + BODY + 2 + topic.stamp))
+            told_us = int(np.int64(load_word(data, position + BODY + 2 + topic.stamp)))
             if _judge_time(state, told_us):
                 topic.timed = 1
             else:
@@ -196,6 +197,33 @@ def _pass_damaged(
 
 
 @kernel
+def _judge(
+    data: NDArray[np.uint8], position: int, final: bool, state: Record, topics: NDArray[np.void]
+) -> tuple[int, int]:
+    """Return whether a message that counts begins at ``position``, and where it ends.
+
+    ``_DAMAGED`` is a message whose header does not fit, but whose end is known.
+    """
+    in_step = state.lost_step == 0
+    if position + BODY > data.size:
+        state.cut |= in_step
+        return (NO if final else WAIT), position
+    fits = header_fits(data, position, final, topics)
+    if fits == YES:
+        end = position + BODY + size_of(data, position)
+        if end > data.size:
+            state.cut |= in_step
+            return (NO if final else WAIT), position
+        if in_step or looks_sound(data, position):
+            return follows(data, position, final, topics, not in_step), end
+        return NO, position
+    if fits == NO and in_step:
+        passed, end = landing(data, position, final, topics)
+        return (_DAMAGED if passed == YES else passed), end
+    return fits, position
+
+
+@kernel
 def scan(
     data: NDArray[np.uint8],
     final: bool,
@@ -226,39 +254,20 @@ def scan(
     state = carried[0]
     position = state.position
     while position < data.size:
-        accepted, end, in_step = NO, position, state.lost_step == 0
-        if in_step:
+        if state.lost_step == 0:
             position = _run_of_data(data, position, state, topics, rows)
-        if position + BODY <= data.size or not final:
-            fits = header_fits(data, position, final, topics)
-            if fits == WAIT:
-                break
-            if fits == YES:
-                end = position + BODY + size_of(data, position)
-                if end <= data.size:
-                    if in_step or looks_sound(data, position):
-                        accepted = follows(data, position, final, topics, not in_step)
-                elif not final:
-                    break
-                elif in_step:
-                    state.cut = 1
-            elif in_step:
-                passed, end = landing(data, position, final, topics)
-                if passed == YES:
-                    _pass_damaged(state, data, position, end, topics, regions)
-                    position = end
-                    continue
-                if passed == WAIT:
-                    break
-        elif in_step:
-            state.cut = 1
-        if accepted == WAIT:
+        answer, end = _judge(data, position, final, state, topics)
+        if answer == WAIT:
             break
-        if accepted == NO:
+        if answer == NO:
             state.lost_step = 1
             state.skipped += 1
             state.zeros = state.zeros + 1 if data[position] == 0 else 0
             position += 1
+            continue
+        if answer == _DAMAGED:
+            _pass_damaged(state, data, position, end, topics, regions)
+            position = end
             continue
         if state.lost_step:
             _note_region(state, regions, state.base + position - state.skipped, state.skipped)
@@ -270,7 +279,7 @@ def scan(
             _note_row(state, rows[state.found], data, position, topics)
             state.found += 1
         position = end
-        if kind in (_A, _R) and state.pauses < MOST_PAUSES:
+        if (kind in (_A, _R)) and state.pauses < MOST_PAUSES:
             state.pauses += 1
             state.position = position
             return True

@@ -147,8 +147,8 @@ class UlogDecoder:
         """Heed the vehicle's id before its first data, and the first fix of the first megabyte."""
         rows = batch.rows
         if self._first_us is None:
-            before = rows[: int(np.argmax(rows["kind"] == _DATA)) or None]
-            for row in before[before["kind"] == _PARAMETER]:
+            before_data = np.cumsum(rows["kind"] == _DATA) == 0
+            for row in rows[before_data & (rows["kind"] == _PARAMETER)]:
                 said = parameter(batch.body(row))
                 if said is not None and said[0] == _VEHICLE and said[1] == "int32_t":
                     self._unpacker.vehicle = int(said[2]) & 0xFF
