@@ -75,7 +75,6 @@ def text_of(layout: list[Field]) -> str:
     inner=fields.map(lambda layout: [(k, n) for k, n in layout if k != "inner"] or [("bool", None)]),
     outer=fields,
     padding=st.integers(0, 7),
-    padded=st.booleans(),
     instances=st.lists(st.integers(0, 255), min_size=1, max_size=3, unique=True),
     rows=st.integers(1, 6),
     seed=st.integers(0, 2**32 - 1),
@@ -85,7 +84,6 @@ def test_made_logs_have_the_values_of_pyulog(
     inner: list[Field],
     outer: list[Field],
     padding: int,
-    padded: bool,
     instances: list[int],
     rows: int,
     seed: int,
@@ -101,7 +99,7 @@ def test_made_logs_have_the_values_of_pyulog(
         *(writer.subscribe(10 + k, "topic", instance) for k, instance in enumerate(instances)),
     ]
     for k in range(rows):
-        record = struct.pack("<Q", 1_000_000 + k) + rng.bytes(size + padding * padded)
+        record = struct.pack("<Q", 1_000_000 + k) + rng.bytes(size)
         parts.append(writer.data(10 + k % len(instances), record))
     log = b"".join(parts)
     tables, decoder = decode(log, (int(cut * (len(log) - 1)),))
