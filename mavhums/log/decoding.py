@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Final, NamedTuple, Protocol, cast
 
-from mavhums.assessment import Losses
-from mavhums.errors import MavhumsError
-from mavhums.log.decoder import MavlinkDecoder
+from mavhums.core.errors import MavhumsError
+from mavhums.log.mavlink.decoder import MavlinkDecoder
 from mavhums.log.tables import Table
+from mavhums.report.assessment import Losses
 
 __all__ = ["FORMATS", "Decoder", "Format", "LogDecoder", "Refusal", "format_of"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 
-from mavhums.errors import UnreadableLogError
-from mavhums.log.decoder import MavlinkDecoder
+from mavhums.core.errors import UnreadableLogError
 from mavhums.log.decoding import format_of
+from mavhums.log.mavlink.decoder import MavlinkDecoder
 
 __all__ = ["refuse_foreign"]
 

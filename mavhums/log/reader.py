@@ -11,11 +11,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from mavhums.assessment import Losses
-from mavhums.errors import UnreadableLogError
+from mavhums.core.errors import UnreadableLogError
 from mavhums.log.decoding import Decoder, LogDecoder
 from mavhums.log.foreign import refuse_foreign
 from mavhums.log.tables import Table
+from mavhums.report.assessment import Losses
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mavhums.errors import MavhumsError
+from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, LogDecoder
 from mavhums.log.decoding import FORMATS, format_of
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import kernel
-from mavhums.log._crc import GUARD, load_word, store_word
+from mavhums.core.kernels import kernel
 from mavhums.log.dataflash._layout import HEAD
+from mavhums.log.mavlink._crc import GUARD, load_word, store_word
 
 __all__ = ["SPARE", "count", "gather"]
 

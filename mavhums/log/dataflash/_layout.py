@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import inlined, kernel
-from mavhums.log._crc import load_word
+from mavhums.core.kernels import inlined, kernel
+from mavhums.log.mavlink._crc import load_word
 
 __all__ = [
     "BODY",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import inlined, kernel
+from mavhums.core.kernels import inlined, kernel
 from mavhums.log.dataflash._layout import HEAD, WAIT, begins, time_at
 
 __all__ = ["AHEAD", "BACK", "GAP_US", "IN_ORDER", "ODD", "judge_time"]

@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.assessment import Losses, Region
 from mavhums.log.dataflash._columns import Lexicon
 from mavhums.log.dataflash.dating import NEEDED, Dating
 from mavhums.log.dataflash.scanner import Batch, RecordScanner
 from mavhums.log.tables import Table
+from mavhums.report.assessment import Losses, Region
 
 __all__ = ["DataFlashDecoder"]
 

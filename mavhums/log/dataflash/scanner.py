@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.log._crc import GUARD
 from mavhums.log.dataflash import _kernel
 from mavhums.log.dataflash._gather import SPARE
 from mavhums.log.dataflash._layout import BODY, DEFINITIONS, FMT, FMT_SIZE, TYPE
 from mavhums.log.dataflash.definitions import FMT_BODY
+from mavhums.log.mavlink._crc import GUARD
 
 __all__ = ["Batch", "RecordScanner", "Totals"]
 
