@@ -21,6 +21,7 @@ MODE_MESSAGES: Final = frozenset({"HEARTBEAT", "MODE", "MSG"})
 _NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
 _HEARTBEAT: Final = ("autopilot", "type", "base_mode", "custom_mode")
 _KIND: Final = re.compile(r"(ArduPlane|ArduCopter|ArduRover|ArduSub|Rover|Blimp|AntennaTracker) V?\d")
+_HELD: Final = 100
 _MAV_TYPES: Final = {
     "ArduPlane": 1,
     "ArduCopter": 2,
@@ -33,11 +34,15 @@ _MAV_TYPES: Final = {
 
 
 class Modes:
-    """Follows the mode of every vehicle, block after block."""
+    """Follows the mode of every vehicle, block after block.
+
+    What an on-board log tells of modes waits for the text that names the kind of vehicle.
+    """
 
     def __init__(self) -> None:
         self._kinds: dict[int, int] = {}
         self._latest: dict[int, str] = {}
+        self._waiting: list[tuple[int, int, int]] = []
 
     def feed(self, tables: Mapping[str, Table]) -> Iterator[tuple[int, int, str]]:
         """Yield (vehicle, microseconds of UTC, name) of each change."""
@@ -61,13 +66,17 @@ class Modes:
         for said in texts({name: tables[name] for name in ("MSG",) if name in tables}):
             kind = kind_of(said.text)
             if kind is not None:
-                self._kinds[said.vehicle] = kind
+                self._kinds.setdefault(said.vehicle, kind)
         table = tables.get("MODE")
-        if table is None or "ModeNum" not in (table.fields.dtype.names or ()):
-            return
-        rows = zip(table.system.tolist(), table.time_us.tolist(), table["ModeNum"].tolist(), strict=True)
-        for vehicle, time_us, number in rows:
-            yield vehicle, time_us, _name_logged(self._kinds.get(vehicle), number)
+        if table is not None and "ModeNum" in (table.fields.dtype.names or ()):
+            numbers = table["ModeNum"].tolist()
+            self._waiting += zip(table.system.tolist(), table.time_us.tolist(), numbers, strict=True)
+        waiting, self._waiting = self._waiting[-_HELD:], []
+        for vehicle, time_us, number in waiting:
+            if vehicle in self._kinds:
+                yield vehicle, time_us, _name_logged(self._kinds[vehicle], number)
+            else:
+                self._waiting.append((vehicle, time_us, number))
 
 
 def kind_of(text: str) -> int | None:
@@ -97,8 +106,8 @@ def _name_sent(autopilot: int, kind: int, base_mode: int, custom_mode: int) -> s
 
 
 @cache
-def _name_logged(kind: int | None, number: int) -> str:
+def _name_logged(kind: int, number: int) -> str:
     from pymavlink.mavutil import mode_mapping_bynumber
 
-    names = None if kind is None else mode_mapping_bynumber(kind)
+    names = mode_mapping_bynumber(kind)
     return str((names or {}).get(number, f"Mode({number})"))

@@ -56,8 +56,8 @@ class VehicleStates:
         for vehicle, table, time_us in self._each(tables.get("POS")):
             degrees, metres = _columns(table, "Lat", "Lng"), table["Alt"].astype(np.float64)
             yield from _position(vehicle, degrees, metres, time_us - start_us)
-        for vehicle, time_us, mode in self._modes.feed(tables):
-            yield FlightMode(vehicle, (time_us - start_us) / 1e6, mode)
+        for vehicle, since_us, mode in self._modes.feed(tables):
+            yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
 
     def _each(
         self, table: Table | None, stamp: str | None = None
