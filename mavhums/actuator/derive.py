@@ -17,7 +17,7 @@ from mavhums.actuator.profile import Actuator, Ema
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 
-__all__ = ["Deriver"]
+__all__ = ["REPORTED", "Deriver"]
 
 _V1, _V2, _V3, _V4, _V5, _V6, _V7, _V8, _V9, _V10, _V11, _V12 = (column(f"V{k}") for k in range(1, 13))
 _RAD_S = 2 * np.pi / 60
@@ -30,11 +30,15 @@ _MISFIT_SHARE = 0.3  # a winding or a magnet that has aged
 
 Array = NDArray[np.float64]
 
+REPORTED = ("esc", "csrv")
+"""How the tiers begin whose voltage and current an ESC or the servo measures, at the motor or at the bus."""
+
 _OPEN = Ema.model_construct(gear_ratio=np.nan, torque_constant=np.nan, resistance=np.nan, inertia=np.nan)
 
 _RULES: tuple[tuple[int, str, Callable[[Array, Ema], Array]], ...] = (
     (_V8, "k_t·V5", lambda v, ema: ema.torque_constant * v[:, _V5]),
     (_V6, "V4·V5", lambda v, _: v[:, _V4] * v[:, _V5]),
+    (_V7, "V10·N", lambda v, ema: v[:, _V10] * ema.gear_ratio),
     (_V10, "V7/N", lambda v, ema: v[:, _V7] / ema.gear_ratio),
     (_V9, "V8·ω", lambda v, _: v[:, _V8] * v[:, _V7] * _RAD_S),
     (_V12, "V11·ω/N", lambda v, _: v[:, _V11] * v[:, _V10] * _RAD_S),
@@ -65,7 +69,7 @@ class Deriver:
             self._leave_open(aligned)
             self._fill(values)
             return values
-        if aligned.tier.startswith("esc"):
+        if aligned.tier.startswith(REPORTED):
             if not aligned.signed:
                 self._sign_speed(values, aligned.command_rate)
             if self._actuator.esc_side == "bus":
@@ -78,7 +82,7 @@ class Deriver:
 
     def _leave_open(self, aligned: Aligned) -> None:
         """Say what of an ESC's readings only the EMA's constants would turn into the motor's."""
-        if not aligned.tier.startswith("esc"):
+        if not aligned.tier.startswith(REPORTED):
             return
         if self._actuator.esc_side == "bus":
             self.derived |= {key: f"{{{key}}} at the bus" for key in ("V4", "V5")}

@@ -18,6 +18,7 @@ from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.core.table_writers import TableWriter, writer_for
 from mavhums.log import Decoder, decode_blocks
+from mavhums.vehicle.texts import TEXT_MESSAGES
 
 __all__ = ["export_messages", "export_quantities"]
 
@@ -67,7 +68,7 @@ def export_quantities(
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     output = Path(output)
     writer = writer_for(output)
-    decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"})
+    decoder = Decoder(messages_for(given.actuators if given else ()) | TEXT_MESSAGES)
     fleet = VehicleMappers(given)
     with written_whole(output) as temporary, writer(temporary) as table:
         for tables, size, final in decode_blocks(path, decoder):

@@ -16,6 +16,7 @@ from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
 from mavhums.log import Decoder, decode_blocks
 from mavhums.report.assessment import Losses
+from mavhums.vehicle.texts import TEXT_MESSAGES
 
 __all__ = ["ActuatorTelemetry", "Inspection", "MessageRate", "VehicleTelemetry", "inspect_log"]
 
@@ -106,7 +107,7 @@ def inspect_log(
         If the XML cannot be used.
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
-    decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"}, dialect=dialect)
+    decoder = Decoder(messages_for(given.actuators if given else ()) | TEXT_MESSAGES, dialect=dialect)
     fleet = VehicleMappers(given)
     size = 0
     for tables, size, final in decode_blocks(path, decoder, dialect=dialect):

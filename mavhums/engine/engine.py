@@ -23,6 +23,7 @@ from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
+from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 
 __all__ = ["Engine"]
 
@@ -67,7 +68,7 @@ class Engine:
         key: bytes | None = None,
         vehicle_states: bool = False,
     ) -> None:
-        wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"}
+        wanted = messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES
         wanted |= STATE_MESSAGES if vehicle_states else set()
         self._states = VehicleStates() if vehicle_states else None
         self._decoder = Decoder(wanted, dialect=dialect, key=key)
@@ -140,11 +141,9 @@ class Engine:
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
-        texts = tables.get("STATUSTEXT")
-        if texts is not None:
-            for k, text in enumerate(texts.texts("text")):
-                if text and not text.startswith("mavhums airframe="):
-                    yield Notice(self._flight_time(int(texts.time_us[k])), int(texts.system[k]), text)
+        for spoken in texts(tables):
+            if spoken.text and not spoken.text.startswith("mavhums airframe="):
+                yield Notice(self._flight_time(spoken.time_us), spoken.vehicle, spoken.text)
 
     def _notice_clock(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
         """Say that a vehicle's clock jumped, so that nobody wonders at the gap."""

@@ -12,7 +12,17 @@ from typing import Protocol
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Clocks, Reading
-from mavhums.actuator.sources import configured, esc_signed, esc_unsigned, instrumented, named, pwm
+from mavhums.actuator.sources import (
+    configured,
+    csrv,
+    esc_record,
+    esc_signed,
+    esc_unsigned,
+    instrumented,
+    named,
+    pwm,
+    rcou,
+)
 from mavhums.log import Table
 
 __all__ = ["SOURCES", "Source"]
@@ -30,4 +40,14 @@ class Source(Protocol):
         ...
 
 
-SOURCES: tuple[Source, ...] = (configured, instrumented, esc_signed, named, esc_unsigned, pwm)
+SOURCES: tuple[Source, ...] = (
+    configured,
+    instrumented,
+    csrv,
+    esc_signed,
+    named,
+    esc_unsigned,
+    esc_record,
+    pwm,
+    rcou,
+)

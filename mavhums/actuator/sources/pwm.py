@@ -15,7 +15,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Clocks, Reading, blank, each
 from mavhums.log import Table
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "commands", "read"]
 
 MESSAGES = frozenset({"SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS"})
 
@@ -33,19 +33,20 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
             port, k = divmod(actuator.servo - 1, _PER_PORT)
             field = f"servo{k + 1}_raw"
             pulse_us = np.where(raw["port"] == port, raw[field], 0).astype(np.float64)
-            yield from _commands(raw, pulse_us, field, actuator, utc_us)
+            yield from commands(raw, pulse_us, field, actuator, utc_us)
     status = tables.get("ACTUATOR_OUTPUT_STATUS")
     if status is not None:
         utc_us = clocks.utc_us(status, 1, "time_usec")
         for actuator in moved:
             k = actuator.servo - 1
             pulse_us = status["actuator"][:, k].astype(np.float64)
-            yield from _commands(status, pulse_us, f"actuator[{k}]", actuator, utc_us)
+            yield from commands(status, pulse_us, f"actuator[{k}]", actuator, utc_us)
 
 
-def _commands(
+def commands(
     table: Table, pulse_us: NDArray[np.float64], field: str, actuator: Actuator, utc_us: NDArray[np.int64]
 ) -> Iterator[Reading]:
+    """Yield a reading of V1 for each vehicle; ``pulse_us`` (n,) is what an output was told, µs."""
     low_deg, high_deg = actuator.travel_deg or (0.0, 0.0)
     there = (pulse_us >= _PULSES_US[0]) & (pulse_us <= _PULSES_US[1])
     for vehicle, rows in each(table.system, there):

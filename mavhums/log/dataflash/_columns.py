@@ -69,7 +69,7 @@ class Lexicon:
             batch.data, batch.base, rows, ordinal, sizes, known, row_of, byte_of, frame, time_us, flags,
             payloads,
         )  # fmt: skip
-        none = np.zeros(total, dtype=np.uint8)
+        system, component, sequence = np.zeros((3, total), dtype=np.uint8)
         tables: dict[str, Table] = {}
         for k in np.flatnonzero(taken).tolist():
             definition = self.definitions[k]
@@ -77,7 +77,7 @@ class Lexicon:
             begin, end = starts[1][k], row_of[k]
             table = Table(
                 definition.name, frame[begin:end], time_us[begin:end],
-                none[begin:end], none[begin:end], none[begin:end], flags[begin:end],
+                system[begin:end], component[begin:end], sequence[begin:end], flags[begin:end],
                 payloads[starts[0][k] : byte_of[k]].view(definition.wire), definition.divisors,
             )  # fmt: skip
             before = tables.get(definition.name)

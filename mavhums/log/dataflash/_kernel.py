@@ -32,7 +32,7 @@ from mavhums.log.dataflash._layout import (
     define,
     time_at,
 )
-from mavhums.log.dataflash._times import AHEAD, BACK, GAP_US, ODD, judge_time
+from mavhums.log.dataflash._times import BACK, GAP_US, IN_ORDER, ODD, judge_time
 from mavhums.log.mavlink._crc import GUARD
 from mavhums.log.mavlink.flags import ODD_TIME
 
@@ -61,6 +61,9 @@ buffer the scan stopped. Since the last record ``skipped`` counts the bytes skip
 equal bytes at their end. ``marked`` tells whether a FMT of FMT came since the last time, ``epoch``
 counts those, ``old_from`` is the offset at which an old cluster began, or -1.
 """
+
+OLD = 2
+"""An answer: the record is one of an old cluster."""
 
 _HELD = 1 << 12
 _CLUSTER = 1 << 16
@@ -118,25 +121,79 @@ def _step_on(data: NDArray[np.uint8], position: int, state: Record) -> None:
     state.skipped += 1
 
 
-@kernel
-def _note_time(state: Record, how: int, time_us: int, offset: int) -> int:
-    """Take a time that is not in order; return whether its record counts.
+@inlined
+def _counts(data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, final: bool) -> int:
+    """Return whether a record from ``position`` to ``end`` counts by what follows it."""
+    if end in {NO, WAIT}:
+        return NO if final else end
+    if end + 2 <= size and begins(data, end):
+        return YES
+    return _ends_before(data, size, end, state.base + (end - GUARD), state.lost_step == 0, final)
 
-    Return ``WAIT`` where its stamp is damaged.
-    """
+
+@kernel
+def _out_of_order(state: Record, how: int, time_us: int, offset: int) -> bool:
+    """Take a step of the time, and return whether its record counts."""
     if how == BACK and not state.marked:
         if state.old_from < 0:
             state.old_from = offset
         if offset - state.old_from < _CLUSTER:
-            state.old_records += 1
-            return NO
+            return False
         state.rewinds += 1
     elif state.time_us >= 0 and state.marked:
         state.boot += 1
     elif state.time_us >= 0 and time_us > state.time_us + GAP_US:
         state.jumps += 1
+    return True
+
+
+@inlined
+def _take_time(
+    data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, types: NDArray[np.void],
+    final: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """Return whether a record with a time counts, and its flags; the time is noted."""
+    time_us = time_at(data, position)
+    how = judge_time(data, size, end, time_us, state.time_us, types, final)
+    if how == WAIT:
+        return WAIT, 0
+    if how == ODD:
+        state.odd_times += 1
+        return (YES if state.old_from < 0 else OLD), ODD_TIME
+    if how != IN_ORDER and not _out_of_order(state, how, time_us, state.base + (position - GUARD)):
+        return OLD, 0
     state.time_us = time_us
-    return YES
+    state.marked = 0
+    state.old_from = -1
+    return YES, 0
+
+
+@kernel
+def _take_definition(
+    data: NDArray[np.uint8], position: int, state: Record, types: NDArray[np.void], bodies: NDArray[np.uint8]
+) -> int:
+    """Return whether a FMT record counts; what it defines is noted."""
+    if data[position + HEAD] == FMT and state.time_us >= 0:
+        state.marked = 1
+        state.epoch += 1
+    known = define(data, position, state.epoch, types, bodies, state.definitions)
+    if known < 0:
+        return NO
+    state.definitions = known
+    return YES if state.old_from < 0 else OLD
+
+
+@inlined
+def _end_region(state: Record, region: Record, offset: int) -> int:
+    """Note the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
+    state.lost_step = 0
+    state.fill = 0
+    if state.skipped == 0:
+        return 0
+    region.offset = offset - state.skipped
+    region.size = state.skipped
+    state.skipped = 0
+    return 1
 
 
 @kernel
@@ -176,69 +233,32 @@ def scan(
     ended = 0
     while position < size:
         end = _end_of(data, size, position, types)
-        counts = NO
-        if end == WAIT:
-            if not final:
-                break
-        elif end != NO:
-            counts = YES if end + 2 <= size and begins(data, end) else WAIT
-            if counts == WAIT:
-                offset = state.base + (end - GUARD)
-                counts = _ends_before(data, size, end, offset, state.lost_step == 0, final)
-                if counts == WAIT:
-                    break
+        counts, flags, kind = _counts(data, size, position, end, state, final), 0, 0
+        if counts == YES:
+            kind = data[position + 2]
+            if types[kind].timed:
+                counts, flags = _take_time(data, size, position, end, state, types, final)
+            elif kind == FMT:
+                counts = _take_definition(data, position, state, types, bodies)
+            elif state.old_from >= 0:
+                counts = OLD
+        if counts == WAIT:
+            break
         if counts == NO:
             _step_on(data, position, state)
             position += 1
             continue
-        kind = data[position + 2]
-        time_us, flags = state.time_us, 0
-        if types[kind].timed:
-            time_us = time_at(data, position)
-            how = judge_time(data, size, end, time_us, state.time_us, types, final)
-            if how == WAIT:
-                break
-            if how == ODD:
-                state.odd_times += 1
-                time_us, flags = state.time_us, ODD_TIME
-                counts = YES if state.old_from < 0 else NO
-            elif how in {AHEAD, BACK}:
-                counts = _note_time(state, how, time_us, state.base + (position - GUARD))
-            else:
-                state.time_us = time_us
-            if how != ODD and counts == YES:
-                state.marked = 0
-                state.old_from = -1
-        elif kind == FMT:
-            if data[position + HEAD] == FMT and state.time_us >= 0:
-                state.marked = 1
-                state.epoch += 1
-            known = define(data, position, state.epoch, types, bodies, state.definitions)
-            if known < 0:
-                _step_on(data, position, state)
-                position += 1
-                continue
-            state.definitions = known
-            counts = YES if state.old_from < 0 else NO
-        elif state.old_from >= 0:
-            counts = NO
-        if counts == NO:
+        if counts == OLD:
+            state.old_records += 1
             state.skipped += end - position
-            state.fill = 0
-            state.lost_step = 0
+            state.lost_step = state.fill = 0
             position = end
             continue
         offset = state.base + (position - GUARD)
-        if state.skipped:
-            regions[ended].offset = offset - state.skipped
-            regions[ended].size = state.skipped
-            ended += 1
-            state.skipped = 0
-            state.fill = 0
-        state.lost_step = 0
+        ended += _end_region(state, regions[ended], offset)
         row = rows[found]
         row.offset = offset
-        row.time_us = time_us
+        row.time_us = state.time_us
         row.boot = state.boot
         row.definition = types[kind].definition
         row.flags = flags

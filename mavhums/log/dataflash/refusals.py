@@ -22,5 +22,5 @@ def refusal(head: bytes) -> Refusal | None:
         )
     return Refusal(
         "this DataFlash log does not define its records (no FMT in its first megabyte)",
-        "put the first 20 kB of another log of the same aircraft and firmware before it, and keep the original",
+        "in a copy, put the first 20 kB of another log of the same firmware before it",
     )
