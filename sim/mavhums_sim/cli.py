@@ -35,20 +35,31 @@ def cli() -> None:
 
 
 @cli.command()
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FILE.tlog")
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FILE.tlog|.BIN")
 @with_flight_options
 def flight(output: Path, **options: Any) -> None:
-    """Fly a four-surface aircraft once; write FILE.tlog and FILE.truth.json.
+    """Fly a four-surface aircraft once; write FILE.tlog or FILE.BIN, and FILE.truth.json.
 
+    A .BIN is the log that the autopilot keeps on board; the options of the link are not for it.
     Surfaces: aileron_left, aileron_right, elevator, rudder.
     """
+    on_board = output.suffix.lower() == ".bin"
+    if on_board and not given("tiers"):
+        options["tiers"] = ("csrv", "esc-unsigned", "pwm")
     planned = plan_flight(options)
     from mavhums_sim.campaign import write_truth
+    from mavhums_sim.dataflash import write_dataflash
     from mavhums_sim.flight import fly
     from mavhums_sim.telemetry import write_tlog
 
     record = fly(planned.flight)
-    counts = write_tlog(record, output, planned.link)
+    try:
+        if on_board:
+            counts = write_dataflash(record, output, day=planned.link.day)
+        else:
+            counts = write_tlog(record, output, planned.link)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
     truth = write_truth(
         [{"log": output.name, **record.truth(), "messages": counts}], output.with_suffix(".truth.json")
     )
