@@ -160,7 +160,7 @@ class Actuator(_Section):
 
     name: Annotated[str, Field(min_length=1)]
     surface: str = ""
-    servo: Annotated[int, Field(ge=1, le=32)]
+    servo: Annotated[int, Field(ge=1, le=48)]
     esc: Annotated[int, Field(ge=0, le=31)] | None = None
     csrv: Annotated[int, Field(ge=0, le=255)] | None = None
     esc_side: Literal["motor", "bus"] = "motor"

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from mavhums.actuator.sources import csrv, esc_record, esc_signed, esc_unsigned, pwm, rcou
+from mavhums.actuator.sources import (
+    actuator_outputs,
+    csrv,
+    esc_record,
+    esc_signed,
+    esc_topic,
+    esc_unsigned,
+    pwm,
+    rcou,
+)
 from mavhums.actuator.sources.instrumented import is_instrumented
 from mavhums.actuator.sources.named import is_named
 from mavhums.log import Table
@@ -49,7 +58,7 @@ TIERS = (
     ),
     Tier(
         "esc-signed",
-        esc_signed.MESSAGES,
+        esc_signed.MESSAGES | esc_topic.MESSAGES,
         "V4, V5 and V7 with their signs, where an ESC drives a servo and no propeller",
         True,
     ),
@@ -60,7 +69,7 @@ TIERS = (
         "magnitudes of V4, V5 and V7, where an ESC drives a servo and no propeller",
         True,
     ),
-    Tier("pwm", pwm.MESSAGES | rcou.MESSAGES, "V1, the command, alone", False),
+    Tier("pwm", pwm.MESSAGES | rcou.MESSAGES | actuator_outputs.MESSAGES, "V1, the command, alone", False),
 )
 
 
@@ -96,6 +105,8 @@ def tiers_by_content(tables: Mapping[str, Table]) -> set[tuple[int, str]]:
         ("DEBUG_FLOAT_ARRAY", "instrumented", is_instrumented),
         ("NAMED_VALUE_FLOAT", "named", is_named),
         ("NVF", "named", is_named),
+        ("debug_array", "instrumented", is_instrumented),
+        ("debug_key_value", "named", is_named),
     ):
         table = tables.get(message)
         if table is not None:

@@ -63,6 +63,25 @@ class Table:
         divisor = self.divisors.get(field)
         return values if divisor is None else values / divisor
 
+    def holds(self, widths: Mapping[str, int]) -> bool:
+        """Return whether there are fields of numbers with so many elements each, 1 for a plain number.
+
+        What a log defines itself may be anything.
+        """
+        wire = self.fields.dtype
+        for name, width in widths.items():
+            if name not in (wire.names or ()):
+                return False
+            form, shape = wire[name].base, wire[name].shape
+            if form.kind not in "iuf" or (shape or (1,)) != (width,):
+                return False
+        return True
+
+    def holds_text(self, name: str) -> bool:
+        """Return whether there is a field of characters with this name."""
+        wire = self.fields.dtype
+        return name in (wire.names or ()) and wire[name].kind == "S"
+
     def select(self, rows: NDArray[Any]) -> Table:
         """Return the rows that a mask or an index array names."""
         if rows.dtype == np.bool_ and rows.all():

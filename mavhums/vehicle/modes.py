@@ -15,8 +15,8 @@ from mavhums.vehicle.texts import texts
 
 __all__ = ["MODE_MESSAGES", "Modes", "kind_of"]
 
-MODE_MESSAGES: Final = frozenset({"HEARTBEAT", "MODE", "MSG"})
-"""Messages that tell: MAVLink's, and DataFlash's, whose first texts name the kind of vehicle."""
+MODE_MESSAGES: Final = frozenset({"HEARTBEAT", "MODE", "MSG", "vehicle_status"})
+"""Messages that tell: MAVLink's, DataFlash's, whose first texts name the kind of vehicle, and PX4's topic."""
 
 _NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
 _HEARTBEAT: Final = ("autopilot", "type", "base_mode", "custom_mode")
@@ -33,6 +33,29 @@ _MAV_TYPES: Final = {
 }
 
 
+_NAV_STATES: Final = {
+    0: "MANUAL",
+    1: "ALTCTL",
+    2: "POSCTL",
+    3: "MISSION",
+    4: "LOITER",
+    5: "RTL",
+    6: "POSITION_SLOW",
+    10: "ACRO",
+    12: "DESCEND",
+    13: "TERMINATION",
+    14: "OFFBOARD",
+    15: "STABILIZED",
+    17: "TAKEOFF",
+    18: "LAND",
+    19: "FOLLOWME",
+    20: "PRECISION_LAND",
+    21: "ORBIT",
+    22: "VTOL_TAKEOFF",
+}
+"""By PX4's vehicle_status.nav_state, whose numbers of modes that are no more were given to others."""
+
+
 class Modes:
     """Follows the mode of every vehicle, block after block.
 
@@ -46,7 +69,11 @@ class Modes:
 
     def feed(self, tables: Mapping[str, Table]) -> Iterator[tuple[int, int, str]]:
         """Yield (vehicle, microseconds of UTC, name) of each change."""
-        for vehicle, time_us, mode in (*self._sent(tables.get("HEARTBEAT")), *self._logged(tables)):
+        for vehicle, time_us, mode in (
+            *self._sent(tables.get("HEARTBEAT")),
+            *self._logged(tables),
+            *_navigated(tables.get("vehicle_status")),
+        ):
             if mode != self._latest.get(vehicle):
                 self._latest[vehicle] = mode
                 yield vehicle, time_us, mode
@@ -77,6 +104,20 @@ class Modes:
                 yield vehicle, time_us, _name_logged(self._kinds[vehicle], number)
             else:
                 self._waiting.append((vehicle, time_us, number))
+
+
+def _navigated(table: Table | None) -> Iterator[tuple[int, int, str]]:
+    if table is not None and table.holds({"nav_state": 1}):
+        states = table["nav_state"].astype(np.int64)
+        changed = np.append(True, np.diff(states) != 0)
+        rows = zip(
+            table.system[changed].tolist(),
+            table.time_us[changed].tolist(),
+            states[changed].tolist(),
+            strict=True,
+        )
+        for vehicle, time_us, state in rows:
+            yield vehicle, time_us, _NAV_STATES.get(state, f"Mode({state})")
 
 
 def kind_of(text: str) -> int | None:

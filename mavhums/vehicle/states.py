@@ -15,7 +15,12 @@ from mavhums.vehicle.modes import MODE_MESSAGES, Modes
 
 __all__ = ["STATE_MESSAGES", "VehicleStates"]
 
-STATE_MESSAGES: Final = frozenset({"ATTITUDE", "GLOBAL_POSITION_INT", "ATT", "POS"}) | MODE_MESSAGES
+STATE_MESSAGES: Final = (
+    frozenset(
+        {"ATTITUDE", "ATT", "vehicle_attitude", "GLOBAL_POSITION_INT", "POS", "vehicle_global_position"}
+    )
+    | MODE_MESSAGES
+)
 
 _NO_FIX_DEG: Final = 0.01  # before the first fix autopilots send positions about 0° N 0° E
 
@@ -56,6 +61,15 @@ class VehicleStates:
         for vehicle, table, time_us in self._each(tables.get("POS")):
             degrees, metres = _columns(table, "Lat", "Lng"), table["Alt"].astype(np.float64)
             yield from _position(vehicle, degrees, metres, time_us - start_us)
+        attitudes, positions = tables.get("vehicle_attitude"), tables.get("vehicle_global_position")
+        if attitudes is not None and attitudes.holds({"q": 4}):
+            for vehicle, table, time_us in self._each(attitudes):
+                angles = _angles_of(table["q"].astype(np.float64))
+                yield from _attitude(vehicle, angles, time_us - start_us)
+        if positions is not None and positions.holds({"lat": 1, "lon": 1, "alt": 1}):
+            for vehicle, table, time_us in self._each(positions):
+                metres = table["alt"].astype(np.float64)
+                yield from _position(vehicle, _columns(table, "lat", "lon"), metres, time_us - start_us)
         for vehicle, since_us, mode in self._modes.feed(tables):
             yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
 
@@ -76,6 +90,15 @@ class VehicleStates:
             rows = rows[time_us[rows] > before[:-1]]
             if rows.size:
                 yield vehicle, table.select(rows), time_us[rows]
+
+
+def _angles_of(q: Array) -> Array:
+    """Return roll, pitch and yaw, rad, shape (n, 3), of rotations w, x, y, z from body to north-east-down."""
+    w, x, y, z = q.T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return np.stack([roll, pitch, yaw], axis=1)
 
 
 def _attitude(vehicle: int, angles: Array, time_us: NDArray[np.int64]) -> Iterator[Attitude]:

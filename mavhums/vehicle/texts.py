@@ -9,10 +9,10 @@ from mavhums.log import Table
 
 __all__ = ["TEXT_MESSAGES", "Text", "texts"]
 
-_FIELDS: Final = {"STATUSTEXT": "text", "MSG": "Message"}
+_FIELDS: Final = {"STATUSTEXT": "text", "MSG": "Message", "logged_string": "text"}
 
 TEXT_MESSAGES: Final = frozenset(_FIELDS)
-"""Messages that carry texts: MAVLink's and DataFlash's."""
+"""Messages that carry texts: MAVLink's, DataFlash's and ULog's."""
 
 
 class Text(NamedTuple):
@@ -28,7 +28,7 @@ def texts(tables: Mapping[str, Table]) -> Iterator[Text]:
     """Yield what vehicles say, each kind of message in the order of the log."""
     for name, field in _FIELDS.items():
         table = tables.get(name)
-        if table is None or field not in (table.fields.dtype.names or ()):
+        if table is None or not table.holds_text(field):
             continue
         said = zip(
             table.frame.tolist(),

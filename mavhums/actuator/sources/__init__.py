@@ -13,10 +13,12 @@ from typing import Protocol
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Clocks, Reading
 from mavhums.actuator.sources import (
+    actuator_outputs,
     configured,
     csrv,
     esc_record,
     esc_signed,
+    esc_topic,
     esc_unsigned,
     instrumented,
     named,
@@ -45,9 +47,11 @@ SOURCES: tuple[Source, ...] = (
     instrumented,
     csrv,
     esc_signed,
+    esc_topic,
     named,
     esc_unsigned,
     esc_record,
     pwm,
     rcou,
+    actuator_outputs,
 )

@@ -1,6 +1,7 @@
 """The named tier: floats named ``S<servo>V01`` … ``S<servo>V12``.
 
-NAMED_VALUE_FLOAT (251), and NVF, in which ArduPilot's on-board log keeps those that it sent.
+NAMED_VALUE_FLOAT (251); NVF, in which ArduPilot's on-board log keeps those that it sent; PX4's topic
+debug_key_value.
 """
 
 from __future__ import annotations
@@ -18,7 +19,11 @@ from mavhums.log import Table
 
 __all__ = ["MESSAGES", "is_named", "read"]
 
-_FIELDS = {"NAMED_VALUE_FLOAT": ("name", "value"), "NVF": ("Name", "Value")}
+_FIELDS = {
+    "NAMED_VALUE_FLOAT": ("name", "value"),
+    "NVF": ("Name", "Value"),
+    "debug_key_value": ("key", "value"),
+}
 MESSAGES = frozenset(_FIELDS)
 _NAME = re.compile(rb"S\d{1,2}V(0[1-9]|1[0-2])")
 
@@ -26,7 +31,7 @@ _NAME = re.compile(rb"S\d{1,2}V(0[1-9]|1[0-2])")
 def is_named(table: Table) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which rows of a table are actuator telemetry, shape (n,)."""
     field, _ = _FIELDS[table.name]
-    if field not in (table.fields.dtype.names or ()):
+    if not table.holds_text(field):
         return np.zeros(len(table), dtype=bool)
     names, row = np.unique(table[field], return_inverse=True)
     return np.array([_NAME.fullmatch(bytes(name)) is not None for name in names], dtype=bool)[row]
@@ -36,7 +41,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
     """Yield a reading for each vehicle, servo and quantity."""
     for message, (name_field, value_field) in _FIELDS.items():
         table = tables.get(message)
-        if table is None or not {name_field, value_field} <= set(table.fields.dtype.names or ()):
+        if table is None or not (table.holds_text(name_field) and table.holds({value_field: 1})):
             continue
         sent = message == "NAMED_VALUE_FLOAT"
         utc_us = clocks.utc_us(table, 1000, "time_boot_ms") if sent else table.time_us

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from mavhums.log.ulog.messages import RESERVED
 __all__ = ["Topics"]
 
 _IDS = 1 << 16
+_TOPIC = re.compile("[a-z][a-z0-9_]{0,254}")
 _F, _A, _R = b"FAR"
 
 
@@ -49,7 +52,7 @@ class Topics:
             self.ids[int.from_bytes(body[:2], "little")]["definition"] = UNKNOWN
 
     def _subscribe(self, instance: int, number: int, name: str) -> None:
-        layout = None if name in RESERVED else self._formats.layout(name)
+        layout = self._formats.layout(name) if _TOPIC.fullmatch(name) and name not in RESERVED else None
         topic = self.ids[number]
         topic["instance"] = instance
         if layout is None:
