@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Final
 
 from mavhums.cli.sniff import HEAD, is_telemetry_log
+from mavhums.core.errors import MavhumsError
+from mavhums.core.packed import opened
 
 __all__ = ["main"]
 
@@ -24,14 +26,12 @@ def main() -> None:
     """Write the recording of a telemetry log to the standard output."""
     path, recording_id = _arguments()
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             ours = is_telemetry_log(file.read(HEAD))
-    except OSError:
+    except (OSError, MavhumsError):
         ours = False
     if not ours:
         sys.exit(_NOT_OURS)
-    from mavhums.core.errors import MavhumsError
-
     try:
         _import(path, recording_id)
     except MavhumsError as error:

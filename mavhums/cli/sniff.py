@@ -1,4 +1,4 @@
-"""Tell a telemetry log from other files by its first bytes, before anything heavy is imported."""
+"""Tell a flight log from other files by its first bytes, before anything heavy is imported."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ __all__ = ["HEAD", "is_telemetry_log"]
 HEAD: Final = 1 << 16
 """Bytes that are enough to tell."""
 
+_ON_BOARD: Final = (b"\xa3\x95", b"ULog\x01\x12\x35")
 _STAMP: Final = 8
 _CHAIN, _FEW = 6, 2
 _OVERHEAD: Final = {0xFE: 8, 0xFD: 12}
@@ -16,10 +17,11 @@ _SIGNATURE: Final = 13
 
 
 def is_telemetry_log(head: bytes) -> bool:
-    """Return whether a file that begins with ``head`` is a MAVLink telemetry log.
+    """Return whether a file that begins with ``head`` is a flight log.
 
-    It is one if six frames follow one another somewhere in it, each with its time stamp or all without, or
-    if it is nothing but a few frames. A damaged beginning does not matter.
+    On-board logs have a signature. It is a MAVLink log if six frames follow one another somewhere in it,
+    each with its time stamp or all without, or if it is nothing but a few frames. A damaged beginning does
+    not matter.
 
     Examples
     --------
@@ -27,7 +29,7 @@ def is_telemetry_log(head: bytes) -> bool:
     >>> is_telemetry_log(6 * heartbeat), is_telemetry_log(b"{}"), is_telemetry_log(b"")
     (True, False, False)
     """
-    return any(_chained(head, stamp) for stamp in (_STAMP, 0))
+    return head.startswith(_ON_BOARD) or any(_chained(head, stamp) for stamp in (_STAMP, 0))
 
 
 def _chained(head: bytes, stamp: int) -> bool:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
+from mavhums.core.packed import opened
 from mavhums.log.decoding import Decoder, LogDecoder
 from mavhums.log.foreign import refuse_foreign
 from mavhums.log.tables import Table
@@ -32,7 +31,7 @@ def read_blocks(
     size: int = _BLOCK,
     dialect: str | os.PathLike[str] | None = None,
 ) -> Iterator[bytes]:
-    """Yield the bytes of a log in blocks; ``-`` is the standard input.
+    """Yield the bytes of a log in blocks, unpacked if it is a .gz, a .zst or in a .zip.
 
     Parameters
     ----------
@@ -56,7 +55,7 @@ def read_blocks(
             f"{path}: this is a folder", f"name the logs in it, for example {path}/*.tlog"
         )
     try:
-        with nullcontext(sys.stdin.buffer) if str(path) == "-" else path.open("rb") as file:
+        with opened(path) as file:
             head = file.read(_HEAD)
             refuse_foreign(str(path), head, dialect=dialect)
             yield from (head[k : k + size] for k in range(0, len(head), size))
