@@ -223,8 +223,9 @@ def _zstd(file: IO[bytes]) -> Any:
 def _translated(path: Path) -> Iterator[None]:
     """Raise what a library has against the packed data as an error that a user can act on."""
     damaged: list[type[Exception]] = [EOFError, zlib.error, gzip.BadGzipFile, zipfile.BadZipFile]
-    if "zstandard" in sys.modules:
-        damaged.append(sys.modules["zstandard"].ZstdError)
+    zstandard = sys.modules.get("zstandard")
+    if zstandard is not None:
+        damaged.append(zstandard.ZstdError)
     try:
         yield
     except tuple(damaged) as error:

@@ -52,6 +52,7 @@ BODY = 3
 
 _A, _B, _C, _D, _F, _I, _L, _M, _O, _P, _Q, _R, _S = (ord(c) for c in "ABCDFILMOPQRS")
 _SYNC = np.frombuffer(b"\x2f\x73\x13\x20\x25\x0c\xbb\x12", dtype=np.uint8)
+_TYPES = np.frombuffer(b"inuifldoboch", dtype=np.uint8)
 _LONGEST_NAME = 255
 _LONGEST_TEXT = 2048
 
@@ -130,7 +131,7 @@ def _level_at(data: NDArray[np.uint8], place: int, final: bool) -> int:
 
 @inlined
 def _keyed_at(data: NDArray[np.uint8], place: int, size: int, before: int, final: bool) -> int:
-    """Return whether the length of a key fits at ``place + before``, and a letter follows."""
+    """Return whether the length of a key fits at ``place + before``, and a basic type's name follows."""
     if size < before + 2:
         return NO
     if place + before >= data.size:
@@ -138,7 +139,13 @@ def _keyed_at(data: NDArray[np.uint8], place: int, size: int, before: int, final
     length = np.int64(data[place + before])
     if length < 3 or length + before + 1 > size:
         return NO
-    return _letter_at(data, place + before + 1, final)
+    first = place + before + 1
+    if first + 1 >= data.size:
+        return _cut(final)
+    for k in range(_TYPES.size // 2):
+        if data[first] == _TYPES[2 * k] and data[first + 1] == _TYPES[2 * k + 1]:
+            return YES
+    return NO
 
 
 @inlined

@@ -21,7 +21,7 @@ __all__ = ["UlogDecoder"]
 _REGIONS_TOLD = 100
 _HELD_BYTES = 1 << 20
 _DATA, _PARAMETER = b"DP"
-_VEHICLE: Final = "MAV_SYS_ID"
+_VEHICLE: Final = b"MAV_SYS_ID"
 _GPS: Final = "vehicle_gps_position"
 _YEAR_2010_US, _YEAR_2100_US = 1_262_304_000_000_000, 4_102_444_800_000_000
 _FIX_3D = 3
@@ -150,7 +150,7 @@ class UlogDecoder:
             before_data = np.cumsum(rows["kind"] == _DATA) == 0
             for row in rows[before_data & (rows["kind"] == _PARAMETER)]:
                 said = parameter(batch.body(row))
-                if said is not None and said[0] == _VEHICLE and said[1] == "int32_t":
+                if said is not None and said[0] == _VEHICLE and said[1] == b"int32_t":
                     self._unpacker.vehicle = int(said[2]) & 0xFF
         for k, layout in enumerate(self._scanner.topics.layouts):
             if layout.name == _GPS and {"time_utc_usec", "timestamp"} <= set(layout.wire.names or ()):

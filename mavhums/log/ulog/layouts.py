@@ -142,7 +142,7 @@ class Formats:
             raise _NoLayoutError
         for kind, count, field in self._fields[name]:
             self._steps += 1
-            if self._steps > _MOST_STEPS or len(parts) > _MOST_FIELDS:
+            if self._steps > _MOST_STEPS or len(parts) > _MOST_FIELDS or count == 0:
                 raise _NoLayoutError
             if kind in BASIC:
                 parts.append(_Part(prefix + field, BASIC[kind], count, at))

@@ -49,18 +49,18 @@ def flag_bits(body: bytes) -> FlagBits:
     return FlagBits(bool(unknown), tuple(sorted(offset for offset in offsets if offset)))
 
 
-def parameter(body: bytes) -> tuple[str, str, float] | None:
+def parameter(body: bytes) -> tuple[bytes, bytes, float] | None:
     """Return name, type and value of a parameter; None if it is none."""
     kind, name, value = _keyed(body)
-    if kind not in ("int32_t", "float") or len(value) != 4:
+    if kind not in (b"int32_t", b"float") or len(value) != 4:
         return None
-    return name, kind, float(np.frombuffer(value, dtype=BASIC[kind])[0])
+    return name, kind, float(np.frombuffer(value, dtype=BASIC[kind.decode()])[0])
 
 
 def _info(body: bytes) -> Row | None:
     kind, name, value = _keyed(body)
-    if not kind.startswith("char["):
-        form = np.dtype(BASIC.get(kind, "S1"))
+    if not kind.startswith(b"char["):
+        form = np.dtype(BASIC.get(kind.decode("ascii", "replace"), "S1"))
         if form.kind == "S" or len(value) != form.itemsize:
             return None
         value = str(np.frombuffer(value, dtype=form)[0]).encode()
@@ -80,10 +80,10 @@ def _dropout(body: bytes) -> Row:
     return (int.from_bytes(body, "little"),)
 
 
-def _keyed(body: bytes) -> tuple[str, str, bytes]:
+def _keyed(body: bytes) -> tuple[bytes, bytes, bytes]:
     """Return type, name and value of a message ``length type name value``."""
     end = 1 + body[0]
-    kind, _, name = body[1:end].decode("utf-8", "replace").partition(" ")
+    kind, _, name = body[1:end].partition(b" ")
     return kind, name, body[end:]
 
 

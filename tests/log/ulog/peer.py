@@ -40,7 +40,7 @@ def columns_of_peer(log: bytes) -> Columns:
     }
 
 
-def columns_of_ours(tables: dict[str, Table]) -> Columns:
+def columns_of_ours(tables: dict[str, Table], *, both: bool = True) -> Columns:
     """The same, of our tables; a char is a column as pyulog has it, a number of one byte."""
     out: Columns = {}
     for name, table in tables.items():
@@ -48,18 +48,22 @@ def columns_of_ours(tables: dict[str, Table]) -> Columns:
             continue
         for instance in np.unique(table.component).tolist():
             rows = table.fields[table.component == instance]
-            out[name, instance] = flat(rows)
+            out[name, instance] = flat(rows, both=both)
     return out
 
 
-def flat(rows: NDArray[np.void]) -> dict[str, NDArray[Any]]:
+def flat(rows: NDArray[np.void], *, both: bool = True) -> dict[str, NDArray[Any]]:
+    """Lay arrays out flat; with ``both``, a char goes by the name of a char and of an array of one."""
     columns: dict[str, NDArray[Any]] = {}
     for field in rows.dtype.names or ():
         values = np.ascontiguousarray(rows[field])
         if values.dtype.kind == "S":
             size = values.dtype.itemsize
             values = np.frombuffer(values.tobytes(), dtype=np.int8).reshape(-1, size)
-            columns |= {f"{field}[{k}]": values[:, k] for k in range(size)} | {field: values[:, 0]}
+            if size > 1 or both:
+                columns |= {f"{field}[{k}]": values[:, k] for k in range(size)}
+            if size == 1 or both:
+                columns[field] = values[:, 0]
         elif values.ndim == 2:
             columns |= {f"{field}[{k}]": values[:, k] for k in range(values.shape[1])}
         else:

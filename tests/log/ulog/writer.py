@@ -21,7 +21,9 @@ def message(kind: str, body: bytes) -> bytes:
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def header(start_us: int = 1_000_000, *, appended: Sequence[int] | None = None, incompatible: int = 0) -> bytes:
+def header(
+    start_us: int = 1_000_000, *, appended: Sequence[int] | None = None, incompatible: int = 0
+) -> bytes:
     head = MAGIC + b"\x01" + struct.pack("<Q", start_us)
     if appended is None and not incompatible:
         return head
