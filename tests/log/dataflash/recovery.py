@@ -10,7 +10,9 @@ pymavlink, ``trusting`` is what DFReader's sequential reading accepts and ``inde
 from __future__ import annotations
 
 import argparse
+import gc
 import tempfile
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -86,11 +88,15 @@ def _indexed(data: bytes) -> set[int] | None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "damaged.bin"
         path.write_bytes(data)
-        try:
-            with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
-                reader = DFReader_binary(str(path))
-        except (ValueError, IndexError, TypeError, KeyError):
-            return None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)  # it leaves the file open where it raises
+            try:
+                with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+                    reader = DFReader_binary(str(path))
+            except (ValueError, IndexError, TypeError, KeyError):
+                gc.collect()
+                return None
+        reader.filehandle.close()
         return {int(offset) for offsets in reader.offsets for offset in offsets}
 
 
