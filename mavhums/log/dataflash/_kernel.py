@@ -6,7 +6,7 @@ A record has no checksum. The rules, in the order in which they are asked at eac
 2. What follows must be a record's magic bytes, the end of the log, or one byte repeated to its end.
    In step a record also counts if what follows is a magic with one bit flipped, or a gap that begins
    right behind it: at the border of a sector, or zeros after a byte that is none.
-3. A time that runs back by more than a second, and goes on from there, is an old cluster of the disk
+3. A time that runs back by more than 0.1 s, and goes on from there, is an old cluster of the disk
    that was not overwritten: its records are left out, until the time is right again or 64 KB are
    past. After a FMT record of FMT it is the beginning of another log.
 4. Anything else: one byte is skipped.

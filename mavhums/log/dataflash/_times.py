@@ -1,6 +1,6 @@
 """Whether a record's TimeUS can be believed.
 
-Across types times step back by less than a millisecond. What is more than a second from the time
+Across types times step back by less than a millisecond. What is more than a tenth of a second from the time
 before counts as a step only if the next records go on from there; alone it is a damaged stamp.
 """
 
@@ -17,7 +17,7 @@ __all__ = ["AHEAD", "BACK", "GAP_US", "IN_ORDER", "ODD", "judge_time"]
 IN_ORDER, AHEAD, BACK, ODD = 1, 2, 3, 4
 """A time near the one before, a step forward, a step back, and a damaged stamp."""
 
-_TOLERANCE_US = 1_000_000
+_TOLERANCE_US = 100_000
 GAP_US = 60 * 1_000_000
 _LATEST_US = 1 << 52
 _CONFIRM = 2
@@ -48,7 +48,7 @@ def _confirm(
             following = time_at(data, place)
             if following < before - _TOLERANCE_US:
                 return ODD
-            if agreed == 0 and time_us < last and -_TOLERANCE_US < following - last <= GAP_US:
+            if agreed == 0 and time_us < last and -_TOLERANCE_US <= following - last <= GAP_US:
                 return ODD
             before = following
             agreed += 1
