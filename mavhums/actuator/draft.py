@@ -102,7 +102,7 @@ def _names(outputs: Sequence[Output]) -> list[str]:
 
 
 def _no_surface(parameters: Parameters) -> str:
-    assigning = "PWM_MAIN_FUNCn" if parameters.is_px4 else "SERVOn_FUNCTION"
+    assigning = "PWM_MAIN_FUNCn, PWM_AUX_FUNCn, UAVCAN_SV_FUNCn" if parameters.is_px4 else "SERVOn_FUNCTION"
     pattern = assigning.replace("n", r"\d+")
     outputs = sum(1 for name in parameters.values if re.fullmatch(pattern, name))
     if not outputs:

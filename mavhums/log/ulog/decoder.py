@@ -153,7 +153,7 @@ class UlogDecoder:
                 if said is not None and said[0] == _VEHICLE and said[1] == b"int32_t":
                     self._unpacker.vehicle = int(said[2]) & 0xFF
         for k, layout in enumerate(self._scanner.topics.layouts):
-            if layout.name == _GPS and {"time_utc_usec", "timestamp"} <= set(layout.wire.names or ()):
+            if layout.name == _GPS and layout.stamp >= 0 and layout.has("time_utc_usec", "u8"):
                 there = (rows["definition"] == k) & (rows["offset"] < _HELD_BYTES) & (rows["odd"] == 0)
                 for row in rows[there]:
                     offset_us = _utc_offset(layout, batch.body(row)[2:])
@@ -167,6 +167,6 @@ def _utc_offset(layout: Layout, body: bytes) -> int | None:
     """Return what a fix adds to boot time, microseconds; None if it does not tell."""
     fix = np.frombuffer(body, dtype=layout.wire, count=1)[0]
     utc_us = int(fix["time_utc_usec"])
-    if "fix_type" in (layout.wire.names or ()) and fix["fix_type"] < _FIX_3D:
+    if layout.has("fix_type", "u1") and fix["fix_type"] < _FIX_3D:
         return None
     return utc_us - int(fix["timestamp"]) if _YEAR_2010_US < utc_us < _YEAR_2100_US else None

@@ -63,6 +63,10 @@ class Layout:
     most: int
     stamp: int
 
+    def has(self, field: str, form: str) -> bool:
+        """Return whether a record has a field of this type."""
+        return field in (self.wire.names or ()) and self.wire[field] == np.dtype(form)
+
 
 @dataclass(slots=True)
 class _Part:
