@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log.decoding import Decoder, LogDecoder
 from mavhums.log.foreign import refuse_foreign
+from mavhums.log.losses import Losses
 from mavhums.log.tables import Table
-from mavhums.report.assessment import Losses
 
 if TYPE_CHECKING:
     import pandas as pd

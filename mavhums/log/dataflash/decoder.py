@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from mavhums.log.dataflash._columns import Lexicon
 from mavhums.log.dataflash.dating import NEEDED, Dating
 from mavhums.log.dataflash.scanner import Batch, RecordScanner
+from mavhums.log.losses import Losses, Region
 from mavhums.log.tables import Table
-from mavhums.report.assessment import Losses, Region
 
 __all__ = ["DataFlashDecoder"]
 
