@@ -22,7 +22,8 @@ def is_log(head: bytes) -> bool:
     """Return whether a file that begins with ``head`` is a log that mavhums reads.
 
     It is a MAVLink telemetry log if six frames follow one another somewhere in it, each with its time
-    stamp or all without, or if it is nothing but a few frames. A damaged beginning does not matter.
+    stamp or all without, or if it is nothing but a few frames. A damaged beginning does not matter. An
+    on-board log begins with its signature.
 
     Examples
     --------

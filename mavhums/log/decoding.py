@@ -12,9 +12,9 @@ from importlib import import_module
 from typing import Final, NamedTuple, Protocol, cast
 
 from mavhums.core.errors import MavhumsError
+from mavhums.log.losses import Losses
 from mavhums.log.mavlink.decoder import MavlinkDecoder
 from mavhums.log.tables import Table
-from mavhums.report.assessment import Losses
 
 __all__ = ["FORMATS", "Decoder", "Format", "LogDecoder", "Refusal", "format_of"]
 

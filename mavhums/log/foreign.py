@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log.decoding import format_of
@@ -15,6 +16,7 @@ _SIGNATURES = (
     (b"\x1f\x8b", "gzip-compressed"),
     (b"PK\x03\x04", "a zip archive"),
 )
+_DUMP = re.compile(rb"\s*FMT, *128, *89,")
 _RECORD = "mavhums reads MAVLink telemetry logs (.tlog); record one with the ground station, or with MAVProxy"
 
 
@@ -42,6 +44,10 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         if head.startswith(signature):
             remedy = "unpack it first" if "compressed" in kind or "archive" in kind else _RECORD
             raise UnreadableLogError(f"{name}: this is {kind}, not a MAVLink telemetry log", remedy)
+    if _DUMP.match(head):
+        raise UnreadableLogError(
+            f"{name}: this is a DataFlash log dumped as text", "download the .BIN itself from the autopilot"
+        )
     if _is_text(head):
         raise UnreadableLogError(f"{name}: this is a text file, not a MAVLink telemetry log", _RECORD)
     raise UnreadableLogError(f"{name}: no MAVLink frame found in the first {len(head)} bytes", _RECORD)

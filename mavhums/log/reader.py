@@ -13,8 +13,8 @@ from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import opened
 from mavhums.log.decoding import Decoder, LogDecoder
 from mavhums.log.foreign import refuse_foreign
+from mavhums.log.losses import Losses
 from mavhums.log.tables import Table
-from mavhums.report.assessment import Losses
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -50,7 +50,7 @@ def test_tables_join_and_select(short_log: Path) -> None:
     ("name", "content", "problem", "remedy"),
     [
         ("empty.tlog", b"", "empty", "closed the log"),
-        ("log.BIN", b"\xa3\x95\x80\x80" + bytes(100), "DataFlash", "copy"),
+        ("log.BIN", b"\xa3\x95\x80\x80" + bytes(100), "DataFlash", "firmware"),
         ("log.ulg", b"ULog\x01\x12\x35" + bytes(100), "ULog", "copy"),
         ("flight.rrd", b"RRF2" + bytes(100), "Rerun", ".tlog"),
         ("log.gz", b"\x1f\x8b" + bytes(100), "damaged", "unpack"),

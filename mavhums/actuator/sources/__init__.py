@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading
+from mavhums.actuator.readings import Reading
 from mavhums.actuator.sources import (
     actuator_outputs,
     configured,
@@ -26,6 +26,7 @@ from mavhums.actuator.sources import (
     rcou,
 )
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["SOURCES", "Source"]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from mavhums.log.dataflash._columns import Lexicon
 from mavhums.log.dataflash.dating import NEEDED, Dating
 from mavhums.log.dataflash.scanner import Batch, RecordScanner
+from mavhums.log.losses import Losses, Region
 from mavhums.log.tables import Table
-from mavhums.report.assessment import Losses, Region
 
 __all__ = ["DataFlashDecoder"]
 
@@ -60,6 +60,7 @@ class DataFlashDecoder:
         self._counts: dict[int, NDArray[np.int64]] = {}
         self._frames = 0
         self._span: tuple[int, int] | None = None
+        self._firsts: dict[int, int] = {}
         self._shift: dict[int, int] = {}
         self._undated = False
         self._dropped: dict[int, int] = {}
@@ -138,6 +139,9 @@ class DataFlashDecoder:
         for part in _by_boot(batch):
             if part.boot not in self._datings:
                 self._datings[part.boot] = Dating(int(part.rows["offset"][0]))
+            times = part.rows["time_us"]
+            if part.boot not in self._firsts and times[-1] >= 0:
+                self._firsts[part.boot] = int(times[times >= 0][0])
             self._listen(part)
             self._pending.append(part)
         parts: dict[str, list[Table]] = {}
@@ -170,12 +174,11 @@ class DataFlashDecoder:
         self._frames += sum(
             int(n) for n, d in zip(found.counts, self._lexicon.definitions, strict=True) if d is not None
         )
-        times = part.rows["time_us"]
-        timed = times[times >= 0]
-        if timed.size:
-            shift = self._shift_of(part.boot, int(timed[0]))
-            first, last = int(timed.min()) + shift, int(timed.max()) + shift
-            self._span = (first, last) if self._span is None else (self._span[0], max(last, self._span[1]))
+        shift = self._shift_of(part.boot)
+        if part.boot in self._firsts:
+            first, last = self._firsts[part.boot] + shift, int(part.rows["time_us"].max()) + shift
+            begun = first if self._span is None else self._span[0]
+            self._span = begun, max(first, last, self._span[1] if self._span else first)
         self._note_drops(part.boot, found.tables.get("DSF"))
         out = {}
         for name, table in found.tables.items():
@@ -185,7 +188,7 @@ class DataFlashDecoder:
                 out[name] = table
         return out
 
-    def _shift_of(self, boot: int, first_us: int) -> int:
+    def _shift_of(self, boot: int) -> int:
         """Return what a log's times are moved by; one without a date goes on where the last one ended."""
         if boot not in self._shift:
             offset = self._datings[boot].offset_us
@@ -193,17 +196,15 @@ class DataFlashDecoder:
                 self._undated = offset is None
                 self._shift[boot] = offset or 0
             elif offset is None or self._undated:
-                self._shift[boot] = (self._span[1] if self._span else 0) - first_us
+                self._shift[boot] = (self._span[1] if self._span else 0) - self._firsts.get(boot, 0)
             else:
                 self._shift[boot] = offset
         return self._shift[boot]
 
     def _place(self, table: Table, boot: int) -> None:
         """Move times since boot to UTC; what stands before the first time gets that."""
-        shift = self._shift.get(boot, 0)
-        untimed = table.time_us < 0
-        table.time_us[:] += shift
-        table.time_us[untimed] = self._span[0] if self._span else 0
+        table.time_us[table.time_us < 0] = self._firsts.get(boot, 0)
+        table.time_us[:] += self._shift[boot]
 
     def _note_drops(self, boot: int, table: Table | None) -> None:
         if table is not None and "Dp" in (table.fields.dtype.names or ()):

@@ -137,11 +137,12 @@ class UlogDecoder:
         if missing:
             self._counts = np.vstack([self._counts, np.zeros((missing, INSTANCES), dtype=np.int64)])
         count(batch.rows, self._counts)
-        times = batch.rows["time_us"][batch.rows["kind"] == _DATA]
-        if times.size:
-            if self._first_us is None:
-                self._first_us = int(times[0])
-            self._last_us = max(self._last_us or 0, int(times.max()))
+        if self._first_us is None:
+            data = np.flatnonzero(batch.rows["kind"] == _DATA)
+            self._first_us = int(batch.rows["time_us"][data[0]]) if data.size else None
+        if self._first_us is not None and batch.rows.size:
+            latest_us = int(batch.rows["time_us"].max())
+            self._last_us = max(self._last_us or self._first_us, latest_us)
 
     def _settle(self, batch: Batch) -> None:
         """Heed the vehicle's id before its first data, and the first fix of the first megabyte."""

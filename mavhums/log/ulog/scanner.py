@@ -26,7 +26,7 @@ HEADER = 16
 SPARE = 8
 _FLAGS_BODY = 40
 _LONGEST_FLAGS = 1000
-_DEFINING = np.frombuffer(b"FAR", dtype=np.uint8)
+_DEFINING = np.isin(np.arange(256), np.frombuffer(b"FAR", dtype=np.uint8))
 _REGIONS_KEPT = 1000
 _ZERO_RUN = 16
 
@@ -170,7 +170,7 @@ class UlogScanner:
         return Batch(padded, base, self._rows[:handled])
 
     def _define(self, batch: Batch) -> None:
-        for row in batch.rows[np.isin(batch.rows["kind"], _DEFINING)]:
+        for row in batch.rows[_DEFINING[batch.rows["kind"]]]:
             self.topics.take(int(row["kind"]), batch.body(row))
 
     def _keep(self, regions: NDArray[np.void]) -> None:
