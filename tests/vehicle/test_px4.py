@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mavhums.engine.events import Attitude, FlightMode
 from mavhums.log import Decoder
+from mavhums.vehicle.events import Attitude, FlightMode
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters, read_parameters
 from mavhums.vehicle.states import VehicleStates

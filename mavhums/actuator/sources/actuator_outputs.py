@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading
+from mavhums.actuator.readings import Reading
 from mavhums.actuator.sources.pwm import commands
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["MESSAGES", "read"]
 

@@ -10,9 +10,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading, blank, each
+from mavhums.actuator.readings import Reading, blank
 from mavhums.core.quantities import column
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks, each
 
 __all__ = ["MESSAGES", "read"]
 

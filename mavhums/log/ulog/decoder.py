@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.log.losses import Losses, Region
 from mavhums.log.tables import Table
 from mavhums.log.ulog._gather import count
 from mavhums.log.ulog.layouts import Layout
 from mavhums.log.ulog.messages import parameter
 from mavhums.log.ulog.scanner import Batch, UlogScanner
 from mavhums.log.ulog.tables import INSTANCES, Unpacker
-from mavhums.report.assessment import Losses, Region
 
 __all__ = ["UlogDecoder"]
 
