@@ -20,7 +20,8 @@ from mavhums.health.monitor import Monitor
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
-from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
+from mavhums.report.assessment import Assessment, FlightIdentity, LogSummary, ModelSummary, Verdict
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 
@@ -46,11 +47,12 @@ class Engine:
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
         airframe = options.airframe
-        wanted = messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES
+        wanted = messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES | IDENTITY_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._mappers = VehicleMappers(airframe)
+        self._identities = Identities()
         self._models = tuple(options.models)
         self._baselines = options.baselines
         self._false_alarms = options.false_alarms
@@ -94,15 +96,26 @@ class Engine:
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=decoder.losses,
+                format=decoder.format,
+                flight=tuple(map(self._identity, vehicles)),
             ),
             airframe=", ".join(names) or None,
             model=next((said for said in map(_summary, self._models) if said in voted), None),
             verdicts=verdicts,
         )
 
+    def _identity(self, vehicle: int) -> FlightIdentity:
+        """Say which flight a vehicle's was."""
+        decoder = self._decoder
+        known = self._identities.of(vehicle)
+        times = (known.boot_us, decoder.first_time_us, decoder.last_time_us)
+        boot, start, end = (None if t is None or decoder.undated else _utc(t).isoformat() for t in times)
+        return FlightIdentity(vehicle=vehicle, board=known.board, boot_utc=boot, start_utc=start, end_utc=end)
+
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
+        self._identities.feed(tables)
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
