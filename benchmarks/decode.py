@@ -2,6 +2,7 @@
 
     python benchmarks/decode.py [--format tlog] [--megabytes 100] [--large 2000] [--fasttlogparser PYTHON]
     python benchmarks/decode.py --format dataflash [--log FLIGHT.BIN]
+    python benchmarks/decode.py --format ulog [--log FLIGHT.ulg]
 
 ``PYTHON`` is an interpreter that has fasttlogparser and pandas, by default this one. CPU seconds of
 the best of ``--repeat`` runs after one that warms caches (pymavlink: one run). To pandas throughout.
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import _dataflash
+import _decode_ulog
 
 NEEDED = ["ATTITUDE", "DEBUG_FLOAT_ARRAY", "ESC_TELEMETRY_1_TO_4", "SERVO_OUTPUT_RAW"]
 START_US = 1_700_000_000_000_000
@@ -255,7 +257,7 @@ def compare(path: Path, peers: tuple[str, ...], repeat: int, python: str) -> Non
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--format", choices=PEERS, default="tlog")
+    parser.add_argument("--format", choices=[*PEERS, "ulog"], default="tlog")
     parser.add_argument("--log", type=Path, help="compare on this log instead of a synthetic one")
     parser.add_argument("--megabytes", type=int, default=100)
     parser.add_argument("--large", type=int, default=2000, help="megabytes of the second memory measurement")
@@ -265,6 +267,9 @@ def main() -> None:
     parser.add_argument("--path", help=argparse.SUPPRESS)
     parser.add_argument("--needed", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.format == "ulog":
+        _decode_ulog.section(options.megabytes, options.large, options.repeat, options.log)
+        return
     if options.task:
         run_task(options.task, options.path, options.needed, options.repeat)
         return

@@ -1,7 +1,7 @@
 """Which vehicle it is, and when it was switched on: what tells two recordings of one flight from two flights.
 
 The board's unique id is in AUTOPILOT_VERSION and in a text that ArduPilot sends and logs, as the same
-hexadecimal digits; where neither is, the operator's serial number (BRD_SERIAL_NUM) stands for it. The
+hexadecimal digits, 12 bytes of ArduPilot, 18 of PX4, whose ULog has them as sys_uuid; where neither is, the operator's serial number (BRD_SERIAL_NUM) stands for it. The
 time of boot is what the log's dates and the vehicle's own clock differ by.
 """
 
@@ -20,14 +20,21 @@ __all__ = ["IDENTITY_MESSAGES", "Identities", "Identity"]
 
 IDENTITY_MESSAGES: Final = frozenset(
     {"AUTOPILOT_VERSION", "SYSTEM_TIME", "ATTITUDE", "PARAM_VALUE", "PARM", "STATUSTEXT", "MSG"}
+    | {"info", "vehicle_status"}
 )
 """Messages that tell."""
 
 _BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})")
 _UID_BYTES: Final = 12
+_PX4_BOARD: Final = b"sys_uuid"
 _SERIAL: Final = b"BRD_SERIAL_NUM"
 _GPS_LIVES_US: Final = 1_262_304_000_000_000  # 2010
-_CLOCKS: Final = {"ATTITUDE": ("time_boot_ms", 1000), "MSG": ("TimeUS", 1), "PARM": ("TimeUS", 1)}
+_CLOCKS: Final = {
+    "ATTITUDE": ("time_boot_ms", 1000),
+    "MSG": ("TimeUS", 1),
+    "PARM": ("TimeUS", 1),
+    "vehicle_status": ("timestamp", 1),
+}
 
 
 class Identity(NamedTuple):
@@ -59,7 +66,13 @@ class Identities:
         if version is not None:
             for system, uid in zip(version.system.tolist(), version["uid2"], strict=True):
                 if uid.any():
-                    self._boards.setdefault(system, uid[:_UID_BYTES].tobytes().hex().upper())
+                    own = uid if uid[_UID_BYTES:].any() else uid[:_UID_BYTES]
+                    self._boards.setdefault(system, own.tobytes().hex().upper())
+        info = tables.get("info")
+        if info is not None and info.holds_text("name") and info.holds_text("value"):
+            told = info.select(info["name"] == _PX4_BOARD)
+            for system, uuid in zip(told.system.tolist(), told.texts("value"), strict=True):
+                self._boards.setdefault(system, uuid.upper())
         for message, name, value in (("PARAM_VALUE", "param_id", "param_value"), ("PARM", "Name", "Value")):
             table = tables.get(message)
             if table is not None:
@@ -82,7 +95,7 @@ class Identities:
             _keep_first(self._boots, living, boots)
         for message, (field, scale) in _CLOCKS.items():
             table = tables.get(message)
-            if table is not None and field in (table.fields.dtype.names or ()):
+            if table is not None and table.holds({field: 1}):
                 boots = table.time_us - table[field].astype(np.int64) * scale
                 _keep_first(self._rough_boots, table, boots)
 

@@ -15,6 +15,7 @@ from mavhums.vehicle.identity import Identities
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import BOOT_US, EPOCH_US, Link
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
+from tests.log.ulog import writer
 from tests.strategies import START_US
 
 
@@ -31,6 +32,16 @@ def test_the_board_says_the_same_in_a_message_and_in_a_text() -> None:
     uid = [*range(0, 0xBC, 0x11), *[0] * 6]
     version = v2.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0, uid)
     assert heard(text).of(1).board == heard(version).of(1).board == "00112233445566778899AABB"
+
+
+def test_px4s_board_is_the_same_in_a_message_and_in_a_ulog() -> None:
+    uid = [0, 6, 0, 0, 0, 0, *range(0x30, 0x3C)]
+    version = v2.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0, uid)
+    told = writer.keyed("I", "char[36] sys_uuid", bytes(uid).hex().encode())
+    log = writer.flight(1.0).replace(writer.keyed("I", "char[3] sys_name", b"PX4"), told)
+    identities = Identities()
+    identities.feed(Decoder().feed(log, final=True))
+    assert identities.of(7).board == heard(version).of(1).board == bytes(uid).hex().upper()
 
 
 def test_a_serial_number_stands_for_a_board_that_is_not_told() -> None:
