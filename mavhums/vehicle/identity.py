@@ -1,8 +1,9 @@
 """Which vehicle it is, and when it was switched on: what tells two recordings of one flight from two flights.
 
 The board's unique id is in AUTOPILOT_VERSION and in a text that ArduPilot sends and logs, as the same
-hexadecimal digits, 12 bytes of ArduPilot, 18 of PX4, whose ULog has them as sys_uuid; where neither is, the operator's serial number (BRD_SERIAL_NUM) stands for it. The
-time of boot is what the log's dates and the vehicle's own clock differ by.
+hexadecimal digits: 12 bytes of ArduPilot, 18 of PX4, whose ULog has them as sys_uuid. Where none is, the
+operator's serial number (BRD_SERIAL_NUM) stands for it. The time of boot is what the log's dates and the
+vehicle's own clock differ by.
 """
 
 from __future__ import annotations
