@@ -75,7 +75,7 @@ def test_one_flight_recorded_twice_is_one_flight(tmp_path: Path) -> None:
     assert not identities[sent].is_same(identities[later])
     assert identities[logged].boot_utc is not None
     boot_us = EPOCH_US + 86_400_000_000 - BOOT_US
-    assert identities[logged].boot_utc.startswith("2026-01-02T08:59:30")  # type: ignore[union-attr]
+    assert identities[logged].boot_utc.startswith("2026-01-02T08:59:30")
     assert boot_us % 60_000_000 == 30_000_000
 
 
