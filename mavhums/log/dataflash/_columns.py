@@ -12,7 +12,7 @@ from mavhums.log.dataflash.definitions import Definition, definition_of
 from mavhums.log.dataflash.scanner import Batch
 from mavhums.log.tables import Table
 
-__all__ = ["Found", "Lexicon"]
+__all__ = ["Found", "Lexicon", "Placed"]
 
 
 class Found(NamedTuple):
@@ -20,6 +20,21 @@ class Found(NamedTuple):
 
     tables: dict[str, Table]
     counts: NDArray[np.int64]
+
+
+class Placed(NamedTuple):
+    """Where rows belong: the vehicle, the number of known records before them, and what times become.
+
+    ``first_us`` is the time of what stands before the first time, ``shift_us`` is added to every time.
+    """
+
+    vehicle: int = 0
+    ordinal: int = 0
+    first_us: int = 0
+    shift_us: int = 0
+
+
+_AT_BOOT = Placed()
 
 
 class Lexicon:
@@ -32,6 +47,7 @@ class Lexicon:
     def __init__(self) -> None:
         self.definitions: list[Definition | None] = []
         self.numbers: list[int] = []
+        self.known = np.empty(0, dtype=np.bool_)
         self._by_name: dict[str, Definition] = {}
         self._sizes: dict[frozenset[str] | None, NDArray[np.int64]] = {}
 
@@ -46,16 +62,14 @@ class Lexicon:
             self.definitions.append(definition)
             self.numbers.append(int(body[0]))
             self._sizes.clear()
+        if len(self.known) < len(self.definitions):
+            self.known = np.array([definition is not None for definition in self.definitions])
 
     def tables(
-        self, batch: Batch, rows: NDArray[np.void], ordinal: int, messages: frozenset[str] | None
+        self, batch: Batch, rows: NDArray[np.void], messages: frozenset[str] | None, placed: Placed = _AT_BOOT
     ) -> Found:
-        """Return the wanted messages among rows of a batch; times are those since boot.
-
-        ``ordinal`` is the number of known records before them.
-        """
+        """Return the wanted messages among rows of a batch."""
         sizes = self._wanted(messages)
-        known = np.array([definition is not None for definition in self.definitions])
         counts = count(rows, sizes.size)
         taken = np.where(sizes > 0, counts, 0)
         row_of = np.cumsum(taken) - taken
@@ -66,10 +80,13 @@ class Lexicon:
         flags, payloads = np.empty(total, dtype=np.uint8), np.empty(int(room.sum()), dtype=np.uint8)
         starts = byte_of.copy(), row_of.copy()
         gather(
-            batch.data, batch.base, rows, ordinal, sizes, known, row_of, byte_of, frame, time_us, flags,
-            payloads,
+            batch.data, batch.base, rows, placed.ordinal, placed.first_us, placed.shift_us, sizes, self.known,
+            row_of, byte_of, frame, time_us, flags, payloads,
         )  # fmt: skip
-        system, component, sequence = np.zeros((3, total), dtype=np.uint8)
+        system, (component, sequence) = (
+            np.full(total, placed.vehicle, np.uint8),
+            np.zeros((2, total), np.uint8),
+        )
         tables: dict[str, Table] = {}
         for k in np.flatnonzero(taken).tolist():
             definition = self.definitions[k]

@@ -29,6 +29,8 @@ def gather(
     base: int,
     rows: NDArray[np.void],
     ordinal: int,
+    first_us: int,
+    shift_us: int,
     sizes: NDArray[np.int64],
     known: NDArray[np.bool_],
     row_of: NDArray[np.int64],
@@ -46,6 +48,8 @@ def gather(
         The buffer that was scanned, and the stream offset of its first byte after the guard.
     ordinal
         Number of records before these.
+    first_us, shift_us
+        The time of what stands before the first time, and what is added to every time.
     sizes, known
         By definition: bytes of a payload, 0 if it is not wanted; and whether its records count.
     row_of, byte_of
@@ -65,7 +69,7 @@ def gather(
             out = row_of[definition]
             row_of[definition] = out + 1
             frame[out] = ordinal
-            time_us[out] = row.time_us
+            time_us[out] = (row.time_us if row.time_us >= 0 else first_us) + shift_us
             flags[out] = row.flags
             source = row.offset - base + GUARD + HEAD
             place = byte_of[definition]

@@ -124,7 +124,7 @@ def _step_on(data: NDArray[np.uint8], position: int, state: Record) -> None:
 @inlined
 def _counts(data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, final: bool) -> int:
     """Return whether a record from ``position`` to ``end`` counts by what follows it."""
-    if end in {NO, WAIT}:
+    if end <= NO:
         return NO if final else end
     if end + 2 <= size and begins(data, end):
         return YES

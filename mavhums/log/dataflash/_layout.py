@@ -102,7 +102,7 @@ def _is_timed(data: NDArray[np.uint8], position: int) -> bool:
         if data[position + _COLUMNS + k] != _TIME[k]:
             return False
     after = data[position + _COLUMNS + _TIME.size]
-    return bool(after in {0, ord(",")})
+    return bool(after == 0) or bool(after == ord(","))
 
 
 @kernel

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.log.dataflash._columns import Lexicon
+from mavhums.log.dataflash._columns import Lexicon, Placed
 from mavhums.log.dataflash.dating import NEEDED, Dating
 from mavhums.log.dataflash.scanner import Batch, RecordScanner
 from mavhums.log.losses import Losses, Region
@@ -154,7 +154,7 @@ class DataFlashDecoder:
         dating = self._datings[part.boot]
         if not dating.is_settled(int(part.rows["offset"][0])):
             rows = part.rows[part.rows["offset"] < dating.end]
-            dating.listen(self._lexicon.tables(part.batch, rows, 0, NEEDED).tables)
+            dating.listen(self._lexicon.tables(part.batch, rows, NEEDED).tables)
 
     def _settled(self, *, final: bool) -> Iterator[dict[str, Table]]:
         """Yield the tables of the parts whose vehicle and date nothing changes any more."""
@@ -166,27 +166,22 @@ class DataFlashDecoder:
             yield self._tables(self._pending.popleft())
 
     def _tables(self, part: _Part) -> dict[str, Table]:
-        vehicle = self._datings[part.boot].vehicle
-        found = self._lexicon.tables(part.batch, part.rows, self._frames, self._gathered)
-        counts = self._counts.get(vehicle, np.zeros(0, dtype=np.int64))
-        counts = np.pad(counts, (0, found.counts.size - counts.size)) + found.counts
+        vehicle, shift = self._datings[part.boot].vehicle, self._shift_of(part.boot)
+        placed = Placed(vehicle, self._frames, self._firsts.get(part.boot, 0), shift)
+        found = self._lexicon.tables(part.batch, part.rows, self._gathered, placed)
+        counts = found.counts.copy()
+        before = self._counts.get(vehicle, counts[:0])
+        counts[: before.size] += before
         self._counts[vehicle] = counts
-        self._frames += sum(
-            int(n) for n, d in zip(found.counts, self._lexicon.definitions, strict=True) if d is not None
-        )
-        shift = self._shift_of(part.boot)
+        self._frames += int(found.counts[self._lexicon.known].sum())
         if part.boot in self._firsts:
             first, last = self._firsts[part.boot] + shift, int(part.rows["time_us"].max()) + shift
             begun = first if self._span is None else self._span[0]
             self._span = begun, max(first, last, self._span[1] if self._span else first)
         self._note_drops(part.boot, found.tables.get("DSF"))
-        out = {}
-        for name, table in found.tables.items():
-            if self._messages is None or name in self._messages:
-                table.system[:] = vehicle
-                self._place(table, part.boot)
-                out[name] = table
-        return out
+        if self._messages is None:
+            return found.tables
+        return {name: table for name, table in found.tables.items() if name in self._messages}
 
     def _shift_of(self, boot: int) -> int:
         """Return what a log's times are moved by; one without a date goes on where the last one ended."""
@@ -200,11 +195,6 @@ class DataFlashDecoder:
             else:
                 self._shift[boot] = offset
         return self._shift[boot]
-
-    def _place(self, table: Table, boot: int) -> None:
-        """Move times since boot to UTC; what stands before the first time gets that."""
-        table.time_us[table.time_us < 0] = self._firsts.get(boot, 0)
-        table.time_us[:] += self._shift[boot]
 
     def _note_drops(self, boot: int, table: Table | None) -> None:
         if table is not None and "Dp" in (table.fields.dtype.names or ()):
