@@ -17,6 +17,7 @@ from examples import (
     own_recording,
     pictures,
     quantities_to_pandas,
+    readme_picture,
     selectors_in_a_pipeline,
     wear_over_flights,
 )
@@ -113,7 +114,7 @@ def test_follow_udp_prints_changes_as_they_come(
 def test_follow_udp_binds_a_port(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(follow_udp, "IDLE_S", 0.05)
     follow_udp.main(0, "paper")
-    assert "no vehicle speaks" in capsys.readouterr().out
+    assert "no vehicle sends" in capsys.readouterr().out
 
 
 def test_a_datagram_is_cut_into_its_frames() -> None:
@@ -182,3 +183,13 @@ def test_the_live_picture_is_of_the_middle_of_the_flight(
     (tmp_path / "friction-growing.tlog").symlink_to(short_log)
     pictures._live(tmp_path, tmp_path / "live.png")
     assert seen[0].startswith("rerun+http://127.0.0.1:")
+
+
+def test_the_readme_picture_is_as_wide_as_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    image = pytest.importorskip("PIL.Image")
+    sizes = iter([(893, 208), (1800, 600)])
+    monkeypatch.setattr(readme_picture, "view", lambda *_: image.new("RGB", next(sizes)))
+    picture = tmp_path / "picture.png"
+    readme_picture.main(tmp_path / "flight.rrd", picture)
+    with image.open(picture) as drawn:
+        assert drawn.size == (readme_picture.WIDTH, 210 + 300)

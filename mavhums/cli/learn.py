@@ -15,6 +15,17 @@ if TYPE_CHECKING:
 
 __all__ = ["precedents", "study", "train"]
 
+_BASE = click.option(
+    "-d",
+    "--dir",
+    "folder",
+    default="precedents",
+    show_default=True,
+    type=PATH,
+    metavar="DIR",
+    help="Folder of the labelled flights.",
+)
+
 
 @click.command()
 @click.option("--airframe", default="paper", show_default=True, metavar="NAME|FILE", help="Airframe profile.")
@@ -38,7 +49,7 @@ __all__ = ["precedents", "study", "train"]
     type=click.FloatRange(0, min_open=True),
     help="How many simulated samples one of a precedent counts for.",
 )
-@click.option("-o", "--output", required=True, type=PATH, metavar="MODEL")
+@click.option("-o", "--output", required=True, type=PATH, metavar="MODEL", help="Model file to write.")
 def train(
     airframe: str,
     tier: str,
@@ -88,7 +99,7 @@ def precedents() -> None:
 @precedents.command("add")
 @LOG
 @click.option("--label", required=True, type=click.Choice(["normal", "emergency"]), help="The condition.")
-@click.option("-d", "--dir", "folder", default="precedents", show_default=True, type=PATH, metavar="DIR")
+@_BASE
 @click.option("--actuator", "names", multiple=True, metavar="NAME", help="Only this one; can be repeated.")
 @AIRFRAME
 @click.option("--simulated", is_flag=True, help="The log is of a simulator, not of an aircraft.")
@@ -115,7 +126,7 @@ def add_precedent(
 
 
 @precedents.command("list")
-@click.option("-d", "--dir", "folder", default="precedents", show_default=True, type=PATH, metavar="DIR")
+@_BASE
 def list_precedents(folder: Path) -> None:
     """List what the base DIR holds."""
     from mavhums.learn import PrecedentBase

@@ -53,19 +53,19 @@ def trend(
     as_json: bool,
     output: Path | None,
 ) -> None:
-    """Show how each actuator changes over the flights in DIR, and how many it has left.
+    """Show the trend of each actuator over the flights in DIR, and its remaining useful life (RUL).
 
     DIR holds an aircraft's assessments, as `mavhums analyse LOG --history DIR --keep` puts them there, or
     `mavhums analyse LOG --json`. Keep one folder for each aircraft; subfolders are not read.
 
-    The flights left are those until a straight line reaches the emergency limit, with a 95 % interval. None
-    are told where the flights do not support it, and why is said. After a repair, let the count begin anew
+    The RUL is the number of flights until a straight line reaches the emergency limit, with a 95 % interval.
+    Where the flights do not support one, the reason is given. After a repair, restart the baseline
     with --baseline-from.
 
     \b
     Exit codes, the first that applies:
       2 usage    1 error    11 an actuator's last flight was an emergency
-      10 its last flight was degraded, or the flights left can be told
+      10 its last flight was degraded, or it has an RUL
       12 its last flight was undecided, or no flight shows the fault
       3 files of the folder could not be read    0 none of these
     """

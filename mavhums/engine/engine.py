@@ -11,13 +11,14 @@ from datetime import UTC, datetime
 
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, packaged_airframes
-from mavhums.actuator.tiers import tier_named
+from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
-from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import Assessment, FlightIdentity, LogSummary, ModelSummary, Verdict
@@ -41,13 +42,15 @@ class Engine:
     >>> engine = Engine()
     >>> events = engine.feed(b"") + engine.finish()
     >>> engine.assessment().verdicts[0].reason
-    'no vehicle speaks in this log'
+    'no vehicle sends in this log'
     """
 
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
         airframe = options.airframe
-        wanted = messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES | IDENTITY_MESSAGES
+        telemetry = messages_for(airframe.actuators if airframe else ())
+        self._crowd = Crowd(telemetry - TEXT_MESSAGES)
+        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
@@ -82,10 +85,18 @@ class Engine:
         """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
+        counts = decoder.counts
         vehicles = decoder.vehicles
+        told: dict[int | None, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
+        for key, count in counts.items():
+            told.get(key[0], {})[key] = count
         names = self._mappers.airframes
         verdicts = tuple(
-            verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
+            verdict
+            for vehicle in vehicles or (None,)
+            for verdict in self._verdicts(
+                vehicle, self._mappers.tier(vehicle, told.get(vehicle, {})), indicators
+            )
         )
         voted = {verdict.model for verdict in verdicts}
         return Assessment(
@@ -115,12 +126,13 @@ class Engine:
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
+        self._crowd.heed(tables)
         self._identities.feed(tables)
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         for mapper, mapped in self._mappers.feed(tables, final=final):
-            if mapped.utc_us.size:
+            if mapped.utc_us.size and self._crowd.admits(mapped.vehicle):
                 yield from self._notice_clock(mapper, mapped)
                 yield from self._judge(mapper, mapped)
 
@@ -171,11 +183,13 @@ class Engine:
             baselines = baselines(airframe, None if undated else _utc(first or 0))
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 
-    def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
-        tier = self._mappers.tier(vehicle, self._decoder.counts)
+    def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
             yield unjudged_vehicle(vehicle, tier, packaged_airframes())
+            return
+        if not self._crowd.admits(vehicle):
+            yield crowded_out(vehicle, tier, MOST)
             return
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))

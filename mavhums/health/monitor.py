@@ -297,7 +297,7 @@ class Monitor:
             return
         end_s, p = self._vote[0], self._vote[1].p_emergency
         opposed = {"normal": p > 0.5, "emergency": p <= 0.5}.get(self._condition, False)
-        text = "network: probability of an emergency by the window's moving samples; physics decides"
+        text = "network: probability of an emergency from the window's moving samples; the physics decides"
         yield Evidence(
             kind="network",
             start_s=end_s - self._window_s,

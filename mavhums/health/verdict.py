@@ -20,7 +20,7 @@ from mavhums.report.assessment import (
     Verdict,
 )
 
-__all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
+__all__ = ["crowded_out", "judged", "unjudged_actuator", "unjudged_vehicle"]
 
 
 def judged(
@@ -46,9 +46,9 @@ def judged(
     if findings.condition == "undecided":
         reason, remedy = _why_undecided(actuator, findings, provenance)
     elif silent:
-        ended = f"its telemetry ended at {findings.last_s:.0f} s of {end_s:.0f} s"
+        ended = f"its telemetry ends at {findings.last_s:.0f} s of {end_s:.0f} s"
         reason = f"{ended}, when it was {findings.condition}"
-        remedy = "find out why it fell silent: the sensor, its wiring or the link"
+        remedy = "check why it is silent: sensor, wiring or link"
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
@@ -110,7 +110,7 @@ def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
 def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str]) -> Verdict:
     """Return the verdict on all actuators of a vehicle without a profile, or of a log without one."""
     if vehicle is None:
-        reason, remedy = "no vehicle speaks in this log", "record the link between vehicle and ground station"
+        reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"
     else:
         known = ", ".join(airframes)
         reason = "no airframe profile: one actuator's limits say nothing about another's"
@@ -127,29 +127,41 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
     )
 
 
+def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
+    """Return the verdict on a vehicle beyond those that are judged at once."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=ALL,
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        reason=f"more than {most} vehicles speak; this one came after them",
+        remedy="record each vehicle's link on its own; on a link, accept only signed frames (--key)",
+    )
+
+
 def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
     missing = [] if "V7" in provenance else ["V7"]
     if not {"V5", "V8"} & provenance.keys():
         missing.append("V5 or V8")
     if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
         return (
-            "its ESC measures at the supply bus, where a current that drives the motor and one that brakes "
-            "it look alike",
+            "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",
             "measure at the motor's terminals, or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA",
         )
     if missing:
-        return f"{', '.join(missing)} not measured, so the torque balance is open", TO_BE_JUDGED
+        return f"{', '.join(missing)} not measured, so the torque balance cannot be formed", TO_BE_JUDGED
     coverage = findings.coverage
     if coverage.windows == 0:
         return f"less than {WINDOW_S:g} s of telemetry", "record the whole flight"
     if coverage.decidable == 0:
         share = f"{100 * coverage.moving_fraction:.0f} %"
         return (
-            f"the actuator moved in {share} of the samples, too little both ways to show its friction",
-            "analyse a flight in which the surface works, or sweep it before take-off",
+            f"the actuator moves in {share} of the samples, too little both ways to show friction",
+            "analyse a flight in which the surface moves, or sweep it before take-off",
         )
     return (
-        f"{coverage.decidable} of {coverage.windows} windows could be judged, too few in a row that agree",
+        f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",
         "analyse a longer flight",
     )
 

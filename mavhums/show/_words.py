@@ -46,10 +46,10 @@ PALE_BLUE: Final = (60, 110, 145)
 SERIES: Final = (BLUE, (240, 228, 66), (204, 121, 167), (0, 158, 115))
 
 ADVICE: Final[dict[Condition, str]] = {
-    "normal": "nothing to do; keep the log, so that the trend over flights can be followed",
-    "degraded": "inspect {parts} before the next flight, and follow the trend over flights",
-    "emergency": "do not fly; inspect {parts}; mend or replace the actuator and check it on the ground",
-    "undecided": "no finding is not a good finding: judge it by other means, or make the log tell",
+    "normal": "nothing to do; keep the log for the trend over flights",
+    "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
+    "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
+    "undecided": "undecided is not healthy: check it by other means, or record what is missing",
 }
 
 
@@ -156,15 +156,14 @@ def finding(item: Evidence) -> str:
     Examples
     --------
     >>> finding(Evidence(kind="friction", start_s=38, end_s=68, value=0.41, limit=0.375, rule="above normal"))
-    '38.0s to 1m08s: friction up to 0.410 N·m, above normal'
+    '38.0s to 1m08s: above normal (highest estimate 0.410 N·m)'
     """
+    when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
-        return f"{clock(item.start_s)} to {clock(item.end_s)}: {percent(item.value)} {item.rule}"
+        return f"{when}: {percent(item.value)} {item.rule}"
     if item.kind == "friction":
-        value = f"friction up to {item.value:.3f} N·m"
-    else:
-        value = f"{item.kind.replace('_', ' ')} {item.value:.3g}"
-    return f"{clock(item.start_s)} to {clock(item.end_s)}: {value}, {item.rule}"
+        return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
+    return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
 
 
 def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
@@ -189,7 +188,7 @@ def printable(text: str) -> str:
 
 
 def losses(lost: Losses) -> str:
-    """Return what the log lost, in one line."""
+    """Return the losses of the log, in one line."""
     counts = (
         (lost.bytes_skipped, "byte skipped", "bytes skipped"),
         (lost.damaged_regions, "damaged region", "damaged regions"),
@@ -203,4 +202,4 @@ def losses(lost: Losses) -> str:
         (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
-    return join(parts) if parts else "nothing"
+    return join(parts) if parts else "none"

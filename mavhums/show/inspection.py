@@ -82,7 +82,7 @@ def _losses(inspection: Inspection, console: Console) -> None:
     for note in _notes(inspection):
         console.print(f"\n{note}", highlight=False, markup=False)
     if not losses.any:
-        console.print("\nNothing was lost.")
+        console.print("\nLog losses: none.")
         return
     parts = []
     if losses.bytes_skipped:
@@ -96,7 +96,7 @@ def _losses(inspection: Inspection, console: Console) -> None:
     if losses.cut_end_bytes:
         parts.append(f"{losses.cut_end_bytes:,} bytes of an unfinished record at the end")
     if parts:
-        console.print(f"\nLost: {', '.join(parts)}.", highlight=False)
+        console.print(f"\nLosses: {', '.join(parts)}.", highlight=False)
     if losses.regions:
         shown = ", ".join(f"{region.offset:,}+{region.size:,}" for region in losses.regions[:5])
         more = ", …" if losses.damaged_regions > 5 else ""

@@ -69,7 +69,7 @@ def so_far(actuators: Iterable[tuple[str, str, Interval | None, float | None, fl
     for title, condition, torque, vote, since_s in actuators:
         word = condition if condition == "normal" else f"**{condition}**"
         lines.append(_row(title, word, torque, vote, since_s))
-    lines.append("\nWhat to do about it, and why, is in the report at the end of the flight.")
+    lines.append("\nThe report at the end of the flight gives reasons and advice.")
     return "\n".join(lines) + "\n"
 
 
@@ -108,7 +108,7 @@ def _section(verdict: Verdict, title: str) -> str:
     )
     if verdict.condition != verdict.worst:
         again = f"since {since}" if since else "at the end"
-        lines.append(f"It has been {verdict.condition} {again}; that does not undo what was found before.")
+        lines.append(f"It is {verdict.condition} {again}; the earlier finding stands.")
     elif since:
         lines.append(f"**Since:** {since}.")
     if verdict.evidence:
@@ -124,7 +124,7 @@ def _section(verdict: Verdict, title: str) -> str:
     if verdict.p_emergency is not None:
         sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
     sure.append(
-        f"{coverage.decidable} of {coverage.windows} windows could be judged, "
+        f"{coverage.decidable} of {coverage.windows} windows are decidable, "
         f"the actuator moved {percent(coverage.moving_fraction)} of the time"
     )
     lines.append(f"**How sure:** {'; '.join(sure)}.")
@@ -207,7 +207,7 @@ def _log(assessment: Assessment) -> str:
     facts = [
         f"File: {_literal(log.path) if log.path else 'a live link'}",
         f"Start: {log.start_utc or 'not known'}; duration: {clock(log.duration_s)}",
-        f"Lost: {losses(log.losses)}",
+        f"Losses: {losses(log.losses)}",
         f"Airframe: {_literal(assessment.airframe or 'none named')}; "
         f"network: {_literal(assessment.model.name) if assessment.model else 'none'}",
     ]

@@ -49,7 +49,7 @@ def render(assessment: Assessment, console: Console) -> None:
         console.print(Text(title, style="bold"))
         for line in lines:
             console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
-    console.print(Text(printable(f"Lost of the log: {losses(assessment.log.losses)}."), style="dim"))
+    console.print(Text(printable(f"Log losses: {losses(assessment.log.losses)}."), style="dim"))
     console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
 
 

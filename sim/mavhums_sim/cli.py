@@ -35,7 +35,14 @@ def cli() -> None:
 
 
 @cli.command()
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FILE.tlog|.BIN")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE.tlog|.BIN",
+    help="Log to write.",
+)
 @with_flight_options
 def flight(output: Path, **options: Any) -> None:
     """Fly a four-surface aircraft once; write FILE.tlog or FILE.BIN, and FILE.truth.json.
@@ -106,7 +113,14 @@ def stream(urls: tuple[str, ...], speed: float, **options: Any) -> None:
 
 @cli.command()
 @click.argument("name", metavar="NAME|FILE.toml")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FOLDER")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Folder to write the logs to.",
+)
 @click.option(
     "--workers",
     type=click.IntRange(1),

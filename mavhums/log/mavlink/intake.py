@@ -1,4 +1,4 @@
-"""Two things that may have befallen a log as a whole, found while it streams in and undone.
+"""Two kinds of damage to a whole log, found and undone while it streams in.
 
 A log without time stamps (``.tlog.raw``) has its frames back to back. A log that a program copied
 as text has a carriage return before every line feed; that is undone without a doubt, because a
