@@ -38,7 +38,6 @@ _OPEN = Ema.model_construct(gear_ratio=np.nan, torque_constant=np.nan, resistanc
 _RULES: tuple[tuple[int, str, Callable[[Array, Ema], Array]], ...] = (
     (_V8, "k_t·V5", lambda v, ema: ema.torque_constant * v[:, _V5]),
     (_V6, "V4·V5", lambda v, _: v[:, _V4] * v[:, _V5]),
-    (_V7, "V10·N", lambda v, ema: v[:, _V10] * ema.gear_ratio),
     (_V10, "V7/N", lambda v, ema: v[:, _V7] / ema.gear_ratio),
     (_V9, "V8·ω", lambda v, _: v[:, _V8] * v[:, _V7] * _RAD_S),
     (_V12, "V11·ω/N", lambda v, _: v[:, _V11] * v[:, _V10] * _RAD_S),
@@ -76,6 +75,8 @@ class Deriver:
                 self._from_bus(values, signed=aligned.signed)
             elif not aligned.signed:
                 self._sign_current(values)
+        if aligned.tier == "csrv":
+            self._turn_back(values)
         self._fill(values)
         self._integrate(aligned.utc_us, values)
         return values
@@ -131,6 +132,14 @@ class Deriver:
             self.derived["V6"] = "power balance of {V4} and {V5} at the bus"
         values[:, [_V4, _V5]] = np.nan
         self.dropped.update(("V4", "V5"))
+
+    def _turn_back(self, values: Array) -> None:
+        """Fill in the rotor's speed from the shaft's, the only one that a servo tells."""
+        speed = values[:, _V10] * self._actuator.known_ema().gear_ratio
+        empty = np.isnan(values[:, _V7]) & np.isfinite(speed)
+        if empty.any():
+            values[empty, _V7] = speed[empty]
+            self.derived["V7"] = "V10·N"
 
     def _fill(self, values: Array) -> None:
         missing: NDArray[np.bool_] = np.isnan(values)

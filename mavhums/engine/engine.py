@@ -48,9 +48,9 @@ class Engine:
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
         airframe = options.airframe
-        wanted = messages_for(airframe.actuators if airframe else ())
-        self._crowd = Crowd(wanted)
-        wanted |= TEXT_MESSAGES | IDENTITY_MESSAGES
+        telemetry = messages_for(airframe.actuators if airframe else ())
+        self._crowd = Crowd(telemetry - TEXT_MESSAGES)
+        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
@@ -126,8 +126,8 @@ class Engine:
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
-        self._identities.feed(tables)
         self._crowd.heed(tables)
+        self._identities.feed(tables)
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)

@@ -37,6 +37,9 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         refused = known.load().refusal(head)
         if refused is not None:
             raise UnreadableLogError(f"{name}: {refused.problem}", refused.remedy)
+        if dialect is not None:
+            problem = f"{name}: this is {known.title}: a dialect is for MAVLink logs alone"
+            raise UnreadableLogError(problem, "leave --dialect out")
         return
     if _holds_frames(head, dialect):
         return
