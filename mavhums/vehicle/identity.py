@@ -1,108 +1,198 @@
-"""Which vehicle it is, and when it was switched on: what tells two recordings of one flight from two flights.
+"""Who a vehicle is: its type, its autopilot, its firmware and its board, as it says itself.
 
-The board's unique id is in AUTOPILOT_VERSION and in a text that ArduPilot sends and logs, as the same
-hexadecimal digits: 12 bytes of ArduPilot, 18 of PX4, whose ULog has them as sys_uuid. Where none is, the
-operator's serial number (BRD_SERIAL_NUM) stands for it. The time of boot is what the log's dates and the
-vehicle's own clock differ by.
+Type and autopilot are told by HEARTBEAT, firmware and board by AUTOPILOT_VERSION, which only a ground
+station that asks for it gets; ArduPilot and PX4 also name their firmware in a STATUSTEXT.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.texts import texts
+from mavhums.vehicle.modes import kind_of
+from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 
 __all__ = ["IDENTITY_MESSAGES", "Identities", "Identity"]
 
-IDENTITY_MESSAGES: Final = frozenset(
-    {"AUTOPILOT_VERSION", "SYSTEM_TIME", "ATTITUDE", "PARAM_VALUE", "PARM", "STATUSTEXT", "MSG"}
-    | {"info", "vehicle_status"}
-)
-"""Messages that tell."""
+IDENTITY_MESSAGES: Final = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION"}) | TEXT_MESSAGES
+"""What :class:`Identities` reads."""
 
-_BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})")
-_UID_BYTES: Final = 12
-_PX4_BOARD: Final = b"sys_uuid"
-_SERIAL: Final = b"BRD_SERIAL_NUM"
-_GPS_LIVES_US: Final = 1_262_304_000_000_000  # 2010
-_CLOCKS: Final = {
-    "ATTITUDE": ("time_boot_ms", 1000),
-    "MSG": ("TimeUS", 1),
-    "PARM": ("TimeUS", 1),
-    "vehicle_status": ("timestamp", 1),
+_NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
+_AUTOPILOTS: Final = {3: "ArduPilot", 4: "OpenPilot", 9: "Paparazzi", 12: "PX4", 13: "SMACCMPilot"}
+_KINDS: Final = {
+    1: "fixed wing",
+    2: "quadrotor",
+    3: "coaxial helicopter",
+    4: "helicopter",
+    7: "airship",
+    8: "free balloon",
+    9: "rocket",
+    10: "ground rover",
+    11: "surface boat",
+    12: "submarine",
+    13: "hexarotor",
+    14: "octorotor",
+    15: "tricopter",
+    16: "flapping wing",
+    17: "kite",
+    19: "VTOL duorotor",
+    20: "VTOL quadrotor",
+    21: "VTOL tiltrotor",
+    22: "VTOL",
+    23: "VTOL",
+    24: "VTOL",
+    25: "VTOL",
+    28: "parafoil",
+    29: "dodecarotor",
+    35: "decarotor",
+    43: "multirotor",
+    47: "VTOL gyrodyne",
 }
+_MULTIROTORS: Final = frozenset({2, 13, 14, 29, 35, 43})
+_MULTIROTOR: Final = 43
+_ARDUPILOT: Final = 3
+_STATIONS: Final = frozenset({5, 6, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44, 48})
+_FIRMWARE = re.compile(
+    r"((?:Ardu(?:Plane|Copter|Rover|Sub)|APM:(?:Plane|Copter|Rover|Sub)|Blimp|PX4) V?\d+(?:\.\d+){1,2}\S*)"
+)
+_RELEASES: Final = {255: "", 192: "-rc", 128: "-beta", 64: "-alpha", 0: "-dev"}
 
 
-class Identity(NamedTuple):
-    """A board's unique id, and UTC at its boot in microseconds; None where the log does not tell."""
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a vehicle says of itself; None where it does not.
 
-    board: str | None
-    boot_us: int | None
+    Attributes
+    ----------
+    vehicle
+        System id.
+    kind
+        Type of vehicle in words, for example ``fixed wing``.
+    autopilot
+        For example ``ArduPilot``.
+    firmware
+        Name or version, for example ``ArduPlane V4.5.7``.
+    board
+        Unique id of the autopilot's board, hexadecimal.
+    multirotor
+        Whether it is a multirotor, which has no control surface.
+
+    Examples
+    --------
+    >>> str(Identity(1, "fixed wing", "ArduPilot", "ArduPlane V4.5.7"))
+    'fixed wing, ArduPlane V4.5.7'
+    """
+
+    vehicle: int
+    kind: str | None = None
+    autopilot: str | None = None
+    firmware: str | None = None
+    board: str | None = None
+    multirotor: bool = False
+
+    def __str__(self) -> str:
+        firmware = self.firmware
+        if firmware and firmware[0].isdigit():
+            firmware = f"{self.autopilot or 'firmware'} {firmware}"
+        return ", ".join(part for part in (self.kind, firmware or self.autopilot) if part)
 
 
 class Identities:
-    """Follows what the vehicles of a log tell of themselves, block after block.
+    """Follows what vehicles say of themselves, block after block.
 
-    The first that is told counts.
+    Examples
+    --------
+    >>> Identities().of(1)
+    Identity(vehicle=1, kind=None, autopilot=None, firmware=None, board=None, multirotor=False)
     """
 
     def __init__(self) -> None:
-        self._boards: dict[int, str] = {}
-        self._serials: dict[int, str] = {}
-        self._boots: dict[int, int] = {}
-        self._rough_boots: dict[int, int] = {}
+        self._known: dict[int, Identity] = {}
+        self._heard: set[int] = set()
 
-    def feed(self, tables: Mapping[str, Table]) -> None:
-        """Take tables of messages."""
-        for said in texts(tables):
-            match = _BOARD.fullmatch(said.text.strip())
-            if match:
-                self._boards.setdefault(said.vehicle, "".join(match.groups()))
-        version = tables.get("AUTOPILOT_VERSION")
-        if version is not None:
-            for system, uid in zip(version.system.tolist(), version["uid2"], strict=True):
-                if uid.any():
-                    own = uid if uid[_UID_BYTES:].any() else uid[:_UID_BYTES]
-                    self._boards.setdefault(system, own.tobytes().hex().upper())
-        info = tables.get("info")
-        if info is not None and info.holds_text("name") and info.holds_text("value"):
-            told = info.select(info["name"] == _PX4_BOARD)
-            for system, uuid in zip(told.system.tolist(), told.texts("value"), strict=True):
-                self._boards.setdefault(system, uuid.upper())
-        for message, name, value in (("PARAM_VALUE", "param_id", "param_value"), ("PARM", "Name", "Value")):
-            table = tables.get(message)
-            if table is not None:
-                told = table.select(table[name] == _SERIAL)
-                for system, number in zip(told.system.tolist(), told[value].tolist(), strict=True):
-                    if number > 0:
-                        self._serials.setdefault(system, f"serial {number:.0f}")
-        self._date(tables)
+    @property
+    def vehicles(self) -> tuple[int, ...]:
+        """System ids of those whose heartbeat is a vehicle's, not a ground station's or a peripheral's."""
+        return tuple(sorted(self._heard))
 
     def of(self, vehicle: int) -> Identity:
-        """Return what a vehicle told so far."""
-        board = self._boards.get(vehicle, self._serials.get(vehicle))
-        return Identity(board, self._boots.get(vehicle, self._rough_boots.get(vehicle)))
+        """Return what is known of a vehicle."""
+        return self._known.get(vehicle, Identity(vehicle))
 
-    def _date(self, tables: Mapping[str, Table]) -> None:
-        gps = tables.get("SYSTEM_TIME")
-        if gps is not None:
-            living = gps.select(gps["time_unix_usec"] > _GPS_LIVES_US)
-            boots = living["time_unix_usec"].astype(np.int64) - living["time_boot_ms"].astype(np.int64) * 1000
-            _keep_first(self._boots, living, boots)
-        for message, (field, scale) in _CLOCKS.items():
-            table = tables.get(message)
-            if table is not None and table.holds({field: 1}):
-                boots = table.time_us - table[field].astype(np.int64) * scale
-                _keep_first(self._rough_boots, table, boots)
+    def feed(self, tables: Mapping[str, Table]) -> None:
+        """Take what these messages tell."""
+        self._heartbeats(tables.get("HEARTBEAT"))
+        self._versions(tables.get("AUTOPILOT_VERSION"))
+        self._texts(tables)
+
+    def _heartbeats(self, table: Table | None) -> None:
+        if table is None:
+            return
+        beats = np.stack([table.system, table["type"], table["autopilot"]], axis=1)
+        for system, kind, autopilot in _distinct(beats):
+            if autopilot == _NO_AUTOPILOT or kind in _STATIONS or system in self._heard:
+                continue
+            self._heard.add(system)
+            self._known[system] = replace(
+                self.of(system),
+                kind=_KINDS.get(kind),
+                autopilot=_AUTOPILOTS.get(autopilot),
+                multirotor=kind in _MULTIROTORS,
+            )
+
+    def _versions(self, table: Table | None) -> None:
+        if table is None:
+            return
+        for k in _first_of_each(table.system):
+            vehicle = int(table.system[k])
+            uid2 = bytes(table["uid2"][k].tolist())
+            uid = int(table["uid"][k])
+            version, known = int(table["flight_sw_version"][k]), self.of(vehicle)
+            self._known[vehicle] = replace(
+                known,
+                board=uid2.hex() if any(uid2) else f"{uid:016x}" if uid else known.board,
+                firmware=known.firmware or (_version(version) if version else None),
+            )
+
+    def _texts(self, tables: Mapping[str, Table]) -> None:
+        for said in texts(tables):
+            match = _FIRMWARE.search(said.text)
+            if match:
+                self._known[said.vehicle] = replace(self.of(said.vehicle), firmware=match[1])
+            kind = kind_of(said.text)
+            if kind is not None and said.vehicle not in self._heard:
+                several = kind in _MULTIROTORS  # the firmware is one for all numbers of rotors
+                self._known[said.vehicle] = replace(
+                    self.of(said.vehicle),
+                    kind=_KINDS.get(_MULTIROTOR if several else kind),
+                    autopilot=_AUTOPILOTS[_ARDUPILOT],
+                    multirotor=several,
+                )
 
 
-def _keep_first(
-    known: dict[int, int], table: Table, boots: np.ndarray[tuple[int], np.dtype[np.int64]]
-) -> None:
-    for vehicle, row in zip(*np.unique(table.system, return_index=True), strict=True):
-        known.setdefault(int(vehicle), int(boots[row]))
+def _version(number: int) -> str:
+    """Return a version in words.
+
+    Examples
+    --------
+    >>> _version(0x040507FF)
+    '4.5.7'
+    """
+    major, minor, patch, release = number.to_bytes(4, "big")
+    return f"{major}.{minor}.{patch}{_RELEASES.get(release, '')}"
+
+
+def _distinct(rows: NDArray[np.uint8]) -> list[tuple[int, int, int]]:
+    """Return the different rows of an (n, 3) array, in the order of their first appearance."""
+    _, first = np.unique(rows, axis=0, return_index=True)
+    return [(int(a), int(b), int(c)) for a, b, c in rows[np.sort(first)].tolist()]
+
+
+def _first_of_each(values: NDArray[np.uint8]) -> list[int]:
+    return [int(k) for k in np.sort(np.unique(values, return_index=True)[1])]

@@ -70,6 +70,7 @@ class VehicleStates:
             for vehicle, table, time_us in self._each(positions):
                 metres = table["alt"].astype(np.float64)
                 yield from _position(vehicle, _columns(table, "lat", "lon"), metres, time_us - start_us)
+        self._clocks.jumps()  # are told by those who map the actuators
         for vehicle, since_us, mode in self._modes.feed(tables):
             yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
 

@@ -43,13 +43,17 @@ def cli() -> None:
     metavar="FILE.tlog|.BIN",
     help="Log to write.",
 )
+@click.option("--force", is_flag=True, help="Replace files that are there already.")
 @with_flight_options
-def flight(output: Path, **options: Any) -> None:
+def flight(output: Path, force: bool, **options: Any) -> None:
     """Fly a four-surface aircraft once; write FILE.tlog or FILE.BIN, and FILE.truth.json.
 
     A .BIN is the log that the autopilot keeps on board; the options of the link are not for it.
     Surfaces: aileron_left, aileron_right, elevator, rudder.
     """
+    for file in (output, output.with_suffix(".truth.json")):
+        if file.is_file() and not force:
+            raise click.UsageError(f"{file} is there already; name another, or replace it with --force")
     on_board = output.suffix.lower() == ".bin"
     if on_board and not given("tiers"):
         options["tiers"] = ("csrv", "esc-unsigned", "pwm")

@@ -1,93 +1,61 @@
-"""Two recordings of one flight have one identity; two flights have not."""
+"""Who a vehicle is, as it says itself."""
 
 from __future__ import annotations
 
-import struct
-from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums import analyse
 from mavhums.log import Decoder
-from mavhums.report.assessment import FlightIdentity
-from mavhums.vehicle.identity import Identities
-from mavhums_sim import Flight, fly, write_dataflash, write_tlog
-from mavhums_sim.link import BOOT_US, EPOCH_US, Link
-from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
-from tests.log.ulog import writer
-from tests.strategies import START_US
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
+from tests.logs import write_log
 
 
-def heard(*messages: object) -> Identities:
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    data = b"".join(struct.pack(">Q", START_US) + bytes(m.pack(link)) for m in messages)  # type: ignore[attr-defined]
-    identities = Identities()
-    identities.feed(Decoder().feed(data, final=True))
-    return identities
+def identities(path: Path) -> Identities:
+    decoder, found = Decoder(IDENTITY_MESSAGES), Identities()
+    found.feed(decoder.feed(path.read_bytes()))
+    found.feed(decoder.feed(b"", final=True))
+    return found
 
 
-def test_the_board_says_the_same_in_a_message_and_in_a_text() -> None:
-    text = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB")
-    uid = [*range(0, 0xBC, 0x11), *[0] * 6]
-    version = v2.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0, uid)
-    assert heard(text).of(1).board == heard(version).of(1).board == "00112233445566778899AABB"
+def beat(kind: int, autopilot: int) -> Any:
+    return v2.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 4, 3)
 
 
-def test_px4s_board_is_the_same_in_a_message_and_in_a_ulog() -> None:
-    uid = [0, 6, 0, 0, 0, 0, *range(0x30, 0x3C)]
-    version = v2.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0, uid)
-    told = writer.keyed("I", "char[36] sys_uuid", bytes(uid).hex().encode())
-    log = writer.flight(1.0).replace(writer.keyed("I", "char[3] sys_name", b"PX4"), told)
-    identities = Identities()
-    identities.feed(Decoder().feed(log, final=True))
-    assert identities.of(7).board == heard(version).of(1).board == bytes(uid).hex().upper()
+def version(number: int, uid: int = 0, uid2: bytes = b"") -> Any:
+    return v2.MAVLink_autopilot_version_message(
+        0, number, 0, 0, 0, *([[0] * 8] * 3), 0, 0, uid, list(uid2.ljust(18, b"\0"))
+    )
 
 
-def test_a_serial_number_stands_for_a_board_that_is_not_told() -> None:
-    serial = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 17.0, 9, 1, 0)
-    unset = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 0.0, 9, 1, 0)
-    text = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB")
-    assert heard(serial).of(1).board == "serial 17"
-    assert heard(unset).of(1).board is None
-    assert heard(serial, text).of(1).board == "00112233445566778899AABB"
+def test_one_heartbeat_names_the_vehicle(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "one.tlog", [beat(1, 12)], system=7)
+    found = identities(path)
+    assert found.vehicles == (7,)
+    assert str(found.of(7)) == "fixed wing, PX4"
 
 
-def test_the_satellites_time_goes_before_that_of_reception() -> None:
-    time = v2.MAVLink_system_time_message(START_US + 7_000_000, 4000)
-    attitude = v2.MAVLink_attitude_message(4000, 0, 0, 0, 0, 0, 0)
-    assert heard(attitude).of(1).boot_us == START_US - 4_000_000
-    assert heard(attitude, time).of(1).boot_us == START_US + 3_000_000
-    assert heard(v2.MAVLink_system_time_message(0, 4000)).of(1).boot_us is None
+@pytest.mark.parametrize(("kind", "autopilot"), [(6, 8), (6, 0), (26, 8), (18, 3), (27, 0), (2, 8)])
+def test_a_ground_station_or_a_peripheral_is_no_vehicle(tmp_path: Path, kind: int, autopilot: int) -> None:
+    assert identities(write_log(tmp_path / "one.tlog", [beat(kind, autopilot)])).vehicles == ()
 
 
-def test_one_flight_recorded_twice_is_one_flight(tmp_path: Path) -> None:
-    flown = fly(Flight(duration_s=3.0, rate_hz=20.0, tiers=("pwm",)))
-    sent, logged, later = (tmp_path / name for name in ("a.tlog", "a.BIN", "b.BIN"))
-    write_tlog(flown, sent, Link(day=1.0))
-    write_dataflash(flown, logged, day=1.0)
-    write_dataflash(flown, later, day=1.0 + 120 / 86_400)
-    logs = {path: analyse(path).log for path in (sent, logged, later)}
-    identities: dict[Path, FlightIdentity] = {path: log.flight[0] for path, log in logs.items()}
-    assert [logs[path].format for path in logs] == ["tlog", "dataflash", "dataflash"]
-    assert identities[sent].board == identities[logged].board == "4D415648554D5353494D0001"
-    assert identities[sent].is_same(identities[logged])
-    assert not identities[sent].is_same(identities[later])
-    boot = datetime.fromisoformat(str(identities[logged].boot_utc)).timestamp()
-    assert boot == pytest.approx((EPOCH_US + 86_400_000_000 - BOOT_US) / 1e6, abs=0.01)
+def test_firmware_and_board_are_named(tmp_path: Path) -> None:
+    said = [beat(2, 3), version(0x040507FF, uid=0xABC, uid2=b"\x01\x02")]
+    who = identities(write_log(tmp_path / "one.tlog", said)).of(1)
+    assert (who.kind, who.multirotor) == ("quadrotor", True)
+    assert str(who) == "quadrotor, ArduPilot 4.5.7"
+    assert who.board == "0102" + "00" * 16
+    who = identities(write_log(tmp_path / "two.tlog", [version(0x01020380, uid=0xABC)])).of(1)
+    assert (who.board, who.firmware) == ("0000000000000abc", "1.2.3-beta")
 
 
-def test_an_undated_log_is_no_known_flight(tmp_path: Path) -> None:
-    path = tmp_path / "undated.BIN"
-    text = record(5, "QZ", [1000, b"CubeOrange 00112233 44556677 8899AABB"])
-    path.write_bytes(fmt_of_fmt() + definition(5, "MSG", "QZ", "TimeUS,Message") + text * 3)
-    [identity] = analyse(path).log.flight
-    assert identity.board == "00112233445566778899AABB"
-    assert identity.boot_utc is identity.start_utc is None
-    assert not identity.is_same(identity)
+def test_a_text_names_the_firmware_better_than_a_number(tmp_path: Path) -> None:
+    said = [v2.MAVLink_statustext_message(6, b"ArduPlane V4.5.7 (0fe2a2b6)"), version(0x040507FF)]
+    assert identities(write_log(tmp_path / "one.tlog", said)).of(1).firmware == "ArduPlane V4.5.7"
 
 
-@pytest.mark.parametrize("text", [b"EKF3 IMU0 is using GPS", b"00112233 44556677 8899AABB", b"A B C D"])
-def test_other_texts_are_no_board(text: bytes) -> None:
-    assert heard(v2.MAVLink_statustext_message(6, text)).of(1).board is None
+def test_an_unknown_vehicle_is_unnamed() -> None:
+    assert str(Identities().of(3)) == ""

@@ -45,7 +45,6 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
         table = whole.select(rows_told)
         utc_us = clocks.utc_us(table, 1, "time_usec") if name == _SENT else table.time_us
         values = table["data"][:, : len(KEYS)].astype(np.float64)
-        values[~np.isfinite(values)] = np.nan
         places = dict(each(table.system.astype(np.int64) << 16 | table[servo_field]))
         for vehicle in sorted({place >> 16 for place in places}):
             for actuator in actuators:
