@@ -37,7 +37,7 @@ def mapped(
 def instrumented(seconds: float = 1.0, name: bytes = b"EMA") -> bytes:
     parts = [writer.form("debug_array", DEBUG), writer.subscribe(1, "debug_array")]
     for k in range(int(seconds * 50)):
-        values = [10.0 * (servo + 1) + k for servo in range(12)] + [0.0] * 46
+        values = [(column + 1) / 4 + k / 64 for column in range(12)] + [0.0] * 46
         parts.append(writer.data(1, struct.pack("<QH58f10s", START + 20_000 * k, 3, *values, name)))
     return b"".join(parts)
 
@@ -45,7 +45,7 @@ def instrumented(seconds: float = 1.0, name: bytes = b"EMA") -> bytes:
 def test_a_debug_array_named_ema_is_all_twelve() -> None:
     tables = tables_of(instrumented())
     values, provenance = mapped(tables, "elevator")
-    assert values[5].tolist() == [10.0 * (k + 1) + 5 for k in range(12)]
+    assert values[5].tolist() == [(column + 1) / 4 + 5 / 64 for column in range(12)]
     assert provenance["V5"] == "debug_array[EMA,3].data[4]"
     assert tiers_by_content(tables) == {(1, "instrumented")}
 

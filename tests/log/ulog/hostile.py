@@ -1,6 +1,6 @@
 """Decode mutated ULogs, whole and in blocks: no crash, no hang, the same from either, memory bounded.
 
-    NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=/tmp/checked \\
+    NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=checked \\
         python -m tests.log.ulog.hostile [--mutations 1000000] [--seed 1]
 
 With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every array access of the kernels is checked.
