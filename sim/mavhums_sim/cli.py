@@ -15,6 +15,7 @@ from mavhums_sim._loop_options import plan_loop, with_loop_options
 from mavhums_sim._options import DURATION, SEED, given, plan_flight, with_flight_options
 
 if TYPE_CHECKING:
+    from mavhums_sim._options import Planned
     from mavhums_sim.flight import Flight
     from mavhums_sim.link import Link
 
@@ -43,30 +44,32 @@ def cli() -> None:
     "--output",
     required=True,
     type=click.Path(path_type=Path),
-    metavar="FILE.tlog",
+    metavar="FILE.tlog|.BIN",
     help="Log to write.",
 )
 @click.option("--force", is_flag=True, help="Replace files that are there already.")
 @with_loop_options
 @with_flight_options
 def flight(output: Path, force: bool, **options: Any) -> None:
-    """Fly a four-surface aircraft once; write FILE.tlog and FILE.truth.json.
+    """Fly a four-surface aircraft once; write FILE.tlog or FILE.BIN, and FILE.truth.json.
 
+    A .BIN is the log that the autopilot keeps on board; the options of the link are not for it.
     Surfaces: aileron_left, aileron_right, elevator, rudder.
     """
     for file in (output, output.with_suffix(".truth.json")):
         if file.is_file() and not force:
             raise click.UsageError(f"{file} is there already; name another, or replace it with --force")
+    on_board = output.suffix.lower() == ".bin"
+    if on_board and not given("tiers"):
+        options["tiers"] = ("csrv", "esc-unsigned", "pwm")
     planned = plan_flight(options)
     loop = plan_loop(planned, options)
     from mavhums_sim.campaign import write_truth
 
+    if loop is not None and on_board:
+        raise click.UsageError("--closed-loop writes a .tlog; name the output FILE.tlog")
     if loop is None:
-        from mavhums_sim.flight import fly
-        from mavhums_sim.telemetry import write_tlog
-
-        record = fly(planned.flight)
-        counts, known = write_tlog(record, output, planned.link), record.truth()
+        counts, known = _fly_bench(planned, output, on_board=on_board)
     else:
         from mavhums_sim.closed_loop import fly_closed_loop
         from mavhums_sim.closed_loop.log import write_loop
@@ -80,6 +83,23 @@ def flight(output: Path, force: bool, **options: Any) -> None:
     click.echo(
         f"{output}: {sum(counts.values()):,} messages, {output.stat().st_size / 1e6:.1f} MB; truth in {truth}"
     )
+
+
+def _fly_bench(planned: Planned, output: Path, *, on_board: bool) -> tuple[dict[str, int], dict[str, Any]]:
+    """Fly the actuators on given commands; return the messages by name, and the truth."""
+    from mavhums_sim.dataflash import write_dataflash
+    from mavhums_sim.flight import fly
+    from mavhums_sim.telemetry import write_tlog
+
+    record = fly(planned.flight)
+    try:
+        if on_board:
+            counts = write_dataflash(record, output, day=planned.link.day)
+        else:
+            counts = write_tlog(record, output, planned.link)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    return counts, record.truth()
 
 
 def _need_jsbsim(call: Callable[[], Flown]) -> Flown:
