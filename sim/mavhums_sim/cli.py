@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from mavhums_sim._loop_options import plan_loop, with_loop_options
-from mavhums_sim._options import DURATION, SEED, given, plan_flight, with_flight_options
+from mavhums_sim._options import DURATION, SEED, Planned, given, plan_flight, with_flight_options
 
 if TYPE_CHECKING:
-    from mavhums_sim._options import Planned
-    from mavhums_sim.flight import Flight
+    from mavhums_sim.flight import Flight, FlightRecord
     from mavhums_sim.link import Link
 
 __all__ = ["main"]
@@ -66,10 +65,11 @@ def flight(output: Path, force: bool, **options: Any) -> None:
     loop = plan_loop(planned, options)
     from mavhums_sim.campaign import write_truth
 
-    if loop is not None and on_board:
-        raise click.UsageError("--closed-loop writes a .tlog; name the output FILE.tlog")
     if loop is None:
-        counts, known = _fly_bench(planned, output, on_board=on_board)
+        record = _fly(planned)
+        counts, known = _written(record, output, planned), record.truth()
+    elif on_board:
+        raise click.UsageError("a flight in closed loop is written as a .tlog; name one with -o")
     else:
         from mavhums_sim.closed_loop import fly_closed_loop
         from mavhums_sim.closed_loop.log import write_loop
@@ -85,28 +85,29 @@ def flight(output: Path, force: bool, **options: Any) -> None:
     )
 
 
-def _fly_bench(planned: Planned, output: Path, *, on_board: bool) -> tuple[dict[str, int], dict[str, Any]]:
-    """Fly the actuators on given commands; return the messages by name, and the truth."""
-    from mavhums_sim.dataflash import write_dataflash
-    from mavhums_sim.flight import fly
-    from mavhums_sim.telemetry import write_tlog
-
-    record = fly(planned.flight)
-    try:
-        if on_board:
-            counts = write_dataflash(record, output, day=planned.link.day)
-        else:
-            counts = write_tlog(record, output, planned.link)
-    except ValueError as error:
-        raise click.UsageError(str(error)) from error
-    return counts, record.truth()
-
-
 def _need_jsbsim(call: Callable[[], Flown]) -> Flown:
     try:
         return call()
     except ModuleNotFoundError as error:
         raise click.ClickException(str(error)) from error
+
+
+def _fly(planned: Planned) -> FlightRecord:
+    from mavhums_sim.flight import fly
+
+    return fly(planned.flight)
+
+
+def _written(record: FlightRecord, output: Path, planned: Planned) -> dict[str, int]:
+    from mavhums_sim.dataflash import write_dataflash
+    from mavhums_sim.telemetry import write_tlog
+
+    if output.suffix.lower() != ".bin":
+        return write_tlog(record, output, planned.link)
+    try:
+        return write_dataflash(record, output, day=planned.link.day)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
 
 
 @cli.command()

@@ -349,9 +349,8 @@ def test_a_reboot_in_flight_is_reported_and_survived() -> None:
             data = struct.pack(">Q", time_us) + bytes(again.pack(link))  # noqa: PLW2901
         sent.append(data)
     events = engine.feed(b"".join(sent)) + engine.finish()
-    assert [e.text for e in events if isinstance(e, Notice)] == [
-        "its clock jumped: it rebooted, or its time was set"
-    ]
+    told = [e.text for e in events if isinstance(e, Notice) and not e.text.startswith("SimBoard")]
+    assert told == ["its clock jumped: it rebooted, or its time was set"]
     elevator = of(engine.assessment(), "elevator")
     assert elevator.condition == "emergency"
     assert sum(verdict.coverage.late for verdict in engine.assessment().verdicts) == 2

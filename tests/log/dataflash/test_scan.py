@@ -141,3 +141,15 @@ def test_the_end_of_a_block_flash_is_filler() -> None:
     assert (scanner.totals.filler, scanner.totals.skipped, scanner.totals.cut_end) == (249, 0, 0)
     _, scanner = scan(data + rcou(10**6)[:9])
     assert (scanner.totals.filler, scanner.totals.cut_end) == (0, 9)
+
+
+@pytest.mark.parametrize("border", [512, 200])
+def test_a_record_that_ends_at_the_border_of_a_lost_block_counts(border: int) -> None:
+    count = next(n for n in range(1, 600) if (len(HEAD) + n * len(rcou(0))) % border == 0)
+    whole = HEAD + b"".join(rcou(10**6 + 1000 * k) for k in range(count))
+    lost = random.Random(1).randbytes(512) if border == 512 else bytes(200)
+    found = agree(whole + lost + rcou(10**6 + 1000 * count) * 2)
+    assert len(found) == 2 + count + 2
+    noise = random.Random(2).randbytes(512)
+    found = agree(whole[: -len(rcou(0))] + noise + rcou(10**6 + 1000 * count) * 2)
+    assert len(found) == 2 + count - 2 + 2, "elsewhere nobody knows where the damage began"
