@@ -18,7 +18,7 @@ from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.parameters import Sent
-from mavhums.vehicle.signal_readers.mavlink import MESSAGES, MavlinkSignals
+from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
 from mavhums.vehicle.signals import Signal
 from mavhums.vehicle.surfaces import AXES, Surfaces, of_parameters
 
@@ -29,6 +29,7 @@ _INFER_S: Final = 45
 _RETRY_S: Final = 10
 _LATEST_S: Final = 180
 _KEPT_S: Final = 120
+_NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name"}
 _FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
 
 Array = NDArray[np.float64]
@@ -157,7 +158,7 @@ class Axes:
 
     def __init__(self, airframe: Airframe | None = None) -> None:
         self._surfaces = of_airframe(airframe) if airframe else None
-        self._signals = MavlinkSignals()
+        self._signals = SignalReaders()
         self._sent = Sent()
         self._told: dict[int, Surfaces] = {}
         self._vehicles: dict[int, VehicleAxes] = {}
@@ -208,10 +209,13 @@ class Axes:
         heartbeats = tables.get("HEARTBEAT")
         if heartbeats is not None:
             self._sent.take({"HEARTBEAT": heartbeats})
-        sent = tables.get("PARAM_VALUE")
-        if sent is None or self._surfaces is not None:
-            return
-        named = np.array([name.startswith(_FUNCTIONS) for name in sent.texts("param_id")], dtype=bool)
+        if self._surfaces is None:
+            for message, field in _NAMES.items():
+                if message in tables:
+                    self._hear_parameters(tables[message], field, start_us, admits)
+
+    def _hear_parameters(self, sent: Table, field: str, start_us: int, admits: Callable[[int], bool]) -> None:
+        named = np.array([name.startswith(_FUNCTIONS) for name in sent.texts(field)], dtype=bool)
         sent = sent.select(named)
         seconds = (sent.time_us - start_us) // 1_000_000
         for vehicle in np.unique(sent.system).tolist():
@@ -222,7 +226,7 @@ class Axes:
                 axes = self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None)
             for second in np.unique(seconds[sent.system == vehicle]).tolist():
                 rows = (sent.system == vehicle) & (seconds == second)
-                self._sent.take({"PARAM_VALUE": sent.select(rows)})
+                self._sent.take({sent.name: sent.select(rows)})
                 surfaces = of_parameters(self._sent.of(vehicle))
                 if surfaces is not None and surfaces != self._told.get(vehicle):
                     self._told[vehicle] = surfaces

@@ -128,10 +128,6 @@ class Engine:
             verdicts=verdicts,
         )
 
-    def flown_s(self) -> float:
-        """Return how many seconds the vehicles flew forward as fixed wings, where that is known."""
-        return self._axes.flown_s()
-
     def _identity(self, vehicle: int) -> FlightIdentity:
         """Say which flight a vehicle's was."""
         decoder = self._decoder
@@ -139,6 +135,10 @@ class Engine:
         times = (known.boot_us, decoder.first_time_us, decoder.last_time_us)
         boot, start, end = (None if t is None or decoder.undated else _utc(t).isoformat() for t in times)
         return FlightIdentity(vehicle=vehicle, board=known.board, boot_utc=boot, start_utc=start, end_utc=end)
+
+    def flown_s(self) -> float:
+        """Return how many seconds the vehicles flew forward as fixed wings, where that is known."""
+        return self._axes.flown_s()
 
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
