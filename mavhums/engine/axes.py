@@ -18,11 +18,14 @@ from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.parameters import Sent
-from mavhums.vehicle.signal_readers.mavlink import MESSAGES, MavlinkSignals
+from mavhums.vehicle.signal_readers import mavlink, ulog
 from mavhums.vehicle.signals import Signal
 from mavhums.vehicle.surfaces import AXES, Surfaces, of_parameters
 
 __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
+
+MESSAGES: Final = mavlink.MESSAGES | ulog.MESSAGES
+"""Messages and topics that tell of axes."""
 
 _TOLD_S: Final = 3
 _INFER_S: Final = 45
@@ -149,7 +152,7 @@ class Axes:
 
     def __init__(self, airframe: Airframe | None = None) -> None:
         self._surfaces = of_airframe(airframe) if airframe else None
-        self._signals = MavlinkSignals()
+        self._readers = (mavlink.MavlinkSignals(), ulog.UlogSignals())
         self._sent = Sent()
         self._told: dict[int, Surfaces] = {}
         self._vehicles: dict[int, VehicleAxes] = {}
@@ -167,8 +170,9 @@ class Axes:
     ) -> Iterator[ConditionChanged]:
         """Take tables; yield the changes of condition. ``final`` says that nothing follows."""
         by_vehicle: dict[int, list[Signal]] = {vehicle: [] for vehicle in self._vehicles}
-        for signal in self._signals.read(tables):
-            by_vehicle.setdefault(signal.vehicle, []).append(signal)
+        for reader in self._readers:
+            for signal in reader.read(tables):
+                by_vehicle.setdefault(signal.vehicle, []).append(signal)
         for vehicle in by_vehicle:
             if vehicle not in self._vehicles:
                 self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, self._surfaces)
@@ -211,4 +215,3 @@ class Axes:
 
 def _part(seconds: Seconds, a: int, b: int) -> Seconds:
     return Seconds(seconds.index[a:b], {name: values[a:b] for name, values in seconds.signals.items()})
-
