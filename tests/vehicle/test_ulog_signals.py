@@ -48,7 +48,7 @@ def test_every_topic_gives_its_signal() -> None:
         table("vehicle_land_detected", [("landed", "u1")], [(1,), (0,)]),
     )
     assert found.keys() == {*CONTINUOUS, *STEPPED}
-    for name, width in (CONTINUOUS | STEPPED).items():
+    for name, width in {**CONTINUOUS, **STEPPED}.items():
         assert found[name].values.shape[1] == width, name
     assert found["outputs"].values[0, :2].tolist() == [1500.0, 900.0]
     assert np.isnan(found["outputs"].values[0, 2:]).all()
