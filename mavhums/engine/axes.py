@@ -29,7 +29,7 @@ _INFER_S: Final = 45
 _RETRY_S: Final = 10
 _LATEST_S: Final = 180
 _KEPT_S: Final = 120
-_NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name"}
+_NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
 _FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
 
 Array = NDArray[np.float64]

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from typing import Final, Protocol
 
 from mavhums.log import Table
-from mavhums.vehicle.signal_readers import dataflash, mavlink
+from mavhums.vehicle.signal_readers import dataflash, mavlink, ulog
 from mavhums.vehicle.signals import Signal
 
 __all__ = ["MESSAGES", "SignalReaders"]
 
-MESSAGES: Final = mavlink.MESSAGES | dataflash.MESSAGES
+MESSAGES: Final = mavlink.MESSAGES | dataflash.MESSAGES | ulog.MESSAGES
 """Messages of any format that tell signals."""
 
 
@@ -23,7 +23,11 @@ class SignalReaders:
     """Reads signals from the tables of any format, block after block."""
 
     def __init__(self) -> None:
-        self._readers: tuple[_Reader, ...] = (mavlink.MavlinkSignals(), dataflash.DataFlashSignals())
+        self._readers: tuple[_Reader, ...] = (
+            mavlink.MavlinkSignals(),
+            dataflash.DataFlashSignals(),
+            ulog.UlogSignals(),
+        )
 
     def read(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
         """Yield the signals of these tables."""
