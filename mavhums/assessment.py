@@ -31,6 +31,7 @@ __all__ = [
     "LogSummary",
     "Losses",
     "ModelSummary",
+    "OwnRecord",
     "Region",
     "SequenceLoss",
     "Since",
@@ -133,6 +134,31 @@ class Indicator(_Contract):
     baseline: Interval | None = None
 
 
+class OwnRecord(_Contract):
+    """What a flight leaves of one own-scale equation, for the comparison with the actuator's other flights.
+
+    Attributes
+    ----------
+    equation
+        That the sums belong to.
+    setup
+        How it was measured, in words; flights that were measured in another way are not compared.
+    rate_hz
+        Of the samples.
+    temperature_c
+        Median over the flight; None where the log carries none.
+    groups
+        Sums over parts of the flight: the number of samples, and the upper triangle of the sums of products
+        of sign, speed, acceleration, load, angle and the left side.
+    """
+
+    equation: str
+    setup: str
+    rate_hz: float = Field(gt=0)
+    temperature_c: float | None = None
+    groups: tuple[tuple[float, ...], ...]
+
+
 class ModelSummary(_Contract):
     """A network whose votes are among the evidence."""
 
@@ -167,6 +193,7 @@ class Verdict(_Contract):
     provenance: dict[str, str] = {}
     evidence: tuple[Evidence, ...] = ()
     indicators: tuple[Indicator, ...] = ()
+    own: tuple[OwnRecord, ...] = ()
     reason: str | None = None
     remedy: str | None = None
 
