@@ -14,11 +14,11 @@ from mavhums.actuator import load_airframe
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
-from mavhums.events import ConditionChanged, Window
+from mavhums.core.quantities import KEYS
+from mavhums.engine.events import ConditionChanged, Window
 from mavhums.health import Monitor
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Findings
-from mavhums.quantities import KEYS
 from mavhums_sim import EmaParameters, Flight, FlightRecord
 from mavhums_sim.campaign import PAPER_FRICTION_NM, consume
 from mavhums_sim.conditions import Condition

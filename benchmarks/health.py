@@ -54,7 +54,8 @@ def bounds(args: argparse.Namespace) -> Rows:
                     squares += [float(np.sum((ema.torque_constant * np.pi / 30 * values[:, 6]) ** 2))]
             of_flight = float(np.mean(squares))
             rms = np.sqrt(of_flight / (100.0 * rate_hz))
-            yield f"| {rate_hz:g} Hz | {mode} | {rms:.2f} | {noise_v:.2f} | {noise_v / np.sqrt(of_flight):.1%} |"
+            scatter = noise_v / np.sqrt(of_flight)
+            yield f"| {rate_hz:g} Hz | {mode} | {rms:.2f} | {noise_v:.2f} | {scatter:.1%} |"
 
 
 def cost(args: argparse.Namespace) -> Rows:

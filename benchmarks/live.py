@@ -37,9 +37,9 @@ from rich.table import Table
 from mavhums import Engine, load_airframe, read_log
 from mavhums.learn import default_model
 from mavhums.live.session import Session
-from mavhums.log.dialect import load_dialect
-from mavhums.log.signing import Guard
-from mavhums.log.stamping import Piece, Stamper
+from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.stamping import Piece, Stamper
 from mavhums_sim import Flight, fly
 from mavhums_sim.link import Link, transmit
 from mavhums_sim.stream import stream

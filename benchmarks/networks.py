@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from mavhums.actuator import load_airframe
+from mavhums.core.quantities import column
 from mavhums.health.votes import count_votes
 from mavhums.learn import (
     Model,
@@ -34,8 +35,7 @@ from mavhums.learn import (
     packaged_models,
     train_network,
 )
-from mavhums.quantities import column
-from mavhums.training_flights import TELEMETRY, Flown, Telemetry, fly_fleet, moving_samples, windows
+from mavhums.training.flights import TELEMETRY, Flown, Telemetry, fly_fleet, moving_samples, windows
 from mavhums_sim.conditions import Condition
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 

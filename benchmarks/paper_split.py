@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from mavhums.core.quantities import KEYS, column
 from mavhums.learn import TanhNetworkClassifier, select_features
-from mavhums.quantities import KEYS, column
 from mavhums_sim import Flight, fly
 from mavhums_sim.campaign import PAPER_FRICTION_NM
 from mavhums_sim.sensors import SensorNoise

@@ -18,8 +18,8 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPClassifier
 from sklearn.preprocessing import MinMaxScaler
 
+from mavhums.core.quantities import KEYS
 from mavhums.learn import TanhNetworkEnsemble, exhaustive_search, genetic_search, network_objective
-from mavhums.quantities import KEYS
 from mavhums.study.cyclograms import MAIN, fly_condition
 from mavhums.study.experiment import samples
 from mavhums.study.outputs import markdown_table

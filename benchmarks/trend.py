@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.table import Table
 
 from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
-from mavhums.history_files import read_history
-from mavhums.trends import trend_report
+from mavhums.history.files import read_history
+from mavhums.history.trends import trend_report
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.flights import write_wear

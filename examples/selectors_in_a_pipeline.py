@@ -16,13 +16,13 @@ from sklearn.model_selection import GroupKFold, cross_val_score
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
 
+from mavhums.core.quantities import KEYS
 from mavhums.learn import (
     ChiSquareRanking,
     RegressionRedundancyFilter,
     TanhNetworkEnsemble,
     check_command,
 )
-from mavhums.quantities import KEYS
 from mavhums_sim import Flight, fly
 
 FRICTION_NM = {"normal": 0.225, "emergency": 1.025}

@@ -15,10 +15,10 @@ from rich.console import Console
 from rich.progress import track
 
 import mavhums
-from mavhums.history_files import keep_assessment, read_history
+from mavhums.history.files import keep_assessment, read_history
+from mavhums.history.trends import trend_report
+from mavhums.report.trend import TrendReport
 from mavhums.show.trend import render_trends
-from mavhums.trend_report import TrendReport
-from mavhums.trends import trend_report
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mavhums.actuator import actuators, load_airframe
-    from mavhums.analysis import analyse, record
-    from mavhums.assessment import Assessment, Verdict
-    from mavhums.engine import Engine
-    from mavhums.errors import MavhumsError
+    from mavhums.app.analysis import analyse, record
+    from mavhums.core.errors import MavhumsError
+    from mavhums.engine.engine import Engine
+    from mavhums.history.trends import trend
     from mavhums.log import read_log
-    from mavhums.trends import trend
+    from mavhums.report.assessment import Assessment, Verdict
 
 __version__ = "0.1.0"
 
@@ -37,16 +37,16 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Assessment": "assessment",
-    "Engine": "engine",
-    "MavhumsError": "errors",
-    "Verdict": "assessment",
+    "Assessment": "report.assessment",
+    "Engine": "engine.engine",
+    "MavhumsError": "core.errors",
+    "Verdict": "report.assessment",
     "actuators": "actuator",
-    "analyse": "analysis",
+    "analyse": "app.analysis",
     "load_airframe": "actuator",
     "read_log": "log",
-    "record": "analysis",
-    "trend": "trends",
+    "record": "app.analysis",
+    "trend": "history.trends",
 }
 
 

@@ -1,6 +1,6 @@
 """``python -m mavhums``."""
 
-from mavhums.cli import main
+from mavhums.cli.main import main
 
 if __name__ == "__main__":
     main()

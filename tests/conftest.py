@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from mavhums import cli
+from mavhums.cli import main as cli
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 
 REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS", Path(__file__).parents[2] / "shared" / "logs"))

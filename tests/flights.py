@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mavhums.assessment import (
+from mavhums.history.files import keep_assessment
+from mavhums.report.assessment import (
     Assessment,
     Condition,
     Indicator,
@@ -19,7 +20,6 @@ from mavhums.assessment import (
     Suspect,
     Verdict,
 )
-from mavhums.history_files import keep_assessment
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 

@@ -47,7 +47,7 @@ def test_the_wheel_holds_both_packages_and_their_data(built: Path) -> None:
         names = set(archive.namelist())
     for name in (
         "mavhums/py.typed",
-        "mavhums/schema/assessment-1.json",
+        "mavhums/report/schema/assessment-1.json",
         "mavhums/actuator/airframes/paper.toml",
         "mavhums/learn/models/paper-instrumented.safetensors",
         "mavhums_sim/py.typed",
@@ -67,7 +67,7 @@ def test_the_source_distribution_holds_what_building_and_testing_need(built: Pat
 
 
 def test_what_is_installed_judges_a_log(site: Path, growing_log: Path, tmp_path: Path) -> None:
-    script = "import mavhums; print(mavhums.__file__); import mavhums.cli; mavhums.cli.main()"
+    script = "import mavhums; print(mavhums.__file__); import mavhums.cli.main; mavhums.cli.main.main()"
     outcome = python("-c", script, "analyse", str(growing_log), cwd=tmp_path, path=site)
     assert outcome.returncode == 11, outcome.stderr
     assert outcome.stdout.splitlines()[0] == str(site / "mavhums" / "__init__.py")
@@ -77,7 +77,7 @@ def test_what_is_installed_judges_a_log(site: Path, growing_log: Path, tmp_path:
 def without_extras(*arguments: str) -> list[str]:
     """Run the command line in a Python that cannot import what the extras bring."""
     blocked = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))"
-    return ["-c", f"{blocked}; from mavhums.cli import main; main()", *arguments]
+    return ["-c", f"{blocked}; from mavhums.cli.main import main; main()", *arguments]
 
 
 def test_the_base_install_judges_a_log(site: Path, growing_log: Path, tmp_path: Path) -> None:

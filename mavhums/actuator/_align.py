@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import kernel
+from mavhums.core.kernels import kernel
 
 __all__ = ["NEVER", "Rows", "combine", "limits", "take"]
 

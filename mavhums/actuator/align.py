@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator._align import NEVER, Rows, combine, limits, take
 from mavhums.actuator.readings import Reading
-from mavhums.quantities import KEYS, column
+from mavhums.core.quantities import KEYS, column
 
 __all__ = ["SETTLE_S", "Aligned", "Aligner", "Origin"]
 

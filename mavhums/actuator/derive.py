@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.profile import Actuator, Ema
-from mavhums.jit import kernel
-from mavhums.quantities import KEYS, column
+from mavhums.core.kernels import kernel
+from mavhums.core.quantities import KEYS, column
 
 __all__ = ["Deriver"]
 

@@ -8,9 +8,9 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from mavhums.actuator.outputs import Output, control_surfaces
-from mavhums.actuator.parameters import Parameters, read_parameters
-from mavhums.errors import MavhumsError
+from mavhums.core.errors import MavhumsError
+from mavhums.vehicle.outputs import Output, control_surfaces
+from mavhums.vehicle.parameters import Parameters, read_parameters
 
 __all__ = ["draft_profile"]
 

@@ -28,7 +28,7 @@ def field_mistake(message: str, field: str, where: Mapping[str, str | int]) -> F
     >>> field_mistake("ESC_TELEMETRY_1_TO_4", "rpm[4]", {}).problem
     'rpm of ESC_TELEMETRY_1_TO_4 has 4 elements'
     """
-    from mavhums.log.dialect import load_dialect
+    from mavhums.log.mavlink.dialect import load_dialect
 
     wires = {definition.name: definition.wire for definition in load_dialect().definitions.values()}
     if message not in wires:

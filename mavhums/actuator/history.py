@@ -10,8 +10,8 @@ import numpy as np
 from mavhums.actuator.airframe_name import announcements
 from mavhums.actuator.mapping import Mapped, Mapper
 from mavhums.actuator.profile import Airframe, ProfileError, load_airframe, packaged_airframes
+from mavhums.core.quantities import KEYS
 from mavhums.log import Log
-from mavhums.quantities import KEYS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,8 +19,8 @@ from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.readings import Clocks, Reading
 from mavhums.actuator.sources import SOURCES
 from mavhums.actuator.tiers import TIERS
+from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
-from mavhums.quantities import KEYS, column
 
 __all__ = ["Mapped", "Mapper", "messages_for"]
 

@@ -14,8 +14,8 @@ from pydantic_core import PydanticCustomError
 from mavhums.actuator.field_check import field_mistake
 from mavhums.actuator.profile_errors import explain_syntax, explain_values
 from mavhums.actuator.toml_lines import Place
-from mavhums.errors import MavhumsError
-from mavhums.quantities import KEYS
+from mavhums.core.errors import MavhumsError
+from mavhums.core.quantities import KEYS
 
 __all__ = ["Actuator", "Airframe", "Ema", "Limits", "ProfileError", "load_airframe", "packaged_airframes"]
 

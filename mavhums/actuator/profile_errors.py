@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from mavhums.actuator.toml_lines import Place, line_of, lines
-from mavhums.quantities import KEYS
+from mavhums.core.quantities import KEYS
 
 if TYPE_CHECKING:
     from pydantic import ValidationError

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.clock import SenderClock
 from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import KEYS
 from mavhums.log import Table
-from mavhums.quantities import KEYS
 
 __all__ = ["Clocks", "Reading", "Rows", "blank", "each"]
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from mavhums.assessment import Indicator, Interval
 from mavhums.health.random_effects import variance_between, weighted
+from mavhums.report.assessment import Indicator, Interval
 
 __all__ = ["Baseline", "BaselineSource", "Baselines"]
 

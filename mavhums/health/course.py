@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
-from mavhums.assessment import Condition, Evidence, Indicator, Interval, Suspect
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import FALSE_ALARMS, SEVERITY, Decision, bounds, half_width, shown_by, tail_of
 from mavhums.health.detector import Detector, Estimates
@@ -19,6 +18,7 @@ from mavhums.health.least_squares import Fit
 from mavhums.health.panel import Look
 from mavhums.health.rules import drift_rule, limit_rule
 from mavhums.health.scatter import Scatter
+from mavhums.report.assessment import Condition, Evidence, Indicator, Interval, Suspect
 
 __all__ = ["Change", "Course"]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from mavhums.assessment import Condition
 from mavhums.health.detector import Estimates, Levels
+from mavhums.report.assessment import Condition
 
 __all__ = [
     "CONFIRM",

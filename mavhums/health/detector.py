@@ -158,7 +158,7 @@ class EquationDetector:
 
 @cache
 def _discovered() -> tuple[type[Detector], ...]:
-    from mavhums.health import detectors
+    from mavhums.health.detectors import actuator as detectors
 
     names = sorted(module.name for module in pkgutil.iter_modules(detectors.__path__))
     modules = (importlib.import_module(f"{detectors.__name__}.{name}") for name in names)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.assessment import Condition, Coverage, Evidence, Indicator, Interval, Suspect
-from mavhums.events import ConditionChanged, Indication, Window
+from mavhums.engine.events import ConditionChanged, Indication, Window
 from mavhums.health.baseline import Baseline
 from mavhums.health.course import Change, Course
 from mavhums.health.decision import FALSE_ALARMS, SEVERITY
@@ -21,6 +20,7 @@ from mavhums.health.panel import Look, Panel
 from mavhums.health.slots import SlotCutter, Slots, widen
 from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcome
 from mavhums.health.windows import WINDOW_SLOTS, Windows
+from mavhums.report.assessment import Condition, Coverage, Evidence, Indicator, Interval, Suspect
 
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 

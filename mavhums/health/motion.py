@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import KEYS, column
 from mavhums.health.slots import APART, BUS, GUARD_S, Slots
-from mavhums.quantities import KEYS, column
 
 __all__ = ["Motion", "lasting", "motion"]
 

@@ -11,7 +11,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import kernel
+from mavhums.core.kernels import kernel
 
 __all__ = ["row_length", "solve", "sums_of_slots"]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.quantities import KEYS, column
+from mavhums.core.quantities import KEYS, column
 
 __all__ = ["AIRSPEED", "APART", "BUS", "COLUMNS", "GUARD_S", "SENSED", "SHAFT", "SlotCutter", "Slots", "widen"]
 

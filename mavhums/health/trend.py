@@ -33,9 +33,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
-from mavhums.assessment import Interval
 from mavhums.health.random_effects import variance_between, weighted
 from mavhums.health.straightness import departure
+from mavhums.report.assessment import Interval
 
 __all__ = ["MIN_FLIGHTS", "REACH", "Trend", "fit_trend"]
 

@@ -6,7 +6,8 @@ from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
-from mavhums.assessment import (
+from mavhums.health.monitor import WINDOW_S, Findings
+from mavhums.report.assessment import (
     ALL,
     Condition,
     Coverage,
@@ -18,7 +19,6 @@ from mavhums.assessment import (
     Suspect,
     Verdict,
 )
-from mavhums.health.monitor import WINDOW_S, Findings
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
 

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mavhums.quantities import column
+from mavhums.core.quantities import column
 
 __all__ = ["VOTE_COLUMNS", "Ballot", "Classifier", "Outcome", "count_votes", "outcome"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from mavhums.learn.calibration import brier_score, calibrate, expected_calibration_error

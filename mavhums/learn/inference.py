@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mavhums.core.quantities import KEYS, column
 from mavhums.learn.scaling import unit_interval
-from mavhums.quantities import KEYS, column
 
 __all__ = ["MARGIN", "Network", "TanhNetwork"]
 

@@ -15,7 +15,7 @@ import safetensors.numpy
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from mavhums.errors import MavhumsError
+from mavhums.core.errors import MavhumsError
 from mavhums.learn.card import Card
 from mavhums.learn.inference import Network
 

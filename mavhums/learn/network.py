@@ -11,7 +11,7 @@ from sklearn.model_selection import train_test_split
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import _check_sample_weight
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 from mavhums.learn._classified import TwoClasses
 from mavhums.learn.inference import TanhNetwork
 from mavhums.learn.scaling import unit_interval

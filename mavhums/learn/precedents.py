@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.errors import MavhumsError, MissingExtraError
-from mavhums.quantities import KEYS
+from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.quantities import KEYS
 
 if TYPE_CHECKING:
     from pyarrow import Schema

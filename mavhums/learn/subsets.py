@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 
 __all__ = ["Objective", "SubsetSearch", "all_subsets", "exhaustive_search", "genetic_search"]
 

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import JsonValue
 
 import mavhums
+from mavhums.core.quantities import KEYS, column
 from mavhums.learn.card import Card, Selection
 from mavhums.learn.inference import Network
 from mavhums.learn.network import TanhNetworkClassifier
 from mavhums.learn.redundancy import PairwiseRedundancyFilter
 from mavhums.learn.splits import hold_out
-from mavhums.quantities import KEYS, column
 
 __all__ = ["Candidate", "TrainingResult", "select_features", "train_network"]
 

@@ -10,7 +10,7 @@ from math import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.jit import kernel
+from mavhums.core.kernels import kernel
 
 __all__ = ["ABSTAINS", "vote"]
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import ClassifierTags, check_random_state
 from sklearn.utils.multiclass import type_of_target
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 from mavhums.learn._classified import SupportSelector
 from mavhums.learn.splits import hold_out
 from mavhums.learn.subsets import Objective, SubsetSearch, exhaustive_search, genetic_search

@@ -6,7 +6,7 @@ import ipaddress
 import re
 from typing import Literal, NamedTuple
 
-from mavhums.errors import MavhumsError
+from mavhums.core.errors import MavhumsError
 
 __all__ = ["FORMS", "Address", "AddressError"]
 

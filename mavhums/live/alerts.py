@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final
 
-from mavhums.assessment import Condition
-from mavhums.events import ConditionChanged, Event
-from mavhums.live.objects import ActuatorStatus, AlertObject
+from mavhums.engine.events import ConditionChanged, Event
 from mavhums.live.watch import utc
-from mavhums.log.signing import signing_ticks
+from mavhums.log.mavlink.signing import signing_ticks
+from mavhums.report.assessment import Condition
+from mavhums.report.live import ActuatorStatus, AlertObject
 
 __all__ = ["COMPONENT", "Alerts", "health_name", "text_of"]
 

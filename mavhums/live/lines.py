@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from mavhums import __version__
-from mavhums.assessment import NOTICE, Assessment
-from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Window
-from mavhums.live.objects import (
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Window
+from mavhums.live.watch import Watch, utc
+from mavhums.report.assessment import NOTICE, Assessment
+from mavhums.report.live import (
     AirframeObject,
     AlertObject,
     ConditionObject,
@@ -19,7 +20,6 @@ from mavhums.live.objects import (
     StatusObject,
     WindowObject,
 )
-from mavhums.live.watch import Watch, utc
 
 __all__ = ["JsonLines", "PlainLines"]
 
@@ -27,7 +27,7 @@ Faults = dict[tuple[int, str], str]
 
 
 class JsonLines:
-    """Writes each event as an object of ``mavhums/schema/live-1.json``.
+    """Writes each event as an object of ``mavhums/report/schema/live-1.json``.
 
     Parameters
     ----------

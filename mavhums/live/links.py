@@ -13,7 +13,7 @@ from typing import Protocol
 
 from mavhums.live.address import Address, AddressError
 from mavhums.live.clock import ReceiveClock
-from mavhums.log.stamping import Piece
+from mavhums.log.mavlink.stamping import Piece
 
 __all__ = ["Link", "TcpLink", "UdpLink", "open_link"]
 

@@ -8,7 +8,7 @@ import threading
 from datetime import UTC, datetime
 from pathlib import Path
 
-from mavhums.errors import MavhumsError
+from mavhums.core.errors import MavhumsError
 
 __all__ = ["TlogRecorder"]
 

@@ -7,8 +7,8 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
-from mavhums.errors import MavhumsError
-from mavhums.files import written_whole
+from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
 
 __all__ = ["Seen"]
 

@@ -8,10 +8,10 @@ from collections.abc import Hashable, Iterable
 from importlib.util import find_spec
 from typing import Any
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 from mavhums.live.address import Address, AddressError
 from mavhums.live.clock import ReceiveClock
-from mavhums.log.stamping import Piece
+from mavhums.log.mavlink.stamping import Piece
 
 __all__ = ["SerialLink"]
 

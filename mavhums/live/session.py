@@ -8,16 +8,16 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from mavhums.assessment import Assessment
-from mavhums.engine import Engine
-from mavhums.events import ConditionChanged, Event, Notice
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.live.alerts import Alerts
 from mavhums.live.clock import ReceiveClock
 from mavhums.live.links import Link
-from mavhums.live.objects import AlertObject, StaleObject, StatusObject
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.watch import Watch
-from mavhums.log.stamping import Piece, Stamper
+from mavhums.log.mavlink.stamping import Piece, Stamper
+from mavhums.report.assessment import Assessment
+from mavhums.report.live import AlertObject, StaleObject, StatusObject
 
 __all__ = ["BLOCK_S", "Session", "Sink"]
 
@@ -79,7 +79,7 @@ class Session:
 
     Examples
     --------
-    >>> from mavhums.log.dialect import load_dialect
+    >>> from mavhums.log.mavlink.dialect import load_dialect
     >>> session = Session(Engine(), Stamper(load_dialect()), [])
     >>> session.run(stop=lambda: True).verdicts[0].reason
     'no vehicle speaks in this log'

@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.actuator.profile import load_airframe
-from mavhums.engine import Engine
+from mavhums.core.quantities import KEYS
+from mavhums.engine.engine import Engine
 from mavhums.health import Monitor
 from mavhums.health.decision import FALSE_ALARMS
-from mavhums.history import FlightHistory
-from mavhums.history_files import read_history
+from mavhums.history.files import read_history
+from mavhums.history.flights import FlightHistory
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
@@ -25,10 +26,9 @@ from mavhums.live.links import Link, open_link
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.seen import Seen
 from mavhums.live.session import Session, Sink
-from mavhums.log.dialect import load_dialect
-from mavhums.log.signing import Guard, load_key
-from mavhums.log.stamping import Piece, Stamper
-from mavhums.quantities import KEYS
+from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.log.mavlink.signing import Guard, load_key
+from mavhums.log.mavlink.stamping import Piece, Stamper
 
 __all__ = ["Options", "prepare"]
 

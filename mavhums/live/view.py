@@ -11,9 +11,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from mavhums.assessment import Assessment
-from mavhums.events import ConditionChanged, Event
-from mavhums.live.objects import ActuatorStatus, AlertObject, LinkStatus, StaleObject, StatusObject
+from mavhums.engine.events import ConditionChanged, Event
+from mavhums.report.assessment import Assessment
+from mavhums.report.live import ActuatorStatus, AlertObject, LinkStatus, StaleObject, StatusObject
 from mavhums.show._words import COLOURS, clock, friction, percent, printable
 
 __all__ = ["View", "draw"]

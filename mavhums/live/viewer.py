@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 
-from mavhums.assessment import Assessment
-from mavhums.events import Event
-from mavhums.live.objects import AlertObject, StaleObject, StatusObject
+from mavhums.engine.events import Event
+from mavhums.report.assessment import Assessment
+from mavhums.report.live import AlertObject, StaleObject, StatusObject
 from mavhums.show.live import LiveViewer
 from mavhums.show.recording import Recorder
 

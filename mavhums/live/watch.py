@@ -6,12 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 
-from mavhums.assessment import ALL, Assessment, Verdict
-from mavhums.events import Event, Samples
+from mavhums.engine.events import Event, Samples
 from mavhums.live.links import Link
-from mavhums.live.objects import ActuatorStatus, LinkStatus, RecordStatus, StaleObject, StatusObject
 from mavhums.live.recorder import TlogRecorder
-from mavhums.log.stamping import Stamper
+from mavhums.log.mavlink.stamping import Stamper
+from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.report.live import ActuatorStatus, LinkStatus, RecordStatus, StaleObject, StatusObject
 
 __all__ = ["STALE_S", "Watch", "utc"]
 

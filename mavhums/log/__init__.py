@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mavhums.log.decoder import Decoder
+from mavhums.log.mavlink.decoder import Decoder
 from mavhums.log.reader import Log, decode_blocks, read_blocks, read_log
 from mavhums.log.tables import Table
 

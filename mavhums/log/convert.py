@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
     import pandas as pd

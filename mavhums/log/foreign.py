@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 
-from mavhums.errors import UnreadableLogError
-from mavhums.log.decoder import Decoder
+from mavhums.core.errors import UnreadableLogError
+from mavhums.log.mavlink.decoder import Decoder
 
 __all__ = ["refuse_foreign"]
 

@@ -11,12 +11,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from mavhums.assessment import Losses
-from mavhums.errors import UnreadableLogError
-from mavhums.log.decoder import Decoder
+from mavhums.core.errors import UnreadableLogError
 from mavhums.log.foreign import refuse_foreign
+from mavhums.log.mavlink.decoder import Decoder
+from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.log.tables import Table
-from mavhums.log.vehicles import vehicles_of
+from mavhums.report.assessment import Losses
 
 if TYPE_CHECKING:
     import pandas as pd

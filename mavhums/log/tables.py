@@ -36,7 +36,7 @@ class Table:
     system, component, sequence
         From the frame's header.
     flags
-        How the frame came: bits of `mavhums.log.flags`.
+        How the frame came: bits of `mavhums.log.mavlink.flags`.
     fields
         Record array: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
     """

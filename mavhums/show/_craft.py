@@ -11,7 +11,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.quantities import KEYS
+from mavhums.core.quantities import KEYS
 from mavhums.show._stream import send
 
 __all__ = ["Craft", "Surface", "craft_path"]

@@ -9,8 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from mavhums.actuator.profile import Airframe
-from mavhums.assessment import Assessment, Condition
-from mavhums.events import (
+from mavhums.engine.events import (
     AirframeNamed,
     Attitude,
     ConditionChanged,
@@ -23,6 +22,7 @@ from mavhums.events import (
     Window,
 )
 from mavhums.health.detector import detectors_for
+from mavhums.report.assessment import Assessment, Condition
 from mavhums.show._craft import craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track

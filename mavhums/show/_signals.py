@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from mavhums.quantities import KEYS
+from mavhums.core.quantities import KEYS
 from mavhums.show._stream import send
 from mavhums.show._thin import Thinner
 

@@ -9,9 +9,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from mavhums.assessment import Condition
-from mavhums.events import ConditionChanged, Indication, Samples, Window
+from mavhums.engine.events import ConditionChanged, Indication, Samples, Window
 from mavhums.health.detector import Detector
+from mavhums.report.assessment import Condition
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from mavhums.events import Attitude, FlightMode, Position
+from mavhums.engine.events import Attitude, FlightMode, Position
 from mavhums.show._craft import Craft
 from mavhums.show._stream import send
 from mavhums.show._thin import Thinner

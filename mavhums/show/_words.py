@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from mavhums.assessment import ALL, Assessment, Condition, Evidence, Interval, Losses, Verdict
 from mavhums.health.detector import to_inspect
+from mavhums.report.assessment import ALL, Assessment, Condition, Evidence, Interval, Losses, Verdict
 
 __all__ = [
     "ADVICE",

@@ -6,8 +6,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from mavhums.core.quantities import QUANTITIES
 from mavhums.learn import Calibration, Card, Model
-from mavhums.quantities import QUANTITIES
 
 __all__ = ["render_card"]
 

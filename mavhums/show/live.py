@@ -13,9 +13,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from mavhums.assessment import Assessment
-from mavhums.errors import MavhumsError
-from mavhums.events import Event
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.events import Event
+from mavhums.report.assessment import Assessment
 from mavhums.show.recording import Recorder, draw, end
 
 __all__ = ["LiveViewer"]

@@ -9,9 +9,9 @@ from secrets import token_hex
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from mavhums.assessment import Assessment
-from mavhums.errors import MavhumsError, MissingExtraError
-from mavhums.events import Event
+from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.engine.events import Event
+from mavhums.report.assessment import Assessment
 
 if TYPE_CHECKING:
     import rerun as rr

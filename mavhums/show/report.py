@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import floor, log10
 from typing import Final
 
-from mavhums.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
-from mavhums.quantities import QUANTITIES
+from mavhums.core.quantities import QUANTITIES
+from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
 from mavhums.show._words import (
     advice,
     clock,

@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from mavhums.assessment import Assessment, Condition, Verdict
+from mavhums.report.assessment import Assessment, Condition, Verdict
 from mavhums.show._words import (
     COLOURS,
     advice,

@@ -11,9 +11,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from mavhums.assessment import Interval
+from mavhums.report.assessment import Interval
+from mavhums.report.trend import ActuatorTrend, TrendReport
 from mavhums.show._words import COLOURS, join, printable
-from mavhums.trend_report import ActuatorTrend, TrendReport
 
 __all__ = ["render_trends", "sparkline"]
 

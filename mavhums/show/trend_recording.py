@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mavhums.errors import MavhumsError, MissingExtraError
-from mavhums.files import written_whole
+from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.files import written_whole
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,7 +14,7 @@ __all__ = ["write_study"]
 def __getattr__(name: str) -> Any:
     if name != "write_study":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from mavhums.errors import MissingExtraError
+    from mavhums.core.errors import MissingExtraError
 
     try:
         from mavhums.study.run import write_study

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from mavhums.core.quantities import column
 from mavhums.learn import TanhNetwork, TanhNetworkEnsemble
-from mavhums.quantities import column
 from mavhums.study.cyclograms import Flown, fly_condition
 from mavhums.study.published import TEST_NM, TRAINING_NM
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from mavhums.quantities import QUANTITIES
+from mavhums.core.quantities import QUANTITIES
 from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Experiment, emergency
 

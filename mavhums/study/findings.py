@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
+from mavhums.core.quantities import KEYS
 from mavhums.learn import CommandLeak, CommandLeakWarning, SubsetSearch, check_command
-from mavhums.quantities import KEYS
 from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, Flown, fly_condition
 from mavhums.study.experiment import Effort, Experiment, run_experiment, samples
 from mavhums.study.published import CONDITIONS, SELECTED, TEST_NM, TRAINING_NM

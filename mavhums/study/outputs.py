@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from mavhums.errors import MavhumsError
+from mavhums.core.errors import MavhumsError
 
 __all__ = ["Folder", "markdown_table"]
 

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from mavhums.quantities import KEYS, QUANTITIES
+from mavhums.core.quantities import KEYS, QUANTITIES
 from mavhums.show._stream import open_stream, send
 from mavhums.show._words import BLUE, COLOURS, SERIES
 from mavhums.show.blueprint import panels, whole_flight

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from mavhums.quantities import KEYS
+from mavhums.core.quantities import KEYS
 from mavhums.study.cyclograms import MAIN
 from mavhums.study.experiment import Experiment
 from mavhums.study.findings import Findings

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 import pandas as pd
 
-from mavhums.quantities import KEYS
+from mavhums.core.quantities import KEYS
 from mavhums.study.cyclograms import MAIN, fly_condition
 from mavhums.study.experiment import Effort
 from mavhums.study.figures import FIGURES_16_TO_19, accuracy_figure, output_figure, quantities_figure

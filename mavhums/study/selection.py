@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from mavhums.core.quantities import KEYS, column
 from mavhums.learn import (
     ChiSquareRanking,
     PairwiseRedundancyFilter,
@@ -23,7 +24,6 @@ from mavhums.learn import (
 )
 from mavhums.learn.splits import hold_out
 from mavhums.learn.subsets import Objective
-from mavhums.quantities import KEYS, column
 from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Effort, samples
 from mavhums.study.published import CHI_SQUARE, P_LEVELS

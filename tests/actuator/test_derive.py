@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mavhums.actuator import Actuator, load_airframe
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
-from mavhums.quantities import column
+from mavhums.core.quantities import column
 
 ACTUATOR = load_airframe("paper").actuators[2]
 EMA = ACTUATOR.known_ema()

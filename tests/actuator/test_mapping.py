@@ -13,8 +13,8 @@ from mavhums.actuator import Mapper, actuators, load_airframe
 from mavhums.actuator.airframe_name import announcements
 from mavhums.actuator.profile import ProfileError
 from mavhums.actuator.tiers import best_tier, tiers_by_content
+from mavhums.core.quantities import KEYS, column
 from mavhums.log import Decoder, Log, Table
-from mavhums.quantities import KEYS, column
 from tests.strategies import START_US
 
 
@@ -98,7 +98,7 @@ def test_only_packaged_profiles_can_be_announced() -> None:
 def test_a_log_that_names_no_profile_needs_one() -> None:
     from pathlib import Path
 
-    from mavhums.assessment import Losses
+    from mavhums.report.assessment import Losses
 
     tables = decode(array_message(3, [1.0] * 12))
     log = Log(Path("x.tlog"), tables, {}, {}, Losses(), (1,), None)

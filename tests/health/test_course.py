@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mavhums.assessment import Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.course import Change, Course
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.detector import Detector, Estimates, Levels
 from mavhums.health.least_squares import Fit
 from mavhums.health.panel import Panel
+from mavhums.report.assessment import Condition
 
 NOTHING: Mapping[str, Fit] = {}
 BASELINE = Baseline(mean=0.2, error=0.001, flights=10, between=0.002, spread=0.003)

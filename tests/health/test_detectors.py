@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 import mavhums
 from mavhums.actuator.profile import Actuator
-from mavhums.assessment import Assessment
-from mavhums.events import Indication
+from mavhums.core.quantities import KEYS, column
+from mavhums.engine.events import Indication
 from mavhums.health.detector import Detector, Estimates, Seen, detectors_for
 from mavhums.health.fits import Fits
 from mavhums.health.motion import motion
 from mavhums.health.slots import SlotCutter, widen
-from mavhums.quantities import KEYS, column
+from mavhums.report.assessment import Assessment
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
 from tests.conftest import real_logs

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.assessment import Indicator, Interval
 from mavhums.health.baseline import Baseline
 from mavhums.health.drift import Drift, Shift
+from mavhums.report.assessment import Indicator, Interval
 
 BASELINE = Baseline(mean=0.22, error=0.001, flights=12, between=0.003, spread=0.004)
 ERROR = 0.008

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import column
 from mavhums.health.detector import Estimates, Seen
-from mavhums.health.detectors.friction import Detector
+from mavhums.health.detectors.actuator.friction import Detector
 from mavhums.health.fits import Fits
 from mavhums.health.motion import Motion, motion
 from mavhums.health.slots import BUS, COLUMNS, SlotCutter, Slots
-from mavhums.quantities import column
 from tests.health.flown import actuator_of
 
 Array = NDArray[np.float64]

@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.assessment import Indicator
-from mavhums.events import ConditionChanged, Event, Indication, Window
+from mavhums.core.quantities import column
+from mavhums.engine.events import ConditionChanged, Event, Indication, Window
 from mavhums.health import Monitor
 from mavhums.health.baseline import Baseline
 from mavhums.learn import default_model
-from mavhums.quantities import column
+from mavhums.report.assessment import Indicator
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, sensed, telemetry, watch, watch_blocks

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mavhums.core.quantities import column
 from mavhums.health.votes import Outcome, count_votes, outcome
-from mavhums.quantities import column
 
 RATIO = 300.0
 Array = NDArray[np.float64]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mavhums.core.quantities import column
 from mavhums.learn import Card, Network, Selection
 from mavhums.learn.optimisation import one_thread
-from mavhums.quantities import column
 
 Flights = tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from sklearn.datasets import make_moons
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 from mavhums.learn import TanhNetworkEnsemble
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)

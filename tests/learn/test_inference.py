@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
+from mavhums.core.quantities import column
 from mavhums.learn import Network, TanhNetwork
-from mavhums.quantities import column
 
 Values = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.datasets import make_moons
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 from mavhums.learn import TanhNetworkClassifier
 from mavhums.learn.optimisation import train
 

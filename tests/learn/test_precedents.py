@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mavhums.core.quantities import KEYS
 from mavhums.learn import PrecedentBase, PrecedentError, Provenance
-from mavhums.quantities import KEYS
 
 PROVENANCE = Provenance(
     log="flight.tlog", sha256="ab" * 32, vehicle=1, actuator="elevator", airframe="paper",

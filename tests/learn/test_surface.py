@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mavhums.learn
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 from mavhums.learn import Card, Network, save_model
 
 PUBLIC = {

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from mavhums.core.quantities import KEYS, column
 from mavhums.learn import ModelError, load_model, save_model, select_features, train_network
 from mavhums.learn import training as training_module
 from mavhums.learn.network import TanhNetworkClassifier
-from mavhums.quantities import KEYS, column
 
 Flights = Callable[..., tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]]
 FEW: dict[str, Any] = {"seed": 0, "networks": 2, "hidden": (3,)}

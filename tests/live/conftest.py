@@ -10,18 +10,18 @@ from typing import Any
 import pytest
 
 import mavhums
-from mavhums.assessment import Assessment, Verdict
-from mavhums.engine import Engine
-from mavhums.events import Event
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import Event
 from mavhums.learn import default_model
 from mavhums.live.alerts import Alerts
 from mavhums.live.clock import ReceiveClock
-from mavhums.live.objects import AlertObject, StaleObject, StatusObject
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.session import Session
-from mavhums.log.dialect import load_dialect
-from mavhums.log.signing import Guard
-from mavhums.log.stamping import Piece, Stamper
+from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.stamping import Piece, Stamper
+from mavhums.report.assessment import Assessment, Verdict
+from mavhums.report.live import AlertObject, StaleObject, StatusObject
 from mavhums_sim import Flight, FlightRecord, fly
 from mavhums_sim.link import EPOCH_US, Link, transmit
 from mavhums_sim.telemetry import messages

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v10 import common as v1
 from pymavlink.dialects.v20 import common as v2
 
-from mavhums.assessment import Condition
-from mavhums.events import ConditionChanged
+from mavhums.engine.events import ConditionChanged
 from mavhums.live.alerts import Alerts, health_name, text_of
-from mavhums.live.objects import ActuatorStatus
+from mavhums.report.assessment import Condition
+from mavhums.report.live import ActuatorStatus
 from mavhums_sim.link import EPOCH_US
 
 SECOND = 1_000_000

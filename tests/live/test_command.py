@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.log.stamping import Piece
+from mavhums.log.mavlink.stamping import Piece
 from tests.conftest import Run
 from tests.live.conftest import KEY, verdicts
 from tests.live.programs import Program, free_port, running

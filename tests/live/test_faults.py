@@ -13,8 +13,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
-from mavhums.events import Notice
-from mavhums.log.stamping import Piece
+from mavhums.engine.events import Notice
+from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim import FlightRecord
 from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.telemetry import messages

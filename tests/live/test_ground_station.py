@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 
 import mavhums
-from mavhums.live.objects import json_schema
+from mavhums.report.live import json_schema
 from tests.live.conftest import conditions, verdicts
 from tests.live.programs import free_port, running, simulator
 from tests.live.programs import mavhums as command
@@ -47,7 +47,7 @@ def test_growing_friction_reaches_the_ground_station(tmp_path: Path) -> None:
             stream.process.wait(timeout=60)
         live.wait_for(lambda: len(live.objects("alert")) >= 2)
         screen.wait_for(lambda: "AP: elevator EMERGENCY: friction, land now" in screen.output, 10)
-        assert live.stop() == mavhums.errors.ExitCode.EMERGENCY
+        assert live.stop() == mavhums.core.errors.ExitCode.EMERGENCY
         screen.stop(signal.SIGINT)
     degraded = "elevator DEGRADED: friction, inspect after landing"
     emergency = "elevator EMERGENCY: friction, land now"

@@ -17,15 +17,16 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 import mavhums.live
-from mavhums.assessment import Assessment
-from mavhums.events import AirframeNamed, ConditionChanged, Notice, Samples
-from mavhums.live import Address, objects
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples
+from mavhums.live import Address
 from mavhums.live.address import AddressError
 from mavhums.live.lines import JsonLines, PlainLines
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.seen import Seen
 from mavhums.live.view import View, draw
-from mavhums.log.stamping import Piece
+from mavhums.log.mavlink.stamping import Piece
+from mavhums.report import live as objects
+from mavhums.report.assessment import Assessment
 from mavhums_sim.link import EPOCH_US
 from tests.live.conftest import Rig
 
@@ -279,7 +280,7 @@ import gc, sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 from mavhums.live.setup import Options, prepare
-from mavhums.log.stamping import Piece
+from mavhums.log.mavlink.stamping import Piece
 
 def compiled():
     kernels = [kernel for kernel in gc.get_objects() if isinstance(kernel, Dispatcher)]

@@ -11,11 +11,11 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from mavhums.cli import cli
-from mavhums.errors import ExitCode
-from mavhums.inspection import inspect_log
+from mavhums.app.inspection import inspect_log
+from mavhums.cli.main import cli
+from mavhums.core.errors import ExitCode
 from mavhums.show.inspection import render_inspection
-from tests.log.test_frames import heartbeats, trimmed_after_crc
+from tests.log.mavlink.test_frames import heartbeats, trimmed_after_crc
 from tests.strategies import START_US
 
 
@@ -93,7 +93,7 @@ def test_the_standard_input_is_inspected() -> None:
 
 
 def test_help_does_not_wait_for_the_compiler() -> None:
-    code = "import sys; from mavhums.cli import cli; cli(['inspect', '--help'], standalone_mode=False)"
+    code = "import sys; from mavhums.cli.main import cli; cli(['inspect', '--help'], standalone_mode=False)"
     code += "; print('loaded', {'numba', 'numpy', 'pandas'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "loaded set()" in done.stdout

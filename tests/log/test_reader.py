@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import mavhums
-from mavhums.errors import UnreadableLogError
+from mavhums.core.errors import UnreadableLogError
 from mavhums.log import Decoder, Table, read_blocks, read_log
-from mavhums.log.vehicles import vehicles_of
+from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums_sim import FlightRecord
 
 

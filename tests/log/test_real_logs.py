@@ -11,9 +11,9 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavhums.errors import UnreadableLogError
+from mavhums.core.errors import UnreadableLogError
 from mavhums.log import Table, read_log
-from mavhums.log.flags import ODD_TIME
+from mavhums.log.mavlink.flags import ODD_TIME
 from tests.conftest import real_logs
 
 DAMAGED = ("Avalanche", "LucaGemma", "ardusub_log_tools", "mavrik-control")

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 from mavhums.log import Table, read_log
 
 

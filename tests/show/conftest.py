@@ -13,7 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.actuator import load_airframe
-from mavhums.assessment import (
+from mavhums.core.quantities import KEYS
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.report.assessment import (
     Assessment,
     Condition,
     Coverage,
@@ -26,8 +28,6 @@ from mavhums.assessment import (
     Suspect,
     Verdict,
 )
-from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
-from mavhums.quantities import KEYS
 
 RATE = 100
 DURATION = 100

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from mavhums.assessment import Assessment, Verdict
-from mavhums.quantities import KEYS
+from mavhums.core.quantities import KEYS
+from mavhums.report.assessment import Assessment, Verdict
 
 pytest.importorskip("rerun", reason="layouts need the extra 'viewer'")
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from mavhums.assessment import Assessment
-from mavhums.errors import MavhumsError
+from mavhums.core.errors import MavhumsError
+from mavhums.report.assessment import Assessment
 from mavhums.show import LiveViewer
 
 if TYPE_CHECKING:

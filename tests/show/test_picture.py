@@ -15,8 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 from examples.picture import draw
-from mavhums.assessment import Assessment, Verdict
-from mavhums.events import Attitude, Event, FlightMode, Position
+from mavhums.engine.events import Attitude, Event, FlightMode, Position
+from mavhums.report.assessment import Assessment, Verdict
 from mavhums.show import LiveViewer, Recorder, record_trend
 from tests.show.chromium import Chromium, find
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from mavhums import analyse
 from mavhums.actuator.profile import Limits, load_airframe
-from mavhums.assessment import NOTICE, Assessment, Interval, Verdict
-from mavhums.errors import MavhumsError
-from mavhums.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
-from mavhums.quantities import KEYS
+from mavhums.core.errors import MavhumsError
+from mavhums.core.quantities import KEYS
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.report.assessment import NOTICE, Assessment, Interval, Verdict
 from mavhums.show import Recorder, markdown
 from tests.conftest import real_logs
 
@@ -359,9 +359,9 @@ def test_a_full_disk_is_an_error(tmp_path: Path) -> None:
     code = """
 import resource, sys
 import numpy as np
-from mavhums.assessment import Assessment, LogSummary, Losses
-from mavhums.errors import MavhumsError
-from mavhums.events import Samples
+from mavhums.report.assessment import Assessment, LogSummary, Losses
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.events import Samples
 from mavhums.show import Recorder
 
 log = LogSummary(path=None, sha256=None, start_utc=None, duration_s=0, vehicles=(), losses=Losses())
@@ -398,7 +398,7 @@ def test_without_rerun_the_error_names_the_extra(maker: str) -> None:
     code = f"""
 import sys
 sys.modules["rerun"] = None
-from mavhums.errors import MissingExtraError
+from mavhums.core.errors import MissingExtraError
 from mavhums.show import LiveViewer, Recorder
 try:
     {maker}, recording_id="flight")

@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
-from mavhums.assessment import (
+from mavhums.core.quantities import KEYS
+from mavhums.report.assessment import (
     ALL,
     NOTICE,
     Assessment,
@@ -18,7 +19,6 @@ from mavhums.assessment import (
     Suspect,
     Verdict,
 )
-from mavhums.quantities import KEYS
 from mavhums.show import markdown
 
 New = Callable[..., Verdict]

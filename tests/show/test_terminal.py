@@ -8,7 +8,7 @@ from typing import Literal
 import pytest
 from rich.console import Console
 
-from mavhums.assessment import NOTICE, Assessment, Verdict
+from mavhums.report.assessment import NOTICE, Assessment, Verdict
 from mavhums.show import render
 
 New = Callable[..., Verdict]

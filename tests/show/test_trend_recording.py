@@ -11,7 +11,7 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 from rerun.chunk import RrdReader
 
-from mavhums.errors import MavhumsError
+from mavhums.core.errors import MavhumsError
 from mavhums.show import record_trend
 from tests.show.test_recording import entities, static
 

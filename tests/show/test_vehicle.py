@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mavhums.actuator.profile import Actuator, Airframe
-from mavhums.assessment import Assessment
-from mavhums.events import (
+from mavhums.core.quantities import KEYS
+from mavhums.engine.events import (
     AirframeNamed,
     Attitude,
     ConditionChanged,
@@ -22,7 +22,7 @@ from mavhums.events import (
     Position,
     Samples,
 )
-from mavhums.quantities import KEYS
+from mavhums.report.assessment import Assessment
 
 if TYPE_CHECKING:
     from tests.show.conftest import Flight

@@ -12,8 +12,8 @@ import rerun as rr
 from click.testing import CliRunner
 from rerun.chunk import RrdReader
 
-from mavhums.cli import cli
-from mavhums.quantities import KEYS
+from mavhums.cli.main import cli
+from mavhums.core.quantities import KEYS
 from mavhums.study.experiment import Effort
 
 TINY = Effort(networks=3, iterations=40, every=20, subset_samples=40, subset_iterations=3, thinning=(60,))

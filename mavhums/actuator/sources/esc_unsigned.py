@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Clocks, Reading, blank, each
+from mavhums.core.quantities import column
 from mavhums.log import Table
-from mavhums.quantities import column
 
 __all__ = ["MESSAGES", "read"]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Clocks, Reading, each
+from mavhums.core.quantities import KEYS
 from mavhums.log import Table
-from mavhums.quantities import KEYS
 
 __all__ = ["MESSAGES", "is_instrumented", "read"]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Clocks, Reading, Rows, blank, each
+from mavhums.core.quantities import KEYS
 from mavhums.log import Table
-from mavhums.quantities import KEYS
 
 __all__ = ["MESSAGES", "is_named", "read"]
 

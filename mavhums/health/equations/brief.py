@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import column
 from mavhums.health.least_squares import Prior
 from mavhums.health.motion import Motion
-from mavhums.quantities import column
 
 __all__ = ["TERMS", "prior", "terms"]
 

@@ -1,0 +1,61 @@
+"""Every vehicle of a log, each mapped by its own airframe profile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from mavhums.actuator.airframe_name import Announcement, announcements
+from mavhums.actuator.mapping import Mapped, Mapper
+from mavhums.actuator.profile import Airframe, load_airframe
+from mavhums.actuator.tiers import Tier, best_tier, tiers_by_content
+from mavhums.log import Table
+
+__all__ = ["VehicleMappers"]
+
+
+class VehicleMappers:
+    """Follows the vehicles of a log, block after block.
+
+    Parameters
+    ----------
+    airframe
+        The profile for every vehicle; if None, each vehicle is mapped by the one that it names,
+        from there on.
+    """
+
+    def __init__(self, airframe: Airframe | None = None) -> None:
+        self._given = airframe
+        self._mappers = [] if airframe is None else [Mapper(airframe)]
+        self._told: set[tuple[int, str]] = set()
+
+    @property
+    def airframes(self) -> list[str]:
+        """Names of the profiles in use."""
+        return list(dict.fromkeys(mapper.airframe.name for mapper in self._mappers))
+
+    def listen(self, tables: Mapping[str, Table]) -> Iterator[tuple[Announcement, Airframe | None]]:
+        """Yield what vehicles say of their profile, and the one taken; None if it is not known."""
+        self._told |= tiers_by_content(tables)
+        for said in announcements(tables):
+            if self._given is None and self.mapper(said.vehicle) is None:
+                if said.known:
+                    self._mappers.append(
+                        Mapper(load_airframe(said.name), vehicle=said.vehicle, from_frame=said.frame)
+                    )
+                mapper = self.mapper(said.vehicle)
+                yield said, mapper.airframe if mapper else None
+
+    def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[tuple[Mapper, Mapped]]:
+        """Yield the samples that these messages settle; ``final`` says that nothing follows."""
+        for mapper in self._mappers:
+            for mapped in mapper.feed(tables, final=final):
+                yield mapper, mapped
+
+    def mapper(self, vehicle: int | None) -> Mapper | None:
+        """Return the mapper that serves a vehicle, if any."""
+        return next((mapper for mapper in self._mappers if mapper.serves(vehicle)), None)
+
+    def tier(self, vehicle: int | None, counts: Mapping[tuple[int, int, str], int]) -> Tier | None:
+        """Return the richest tier of a vehicle, given the number of messages by (system, component, name)."""
+        messages = {name for system, _, name in counts if system == vehicle}
+        return best_tier(messages, {tier for told, tier in self._told if told == vehicle})

@@ -1,0 +1,145 @@
+"""The commands that learn: ``train``, ``precedents`` and ``study``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mavhums.cli.options import AIRFRAME, LOG, PATH
+from mavhums.cli.progress import reading, steps
+
+if TYPE_CHECKING:
+    from mavhums.learn.precedents import Label
+
+__all__ = ["precedents", "study", "train"]
+
+
+@click.command()
+@click.option("--airframe", default="paper", show_default=True, metavar="NAME|FILE", help="Airframe profile.")
+@click.option(
+    "--tier",
+    default="instrumented",
+    show_default=True,
+    type=click.Choice(["instrumented", "without-load", "esc"]),
+    help="Telemetry that the model is for: all of V1-V12, without V11 and V12, or of the ESCs.",
+)
+@click.option("--flights", default=12, show_default=True, type=click.IntRange(1), help="Flights per class.")
+@click.option(
+    "--networks", default=10, show_default=True, type=click.IntRange(1), help="Networks to choose from."
+)
+@click.option("--seed", default=1, show_default=True, type=int, help="Makes the model repeatable.")
+@click.option("--precedents", type=PATH, metavar="DIR", help="Flights that supplement the simulation.")
+@click.option(
+    "--flown-weight",
+    default=1.0,
+    show_default=True,
+    type=click.FloatRange(0, min_open=True),
+    help="How many simulated samples one of a precedent counts for.",
+)
+@click.option("-o", "--output", required=True, type=PATH, metavar="MODEL")
+def train(
+    airframe: str,
+    tier: str,
+    flights: int,
+    networks: int,
+    seed: int,
+    precedents: Path | None,
+    flown_weight: float,
+    output: Path,
+) -> None:
+    """Train a model for an airframe's actuators on simulated flights, and write it to MODEL.
+
+    Training flies each class in the simulator, selects features by chi-square and regression,
+    trains several networks, chooses one by flights that it did not train on, and calibrates its votes
+    on others again.
+    """
+    from mavhums.actuator.profile import load_airframe
+    from mavhums.learn import PrecedentBase, save_model
+    from mavhums.training.train import train_model
+
+    profile = load_airframe(airframe)
+    base = PrecedentBase(precedents) if precedents else None
+    with steps("training") as progress:
+        network, card = train_model(
+            profile,
+            tier=tier,
+            flights=flights,
+            networks=networks,
+            seed=seed,
+            precedents=base,
+            flown_weight=flown_weight,
+            progress=progress,
+        )
+    model = save_model(output, network, card)
+    click.echo(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
+    for name, value in card.metrics.items():
+        click.echo(f"  {name.replace('_', ' ')}: {100 * value:.2f} %")
+    for name, value in (card.calibration.metrics if card.calibration else {}).items():
+        click.echo(f"  {name.replace('_', ' ')}: {value:.4g}")
+
+
+@click.group()
+def precedents() -> None:
+    """Keep labelled flights that supplement the simulation in training."""
+
+
+@precedents.command("add")
+@LOG
+@click.option("--label", required=True, type=click.Choice(["normal", "emergency"]), help="The condition.")
+@click.option("-d", "--dir", "folder", default="precedents", show_default=True, type=PATH, metavar="DIR")
+@click.option("--actuator", "names", multiple=True, metavar="NAME", help="Only this one; can be repeated.")
+@AIRFRAME
+@click.option("--simulated", is_flag=True, help="The log is of a simulator, not of an aircraft.")
+def add_precedent(
+    log: Path, label: Label, folder: Path, names: tuple[str, ...], airframe: str | None, simulated: bool
+) -> None:
+    """Add the actuators of LOG, in a condition that an inspection has established, to the base DIR."""
+    from mavhums.actuator.profile import load_airframe
+    from mavhums.learn import PrecedentBase
+    from mavhums.training.precedents import add_log
+
+    with reading(log) as progress:
+        added = add_log(
+            PrecedentBase(folder),
+            log,
+            label=label,
+            actuators=names,
+            airframe=load_airframe(airframe) if airframe else None,
+            origin="simulated" if simulated else "flown",
+            progress=progress,
+        )
+    for precedent in added:
+        click.echo(f"{precedent.path}: {precedent.provenance.actuator}, {label}, {precedent.samples} samples")
+
+
+@precedents.command("list")
+@click.option("-d", "--dir", "folder", default="precedents", show_default=True, type=PATH, metavar="DIR")
+def list_precedents(folder: Path) -> None:
+    """List what the base DIR holds."""
+    from mavhums.learn import PrecedentBase
+
+    for precedent in PrecedentBase(folder):
+        said = precedent.provenance
+        whose = f"{said.airframe} {said.actuator} (vehicle {said.vehicle}, {said.tier})"
+        click.echo(f"{said.label:9}  {said.origin:9}  {whose}  {precedent.samples} samples  {said.log}")
+
+
+@click.group()
+def study() -> None:
+    """Reproduce published results."""
+
+
+@study.command("paper")
+@click.option("-o", "--output", required=True, type=PATH, metavar="DIR", help="Folder for the report.")
+@click.option("--quick", is_flag=True, help="Fewer networks and iterations; under a minute.")
+@click.option("--seed", default=1, show_default=True, type=int, help="Of the networks; not of the flights.")
+def study_paper(output: Path, quick: bool, seed: int) -> None:
+    """Set the tables and figures of the paper beside ours: report, CSV tables and a Rerun recording."""
+    from mavhums.study import write_study
+
+    with steps("study") as progress:
+        files = write_study(output, quick=quick, seed=seed, progress=progress)
+    for file in files:
+        click.echo(str(file))

@@ -1,0 +1,245 @@
+"""The command line. Commands import what they need when they run, so that ``--help`` is instant."""
+
+from __future__ import annotations
+
+import json
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mavhums import __version__
+from mavhums.cli.learn import precedents, study, train
+from mavhums.cli.live import live
+from mavhums.cli.options import (
+    AIRFRAME,
+    BASELINE_FROM,
+    DIALECT,
+    FALSE_ALARMS,
+    HISTORY,
+    JSON,
+    KEEP,
+    KEY,
+    LOG,
+    LOGS,
+    PATH,
+)
+from mavhums.cli.progress import reading
+from mavhums.cli.tools import export, model, profile
+from mavhums.cli.trend import complain, opened_history, trend
+from mavhums.core.errors import ExitCode, MavhumsError
+
+if TYPE_CHECKING:
+    from mavhums.report.assessment import Assessment
+
+__all__ = ["main"]
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="mavhums")
+def cli() -> None:
+    """Health of a UAV's servo actuators from the MAVLink log it already records.
+
+    \b
+    Start here:
+      mavhums analyse flight.tlog                  the verdict per actuator
+      mavhums analyse flight.tlog --rrd flight.rrd the same, and a Rerun recording
+      mavhums trend flights                        each actuator over its flights
+      mavhums live udpin:14550                     the same verdicts while it flies
+      mavhums inspect flight.tlog                  what the log holds, and what is missing
+      mavhums profile new flight.tlog -o mine.toml a profile of your aircraft, to be filled in
+    """
+
+
+@cli.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@LOGS
+@AIRFRAME
+@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@DIALECT
+@FALSE_ALARMS
+@HISTORY
+@KEEP
+@BASELINE_FROM
+@KEY
+@JSON
+@click.option(
+    "--rrd",
+    type=PATH,
+    metavar="OUT",
+    help="Write a Rerun recording; with several logs, OUT is a folder.",
+)
+@click.option("--no-position", is_flag=True, help="Leave out of the recording where the aircraft was.")
+@click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
+def analyse(
+    logs: tuple[Path, ...],
+    airframe: str | None,
+    model: str | None,
+    dialect: Path | None,
+    false_alarms: float,
+    history: Path | None,
+    keep: bool,
+    dates: tuple[tuple[str | None, datetime], ...],
+    key: Path | None,
+    as_json: bool,
+    rrd: Path | None,
+    no_position: bool,
+    open_viewer: bool,
+) -> None:
+    """Judge every actuator of each LOG (.tlog).
+
+    With --history, each actuator is also held against its own first flights; --keep makes this flight one
+    of them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
+
+    \b
+    Exit codes, the first that applies:
+      2 usage    1 error    11 an emergency    10 degraded    12 undecided
+      3 log or history read with losses    0 all normal
+    """
+    from mavhums.actuator.profile import load_airframe
+    from mavhums.app.analysis import analyse as judge
+    from mavhums.history.files import keep_assessment
+    from mavhums.learn import load_model, packaged_models
+    from mavhums.log.mavlink.signing import load_key
+
+    if open_viewer and rrd is None:
+        raise click.UsageError("--open needs --rrd OUT")
+    if (keep or dates) and history is None:
+        raise click.UsageError(f"{'--keep' if keep else '--baseline-from'} needs --history DIR")
+    flown = opened_history(history, may_be_new=keep)
+    profile = load_airframe(airframe) if airframe else None
+    networks = (load_model(model),) if model else packaged_models()
+    secret = load_key(key) if key else None
+    recordings = _recordings(logs, rrd)
+    assessments: list[Assessment] = []
+    failed = False
+    for log in logs:
+        try:
+            with reading(log) as progress:
+                assessment = judge(
+                    log,
+                    airframe=profile,
+                    model=networks,
+                    false_alarms=false_alarms,
+                    history=flown,
+                    since=dict(dates),
+                    dialect=dialect,
+                    key=secret,
+                    recording=recordings.get(log),
+                    position=not no_position,
+                    progress=progress,
+                )
+            assessments.append(assessment)
+            if not as_json:
+                _show(assessment, recordings.get(log))
+            if keep and history is not None:
+                keep_assessment(assessment, history)
+                flown = flown.with_flight(assessment)
+        except MavhumsError as error:
+            complain(error)
+            failed = True
+    if as_json and assessments:
+        click.echo(_json(assessments, many=len(logs) > 1))
+    if open_viewer and assessments:
+        _open([recordings[log] for log in logs if recordings[log].exists()])
+    raise SystemExit(ExitCode.ERROR if failed else _exit_code(assessments, losses=bool(flown.errors)))
+
+
+@cli.command()
+@LOG
+@AIRFRAME
+@DIALECT
+@JSON
+def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) -> None:
+    """Say what LOG holds: vehicles, messages and rates, losses, telemetry tier, and what is missing.
+
+    LOG may be - for the standard input.
+    """
+    from mavhums.app.inspection import inspect_log
+
+    with reading(log) as progress:
+        inspection = inspect_log(log, airframe=airframe, dialect=dialect, progress=progress)
+    if as_json:
+        click.echo(inspection.to_json())
+    else:
+        from rich.console import Console
+
+        from mavhums.show.inspection import render_inspection
+
+        render_inspection(inspection, Console())
+    raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
+
+
+for _command in (live, trend, train, precedents, study, export, model, profile):
+    cli.add_command(_command)
+
+
+def main() -> None:
+    """Run the command line; errors that a user can act on are one line and a remedy."""
+    try:
+        cli.main(prog_name="mavhums", standalone_mode=False)
+    except MavhumsError as error:
+        complain(error)
+        sys.exit(ExitCode.ERROR)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(ExitCode.USAGE)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("mavhums: stopped; no output was left half-written", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(ExitCode.ERROR)
+
+
+def _recordings(logs: tuple[Path, ...], rrd: Path | None) -> dict[Path, Path]:
+    if rrd is None:
+        return {}
+    if len(logs) == 1:
+        return {logs[0]: rrd}
+    names = [log.stem for log in logs]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise click.UsageError(f"two logs named {twice!r} would share one recording; analyse them one by one")
+    try:
+        rrd.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MavhumsError(f"{rrd}: {error.strerror}", "with several logs --rrd names a folder") from error
+    return {log: rrd / f"{log.stem}.rrd" for log in logs}
+
+
+def _show(assessment: Assessment, recording: Path | None) -> None:
+    from rich.console import Console
+
+    from mavhums.show import render
+
+    render(assessment, Console())
+    if recording is not None:
+        click.echo(f"recording: {recording}   open it with: rerun {recording}\n")
+
+
+def _json(assessments: list[Assessment], *, many: bool) -> str:
+    from mavhums.report.assessment import SCHEMA
+
+    if not many:
+        return assessments[0].to_json()
+    objects = [json.loads(assessment.to_json()) for assessment in assessments]
+    return json.dumps({"schema": SCHEMA, "assessments": objects}, indent=2, ensure_ascii=False)
+
+
+def _exit_code(assessments: list[Assessment], *, losses: bool) -> ExitCode:
+    order = (ExitCode.EMERGENCY, ExitCode.DEGRADED, ExitCode.UNDECIDED, ExitCode.READ_WITH_LOSSES)
+    codes = {assessment.exit_code for assessment in assessments}
+    return next(
+        (code for code in order if code in codes), ExitCode.READ_WITH_LOSSES if losses else ExitCode.OK
+    )
+
+
+def _open(recordings: list[Path]) -> None:
+    import subprocess
+
+    try:
+        subprocess.Popen(["rerun", *map(str, recordings)])
+    except OSError as error:
+        raise MavhumsError("the Rerun viewer cannot be started", "pip install 'mavhums[viewer]'") from error

@@ -1,0 +1,119 @@
+"""The commands beside the verdict: ``export``, ``model`` and ``profile``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from mavhums.cli.options import AIRFRAME, LOG, PATH
+from mavhums.cli.progress import reading
+from mavhums.core.errors import MavhumsError
+
+__all__ = ["export", "model", "profile"]
+
+_TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
+
+
+@click.command()
+@LOG
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=PATH,
+    metavar="OUT",
+    help="Ends in .parquet or .csv. Several messages: a file each, OUT-NAME.",
+)
+@click.option(
+    "--messages", metavar="NAME,...", help="Write these messages instead of V1–V12, for example ATTITUDE."
+)
+@AIRFRAME
+def export(log: Path, output: Path, messages: str | None, airframe: str | None) -> None:
+    """Write V1–V12 of every actuator of LOG, or its messages, as a table.
+
+    V1–V12 are one row per sample: vehicle, actuator, time (UTC), flight_time_s, V1 to V12; rows of one
+    actuator are in the order of time. Parquet needs the extra mavhums[arrow].
+    """
+    from mavhums.app.export import export_messages, export_quantities
+
+    if messages is not None and airframe is not None:
+        raise click.UsageError("--airframe is for V1–V12; messages are written as they are")
+    with reading(log) as progress:
+        if messages is None:
+            written = export_quantities(log, output, airframe=airframe, progress=progress)
+        else:
+            names = [name.strip() for name in messages.split(",") if name.strip()]
+            written = export_messages(log, output, names, progress=progress)
+    for path, rows in written.items():
+        click.echo(f"{path}: {rows:,} rows")
+
+
+@click.group()
+def model() -> None:
+    """Show what a model is for and how it came to be."""
+
+
+@model.command("show")
+@click.argument("file", required=False, metavar="[FILE|NAME]", type=PATH)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+def show_model(file: Path | None, as_json: bool) -> None:
+    """Print the card of the model in FILE, or of a packaged one.
+
+    The card tells the features, the training, the calibration, what the selection found, the metrics,
+    and the command that regenerates the model.
+
+    \b
+    Packaged, by NAME:
+      paper-instrumented    for all of V1-V12 (default)
+      paper-without-load    for V1-V10: the load torque is not measured
+      paper-esc             for what an ESC tells
+    """
+    import json
+
+    from mavhums.learn import load_model, packaged_models
+
+    packaged = {each.card.name: each for each in packaged_models()}
+    wanted = next(iter(packaged)) if file is None else str(file)
+    network = packaged.get(wanted) or load_model(wanted)
+    if as_json:
+        card = {"hash": network.hash, **network.card.model_dump(mode="json")}
+        click.echo(json.dumps(card, indent=2, ensure_ascii=False))
+        return
+    from rich.console import Console
+
+    from mavhums.show.card import render_card
+
+    render_card(network, Console())
+
+
+@click.group()
+def profile() -> None:
+    """Draft an airframe profile: which servo moves which surface, and what EMA it is."""
+
+
+@profile.command("new")
+@LOG
+@click.option("-o", "--output", type=PATH, metavar="FILE", help="Default: print it.")
+@click.option("--vehicle", type=click.IntRange(1, 255), metavar="N", help="System id, if there are several.")
+@click.option("--name", help="Of the airframe. Default: that of the log's file.")
+def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str | None) -> None:
+    """Draft the profile of the aircraft in LOG from its parameters, to be filled in by you.
+
+    LOG must hold the parameters (PARAM_VALUE): SERVOn_FUNCTION, _MIN, _TRIM, _MAX and _REVERSED of
+    ArduPilot; PWM_MAIN_FUNCn, _MINn, _MAXn, PWM_MAIN_REV and CA_SV_CSk_TYPE of PX4.
+    """
+    from mavhums.actuator.draft import draft_profile
+    from mavhums.core.files import written_whole
+
+    if output is not None and output.exists():
+        raise MavhumsError(f"{output}: exists already, and you may have filled it in", "name another file")
+    with reading(log) as progress:
+        text = draft_profile(log, vehicle=vehicle, name=name, progress=progress)
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        with written_whole(output) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        click.echo(f"{output}: drafted {text.count('[[actuators]]')} actuators")
+        click.echo(f"  fill in: {_TO_FILL_IN}")

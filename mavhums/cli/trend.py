@@ -1,0 +1,137 @@
+"""The command ``trend``, and what it shares with ``analyse``: the folder of flights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mavhums.cli.options import BASELINE_FROM, JSON, PATH
+from mavhums.cli.progress import steps
+from mavhums.core.errors import MavhumsError
+
+if TYPE_CHECKING:
+    from mavhums.history.flights import FlightHistory
+    from mavhums.report.trend import ActuatorTrend
+
+__all__ = ["complain", "opened_history", "trend"]
+
+_SHOWN_NOTICES = 5
+
+
+@click.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@click.argument("folder", metavar="DIR", type=PATH)
+@click.option(
+    "--actuator", "actuators", multiple=True, metavar="NAME", help="Only this one; can be repeated."
+)
+@click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    default=("friction",),
+    show_default=True,
+    metavar="NAME",
+    help="What wears; can be repeated; 'all' for every fault that the flights show.",
+)
+@BASELINE_FROM
+@JSON
+@click.option(
+    "-o",
+    "--output",
+    type=PATH,
+    metavar="OUT",
+    help="Also write a row per flight to a table that ends in .csv or .parquet.",
+)
+def trend(
+    folder: Path,
+    actuators: tuple[str, ...],
+    faults: tuple[str, ...],
+    dates: tuple[tuple[str | None, datetime], ...],
+    as_json: bool,
+    output: Path | None,
+) -> None:
+    """Show how each actuator changes over the flights in DIR, and how many it has left.
+
+    DIR holds an aircraft's assessments, as `mavhums analyse LOG --history DIR --keep` puts them there, or
+    `mavhums analyse LOG --json`. Keep one folder for each aircraft; subfolders are not read.
+
+    The flights left are those until a straight line reaches the emergency limit, with a 95 % interval. None
+    are told where the flights do not support it, and why is said. After a repair, let the count begin anew
+    with --baseline-from.
+
+    \b
+    Exit codes, the first that applies:
+      2 usage    1 error    11 an actuator's last flight was an emergency
+      10 its last flight was degraded, or the flights left can be told
+      12 its last flight was undecided, or no flight shows the fault
+      3 files of the folder could not be read    0 none of these
+    """
+    from mavhums.core.table_writers import writer_for
+    from mavhums.history.trends import trend_report
+
+    if output is not None:
+        writer_for(output)
+    history = opened_history(folder)
+    wanted = () if "all" in faults else faults
+    report = trend_report(history, actuators=actuators, faults=wanted, since=dict(dates))
+    _hold_known(folder, history, [*actuators, *(name for name, _ in dates if name)], wanted)
+    if output is not None:
+        _write(output, report.trends)
+    if as_json:
+        click.echo(report.to_json())
+    else:
+        from rich.console import Console
+
+        from mavhums.show.trend import render_trends
+
+        render_trends(report, Console())
+    raise SystemExit(report.exit_code)
+
+
+def _hold_known(folder: Path, history: FlightHistory, actuators: list[str], faults: Sequence[str]) -> None:
+    """Refuse names that no flight has, which are misspelt."""
+    verdicts = [verdict for flight in history.flights for verdict in flight.assessment.verdicts]
+    known = {verdict.actuator for verdict in verdicts}
+    shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
+    for what, names, there in (("actuator", actuators, known), ("fault", faults, shown | {"friction"})):
+        for name in names:
+            if name not in there:
+                remedy = f"the flights show: {', '.join(sorted(there)) or 'none'}"
+                raise MavhumsError(f"{folder}: no flight has the {what} {name!r}", remedy)
+
+
+def _write(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
+    from mavhums.core.files import written_whole
+    from mavhums.core.table_writers import writer_for
+    from mavhums.report.trend import to_frame
+
+    with written_whole(output) as temporary, writer_for(output)(temporary) as table:
+        table.write(to_frame(trends))
+
+
+def opened_history(folder: Path | None, *, may_be_new: bool = False) -> FlightHistory:
+    """Read a folder of flights, and say on standard error what of it could not be read."""
+    from mavhums.history.files import read_history
+    from mavhums.history.flights import FlightHistory
+
+    if folder is None or (may_be_new and not folder.exists()):
+        return FlightHistory()
+    with steps("reading the flights before") as progress:
+        history = read_history(folder, progress=progress)
+    for error in history.errors:
+        complain(error)
+    for notice in history.notices[:_SHOWN_NOTICES]:
+        click.echo(f"mavhums: {notice}", err=True)
+    if len(history.notices) > _SHOWN_NOTICES:
+        click.echo(f"mavhums: and {len(history.notices) - _SHOWN_NOTICES} more notices", err=True)
+    return history
+
+
+def complain(error: MavhumsError) -> None:
+    """Say on standard error what went wrong, and the remedy."""
+    click.echo(f"mavhums: {error.problem}", err=True)
+    if error.remedy:
+        click.echo(f"  remedy: {error.remedy}", err=True)

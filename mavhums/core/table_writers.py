@@ -1,0 +1,119 @@
+"""Write a table piece by piece, as CSV or Parquet."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from mavhums.core.errors import MavhumsError, MissingExtraError
+
+__all__ = ["TableWriter", "writer_for"]
+
+_ROW_GROUP = 1 << 16
+_TIME = "%Y-%m-%dT%H:%M:%S.%fZ"
+
+
+class TableWriter(ABC):
+    """Writes frames of the same columns to one file; used as a context.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+
+    Attributes
+    ----------
+    rows
+        Number of rows written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.rows = 0
+        self._path = path
+        self._pending: list[pd.DataFrame] = []
+        self._pending_rows = 0
+
+    def __enter__(self) -> TableWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None and self._pending:
+            self._flush()
+        self._close()
+
+    def write(self, frame: pd.DataFrame) -> None:
+        """Append rows."""
+        self.rows += len(frame)
+        self._pending.append(frame)
+        self._pending_rows += len(frame)
+        if self._pending_rows >= _ROW_GROUP:
+            self._flush()
+
+    def _flush(self) -> None:
+        frame = pd.concat(self._pending, ignore_index=True)
+        self._pending.clear()
+        self._pending_rows = 0
+        self._append(frame)
+
+    @abstractmethod
+    def _append(self, frame: pd.DataFrame) -> None: ...
+
+    @abstractmethod
+    def _close(self) -> None: ...
+
+
+class _CsvWriter(TableWriter):
+    _is_new = True
+
+    def _append(self, frame: pd.DataFrame) -> None:
+        with self._path.open("w" if self._is_new else "a", encoding="utf-8", newline="") as file:
+            frame.to_csv(file, header=self._is_new, index=False, date_format=_TIME)
+        self._is_new = False
+
+    def _close(self) -> None:
+        pass
+
+
+class _ParquetWriter(TableWriter):
+    _file: Any = None
+
+    def _append(self, frame: pd.DataFrame) -> None:
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        table = pa.Table.from_pandas(frame, preserve_index=False)
+        if self._file is None:
+            self._file = parquet.ParquetWriter(self._path, table.schema)
+        self._file.write_table(table)
+
+    def _close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+
+
+def writer_for(output: Path) -> Callable[[Path], TableWriter]:
+    """Return what writes the kind of file that the ending of ``output`` names.
+
+    Raises
+    ------
+    MavhumsError
+        If it names none.
+    MissingExtraError
+        If it is Parquet and pyarrow is not installed.
+    """
+    match output.suffix.lower():
+        case ".csv":
+            return _CsvWriter
+        case ".parquet":
+            try:
+                import_module("pyarrow.parquet")
+            except ImportError as error:
+                raise MissingExtraError("writing Parquet", "arrow") from error
+            return _ParquetWriter
+        case _:
+            raise MavhumsError(f"{output}: not a kind of table that is known", "end it in .parquet or .csv")

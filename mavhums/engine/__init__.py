@@ -1,0 +1,1 @@
+"""The composition of the rooms: bytes of a flight in, events and verdicts out."""

@@ -1,0 +1,223 @@
+"""The engine: bytes of a flight in, events out, and a verdict per actuator at any time.
+
+It composes the rooms log → actuator → health, for a file and for a link alike, and has no logic
+of its own. However its input is cut into blocks, the verdicts are the same.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+
+from mavhums.actuator.mapping import Mapped, Mapper, messages_for
+from mavhums.actuator.profile import Airframe, packaged_airframes
+from mavhums.actuator.tiers import tier_named
+from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
+from mavhums.health.baseline import Baseline, BaselineSource
+from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.monitor import Monitor
+from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
+from mavhums.learn import Model
+from mavhums.log import Decoder, Table
+from mavhums.log.mavlink.vehicles import vehicles_of
+from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
+from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
+
+__all__ = ["Engine"]
+
+
+class Engine:
+    """Follows a telemetry log or link, block by block, in memory that does not grow with it.
+
+    Parameters
+    ----------
+    airframe
+        The profile for every vehicle; if None, each vehicle is judged by the one that it names.
+    model
+        One or several, whose networks' votes are shown beside the friction. An actuator gets the first
+        that is for its airframe and whose quantities its samples carry.
+    baselines
+        What the flights before say of each actuator, or what gives it of an airframe and a time.
+    false_alarms
+        How many false alarms 100 hours of an actuator may bring.
+    dialect
+        A MAVLink XML file whose definitions go before the shipped ones.
+    key
+        32 bytes; only frames signed with it count. If None, signatures are not looked at.
+    vehicle_states
+        Whether to report attitude, position and flight mode as well, for a recording.
+
+    Examples
+    --------
+    >>> engine = Engine()
+    >>> events = engine.feed(b"") + engine.finish()
+    >>> engine.assessment().verdicts[0].reason
+    'no vehicle speaks in this log'
+    """
+
+    def __init__(
+        self,
+        airframe: Airframe | None = None,
+        *,
+        model: Model | Sequence[Model] | None = None,
+        baselines: BaselineSource | None = None,
+        false_alarms: float = FALSE_ALARMS,
+        dialect: str | os.PathLike[str] | None = None,
+        key: bytes | None = None,
+        vehicle_states: bool = False,
+    ) -> None:
+        wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"}
+        wanted |= STATE_MESSAGES if vehicle_states else set()
+        self._states = VehicleStates() if vehicle_states else None
+        self._decoder = Decoder(wanted, dialect=dialect, key=key)
+        self._fleet = VehicleMappers(airframe)
+        self._models = () if model is None else (model,) if isinstance(model, Model) else tuple(model)
+        self._baselines = baselines or {}
+        self._false_alarms = false_alarms
+        self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
+        self._monitors: dict[tuple[int, str], Monitor] = {}
+        self._segments: dict[int, int] = {}
+
+    def feed(self, block: bytes) -> list[Event]:
+        """Take the next bytes and return what they bring about."""
+        events = self._opening
+        self._opening = []
+        return [*events, *self._follow(self._decoder.feed(block))]
+
+    def finish(self) -> list[Event]:
+        """Say that nothing follows; judge what is left."""
+        events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True), final=True)]
+        for monitor in self._monitors.values():
+            events.extend(monitor.finish())
+        return events
+
+    def assessment(
+        self, path: str | None = None, sha256: str | None = None, *, indicators: bool = True
+    ) -> Assessment:
+        """Return the verdicts on all that was fed so far.
+
+        Without ``indicators``, which look at all of the flight again, it costs next to nothing.
+        """
+        decoder = self._decoder
+        first, last = decoder.first_time_us, decoder.last_time_us
+        vehicles = vehicles_of(decoder.counts)
+        names = self._fleet.airframes
+        verdicts = tuple(
+            verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
+        )
+        voted = {verdict.model for verdict in verdicts}
+        return Assessment(
+            log=LogSummary(
+                path=path,
+                sha256=sha256,
+                start_utc=None if first is None or decoder.sender_clock else _utc(first).isoformat(),
+                duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
+                vehicles=vehicles,
+                losses=decoder.losses,
+            ),
+            airframe=", ".join(names) or None,
+            model=next((said for said in map(_summary, self._models) if said in voted), None),
+            verdicts=verdicts,
+        )
+
+    def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
+        if not tables and not final:
+            return
+        yield from self._listen(tables)
+        if self._states:
+            yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
+        for mapper, mapped in self._fleet.feed(tables, final=final):
+            if mapped.utc_us.size:
+                yield from self._notice_clock(mapper, mapped)
+                yield from self._judge(mapper, mapped)
+
+    def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
+        """Heed what vehicles say, and take the profile of each that names one."""
+        for said, airframe in self._fleet.listen(tables):
+            time_s = self._flight_time(said.time_us)
+            if airframe is not None:
+                yield AirframeNamed(time_s, said.vehicle, airframe)
+            else:
+                yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
+        texts = tables.get("STATUSTEXT")
+        if texts is not None:
+            for k, text in enumerate(texts.texts("text")):
+                if text and not text.startswith("mavhums airframe="):
+                    yield Notice(self._flight_time(int(texts.time_us[k])), int(texts.system[k]), text)
+
+    def _notice_clock(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
+        """Say that a vehicle's clock jumped, so that nobody wonders at the gap."""
+        segments = mapper.clock_segments(mapped.vehicle)
+        if segments > self._segments.get(mapped.vehicle, 1):
+            self._segments[mapped.vehicle] = segments
+            time_s = self._flight_time(int(mapped.utc_us[-1]))
+            yield Notice(time_s, mapped.vehicle, "its clock jumped: it rebooted, or its time was set")
+
+    def _judge(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
+        actuator = mapped.actuator
+        time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
+        yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
+        key = (mapped.vehicle, actuator.name)
+        if key not in self._monitors:
+            self._monitors[key] = Monitor(
+                mapped.vehicle,
+                actuator,
+                self._serving(mapper.airframe),
+                baselines=self._baselines_of(key, mapper.airframe.name),
+                false_alarms=self._false_alarms,
+            )
+        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
+
+    def _serving(self, airframe: Airframe) -> list[Model]:
+        return [model for model in self._models if model.card.airframe == airframe.name]
+
+    def _baselines_of(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
+        """Return what an actuator's own flights say, by fault."""
+        baselines = self._baselines
+        if callable(baselines):
+            first = self._decoder.first_time_us
+            undated = first is None or self._decoder.sender_clock
+            baselines = baselines(airframe, None if undated else _utc(first or 0))
+        return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
+
+    def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
+        tier = self._fleet.tier(vehicle, self._decoder.counts)
+        mapper = self._fleet.mapper(vehicle)
+        if vehicle is None or mapper is None:
+            yield unjudged_vehicle(vehicle, tier, packaged_airframes())
+            return
+        for actuator in mapper.airframe.actuators:
+            monitor = self._monitors.get((vehicle, actuator.name))
+            own = mapper.tier(vehicle, actuator)
+            provenance = mapper.provenance(vehicle, actuator)
+            if monitor is None or own is None or not tier_named(own).judged:
+                yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
+            elif actuator.blanks and monitor.worst == "undecided":
+                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance)
+            else:
+                findings = monitor.findings(indicators=indicators)
+                voted = findings.network
+                yield judged(
+                    vehicle,
+                    actuator,
+                    findings,
+                    start_utc=_utc(self._decoder.first_time_us or 0),
+                    end_s=self._flight_time(self._decoder.last_time_us or 0),
+                    late=mapper.late(vehicle, actuator),
+                    provenance=provenance,
+                    tier=tier_named(own),
+                    model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),
+                )
+
+    def _flight_time(self, time_us: int) -> float:
+        return (time_us - (self._decoder.first_time_us or 0)) / 1e6
+
+
+def _summary(model: Model) -> ModelSummary:
+    return ModelSummary(name=model.card.name, hash=model.hash)
+
+
+def _utc(time_us: int) -> datetime:
+    return datetime.fromtimestamp(time_us / 1e6, tz=UTC)

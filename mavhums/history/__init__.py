@@ -1,0 +1,1 @@
+"""Flights over time: an aircraft's earlier flights, and what they tell of the next."""

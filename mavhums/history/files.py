@@ -1,0 +1,170 @@
+"""A folder of assessments, as ``mavhums analyse --json`` writes them: one in a file, or several.
+
+Subfolders are not read: two aircraft with the same system id, and most have 1, would be taken for one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import from_json
+
+from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
+from mavhums.history.flights import FlightHistory, PastFlight, UndatedError
+from mavhums.report.assessment import SCHEMA, Assessment
+
+__all__ = ["keep_assessment", "read_history"]
+
+_FAMILY = SCHEMA.split("/", maxsplit=1)[0] + "/"
+_LARGEST_FILE = 256 << 20
+_LARGEST_VALUE = 1e12
+_AGAIN = "analyse its log again"
+
+
+def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> Path:
+    """Write an assessment into a folder of flights, whole or not at all, and return its file.
+
+    The file is named after the log and its hash, so that two logs never share one; the same log
+    judged again replaces its assessment.
+
+    Raises
+    ------
+    MavhumsError
+        If the folder cannot be written.
+    """
+    log = assessment.log
+    stem = re.sub(r"[^\w.-]+", "_", Path(log.path or "").stem).strip("._-") or "log"
+    path = Path(folder) / f"{stem[:60]}-{(log.sha256 or 'unknown')[:16]}.json"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        problem = f"{folder}: cannot be made a folder of flights: {_words(error)}"
+        raise MavhumsError(problem, "name another with --history") from error
+    with written_whole(path) as temporary:
+        temporary.write_text(assessment.to_json() + "\n", encoding="utf-8")
+    return path
+
+
+def read_history(
+    folder: str | os.PathLike[str], *, progress: Callable[[int, int], None] | None = None
+) -> FlightHistory:
+    """Read the assessments in a folder's ``*.json`` files.
+
+    Other files and subfolders are left alone; JSON that is no assessment, and assessments of logs without
+    a date, are noticed.
+
+    Parameters
+    ----------
+    folder
+        Of one aircraft, or of a fleet in which each has a system id of its own.
+    progress
+        Called with the number of files read, and how many there are.
+
+    Raises
+    ------
+    MavhumsError
+        If there is no such folder. Files in it that cannot be read are among the ``errors`` instead.
+    """
+    folder = Path(folder)
+    try:
+        paths = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".json")
+    except OSError as error:
+        remedy = f"judge a first flight into it: mavhums analyse LOG --history {folder} --keep"
+        raise MavhumsError(f"{folder}: {_words(error)}", remedy) from error
+    flights: list[PastFlight] = []
+    errors: list[MavhumsError] = []
+    notices: list[str] = []
+    for number, path in enumerate(paths, 1):
+        if progress:
+            progress(number, len(paths))
+        if path.name.startswith(".") or path.is_dir():
+            continue
+        for outcome in _read(path):
+            if isinstance(outcome, PastFlight):
+                flights.append(outcome)
+            elif isinstance(outcome, UndatedError | _ForeignError):
+                notices.append(outcome.problem)
+            else:
+                errors.append(outcome)
+    history = FlightHistory(tuple(flights), tuple(errors), ())
+    twice = len(flights) - len(history.flights)
+    if twice:
+        notices.append(f"{folder}: {twice} older assessments of logs that were judged again")
+    return FlightHistory(history.flights, history.errors, tuple(notices))
+
+
+class _ForeignError(MavhumsError):
+    """A JSON file that is none of ours."""
+
+
+def _read(path: Path) -> Iterator[PastFlight | MavhumsError]:
+    """Yield each assessment of a file, or what is wrong with it."""
+    try:
+        written = path.stat().st_mtime
+        items = _items(path)
+    except OSError as error:
+        yield MavhumsError(f"{path}: {_words(error)}", "make it readable, or take it out of the folder")
+        return
+    except MavhumsError as error:
+        yield error
+        return
+    for where, item in items:
+        try:
+            assessment = Assessment.model_validate(item)
+            _hold_plausible(assessment, path)
+            yield PastFlight.of(assessment, path, written)
+        except ValidationError as error:
+            mistake = error.errors(include_input=False, include_url=False)[0]
+            place = ".".join(str(part) for part in (*where, *mistake["loc"]))
+            yield MavhumsError(f"{path}: {place[:120]}: {mistake['msg'][:120]}", _AGAIN)
+        except MavhumsError as error:
+            yield error
+
+
+def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
+    """Return the assessments in a file, unchecked, each with its place in it."""
+    content = _json(path)
+    schema = content.get("schema") if isinstance(content, dict) else None
+    if not isinstance(schema, str) or not schema.startswith(_FAMILY):
+        raise _ForeignError(f"{path}: is no assessment, and was left alone")
+    if schema != SCHEMA:
+        raise MavhumsError(
+            f"{path}: is of the schema {schema[:60]!r}, not {SCHEMA}", f"update mavhums, or {_AGAIN}"
+        )
+    several = content.get("assessments")
+    if isinstance(several, list):
+        return [(("assessments", place), item) for place, item in enumerate(several)]
+    return [((), content)]
+
+
+def _json(path: Path) -> Any:
+    if not path.is_file() or path.stat().st_size > _LARGEST_FILE:
+        raise MavhumsError(f"{path}: no file that could be an assessment", "take it out of the folder")
+    data = path.read_bytes()
+    try:
+        return from_json(data.decode(json.detect_encoding(data)), allow_inf_nan=False)
+    except ValueError as error:
+        problem = f"{path}: is no whole JSON file: {str(error)[:100]}"
+        raise MavhumsError(problem, f"if it was an assessment, {_AGAIN}; else take it out") from error
+
+
+def _hold_plausible(assessment: Assessment, path: Path) -> None:
+    """Refuse numbers that nothing measured can have, before statistics are made of them."""
+    for verdict in assessment.verdicts:
+        for shown in verdict.indicators:
+            value = shown.value
+            numbers = (value.estimate, value.low, value.high, shown.scatter, shown.limit, shown.emergency)
+            largest = max(abs(number) for number in (*numbers, shown.windows) if number is not None)
+            if largest > _LARGEST_VALUE or not 0 <= (verdict.vehicle or 0) <= 255:
+                raise MavhumsError(f"{path}: {verdict.actuator[:60]}: numbers beyond all measure", _AGAIN)
+
+
+def _words(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()

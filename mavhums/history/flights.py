@@ -1,0 +1,163 @@
+"""The flights before, and each actuator's own baseline out of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from mavhums.core.errors import MavhumsError
+from mavhums.health.baseline import Baseline, Baselines
+from mavhums.report.assessment import Assessment, Indicator, Verdict
+
+__all__ = ["REFERENCE_FLIGHTS", "FlightHistory", "PastFlight", "Since", "UndatedError"]
+
+REFERENCE_FLIGHTS = 20
+"""The flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter."""
+
+Since = Mapping[str | None, datetime]
+"""Dates from which flights count, by actuator, as after a repair; None for those that are not named."""
+
+
+class UndatedError(MavhumsError):
+    """A log without a date has no place among the flights."""
+
+
+@dataclass(frozen=True, slots=True)
+class PastFlight:
+    """One assessment of the history.
+
+    Attributes
+    ----------
+    start, end
+        Of its log, UTC.
+    file, written
+        Where the assessment lies, and when it was written there, seconds since 1970.
+    """
+
+    assessment: Assessment
+    start: datetime
+    end: datetime
+    file: Path | None = None
+    written: float = float("inf")
+
+    @classmethod
+    def of(
+        cls, assessment: Assessment, file: Path | None = None, written: float = float("inf")
+    ) -> PastFlight:
+        """Take an assessment's place in time from its log.
+
+        Raises
+        ------
+        UndatedError
+            If the log says none.
+        MavhumsError
+            If what it says is no time.
+        """
+        log = assessment.log
+        if log.start_utc is None:
+            remedy = "record with a ground station that knows the time"
+            raise UndatedError(
+                f"{file or log.path}: its log has no date, so no place among the flights", remedy
+            )
+        try:
+            start = datetime.fromisoformat(log.start_utc)
+            start = (start if start.tzinfo else start.replace(tzinfo=UTC)).astimezone(UTC)
+            return cls(assessment, start, start + timedelta(seconds=log.duration_s), file, written)
+        except (ValueError, OverflowError) as error:
+            problem = (
+                f"{file or log.path}: log.start_utc: {log.start_utc[:60]!r} and the duration are no time"
+            )
+            raise MavhumsError(problem, "analyse its log again") from error
+
+    def counts(self, actuator: str, since: Since | None) -> bool:
+        """Whether it began on or after the date from which the actuator's flights count."""
+        dates = since or {}
+        date = dates.get(actuator, dates.get(None))
+        return date is None or self.start >= date
+
+
+@dataclass(frozen=True, slots=True)
+class FlightHistory:
+    """The flights of one aircraft, or of a fleet in which each has a system id of its own.
+
+    Attributes
+    ----------
+    flights
+        In the order of time, each log once for each airframe profile.
+    errors
+        What could not be read of the folder; the rest was.
+    notices
+        What was left out without a loss.
+    """
+
+    flights: tuple[PastFlight, ...] = ()
+    errors: tuple[MavhumsError, ...] = ()
+    notices: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "flights", _once(self.flights))
+
+    def baselines(
+        self, airframe: str | None, before: datetime | None, since: Since | None = None
+    ) -> Baselines:
+        """Return what each actuator's indicators were in its reference flights.
+
+        Those are the first 20 that show the indicator, in which the actuator was judged normal and nothing
+        was suspected. They stay the same however long it flies: a baseline that moved along would learn
+        the wear.
+
+        Parameters
+        ----------
+        airframe
+            Name of the profile; a flight judged by another was of another aircraft, or by other limits.
+        before
+            When the flight begins that is to be judged. Only those that ended by then count: neither that
+            flight itself, judged before, nor later ones. None, where that is not known, for no baseline.
+        since
+            Dates from which flights count.
+        """
+        reference: dict[tuple[int, str, str], list[Indicator]] = {}
+        for flight in self.flights:
+            if before is None or flight.end > before or not _judged_by(flight, airframe):
+                continue
+            for verdict in flight.assessment.verdicts:
+                if (
+                    verdict.vehicle is None
+                    or not _healthy(verdict)
+                    or not flight.counts(verdict.actuator, since)
+                ):
+                    continue
+                for shown in verdict.indicators:
+                    flown = reference.setdefault((verdict.vehicle, verdict.actuator, shown.fault), [])
+                    if len(flown) < REFERENCE_FLIGHTS:
+                        flown.append(shown)
+        return {key: baseline for key, flown in reference.items() if (baseline := Baseline.of(flown))}
+
+    def with_flight(self, assessment: Assessment) -> FlightHistory:
+        """Return the history with one more flight, if its log has a date."""
+        try:
+            return FlightHistory((*self.flights, PastFlight.of(assessment)), self.errors, self.notices)
+        except UndatedError:
+            return self
+
+
+def _judged_by(flight: PastFlight, airframe: str | None) -> bool:
+    """Whether a flight's vehicles, or one of several, were judged by a profile."""
+    judged = flight.assessment.airframe
+    return judged == airframe or airframe in (judged or "").split(", ")
+
+
+def _healthy(verdict: Verdict) -> bool:
+    return verdict.condition == verdict.worst == "normal" and not verdict.suspects
+
+
+def _once(flights: Iterable[PastFlight]) -> tuple[PastFlight, ...]:
+    """Keep the assessment written last of each log and airframe, in the order of time."""
+    once: dict[tuple[str | None, ...], PastFlight] = {}
+    for flight in sorted(flights, key=lambda flight: (flight.written, str(flight.file))):
+        log = flight.assessment.log
+        same = (log.sha256,) if log.sha256 else (log.path, log.start_utc)
+        once[*same, flight.assessment.airframe] = flight
+    return tuple(sorted(once.values(), key=lambda flight: (flight.start, str(flight.file))))

@@ -1,0 +1,193 @@
+"""Each actuator over its flights: how its indicators change, and the flights left until an emergency."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+from dataclasses import dataclass
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mavhums.health.baseline import Baseline
+from mavhums.health.trend import MIN_FLIGHTS, fit_trend
+from mavhums.history.files import read_history
+from mavhums.history.flights import FlightHistory, PastFlight, Since
+from mavhums.report.assessment import ALL, Condition, Indicator, Interval, Verdict
+from mavhums.report.trend import ActuatorTrend, FlightPoint, TrendReport, to_frame
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["trend", "trend_report"]
+
+_GRAVITY: tuple[Condition, ...] = ("normal", "undecided", "degraded", "emergency")
+_NORMAL_95 = 1.96
+
+
+@dataclass(frozen=True, slots=True)
+class _Flown:
+    """One flight of one actuator; ``number`` counts them from 1, judged or not."""
+
+    number: int
+    flight: PastFlight
+    verdict: Verdict
+
+    def shown(self, fault: str) -> Indicator | None:
+        return next((one for one in self.verdict.indicators if one.fault == fault), None)
+
+
+def trend(
+    folder: str | os.PathLike[str],
+    *,
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
+    since: Since | None = None,
+) -> pd.DataFrame:
+    """Return every actuator's indicators over the flights in a folder of assessments.
+
+    Parameters
+    ----------
+    folder
+        As for :func:`mavhums.history.files.read_history`.
+    actuators, faults
+        Which; all if none is named.
+    since
+        Dates from which flights count, by actuator; None as the name of all others.
+
+    Returns
+    -------
+    DataFrame
+        A row per flight and indicator, in the order of actuators and of time: ``vehicle``, ``actuator``,
+        ``airframe``, ``fault``, ``quantity``, ``unit``, ``flight`` (from 1), ``start_utc``, ``log``,
+        ``estimate`` with its 95 % interval ``low`` and ``high``, ``condition``, and the limits ``limit``
+        (degraded) and ``emergency``, NaN where there is none.
+
+    Raises
+    ------
+    MavhumsError
+        If there is no such folder.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> from mavhums.history.files import keep_assessment
+    >>> file = keep_assessment(mavhums.analyse("flight.tlog"), "flights")
+    >>> list(mavhums.trend("flights", faults=["friction"]).columns)[9:12]
+    ['estimate', 'low', 'high']
+    """
+    report = trend_report(read_history(folder), actuators=actuators, faults=faults, since=since)
+    return to_frame(
+        sorted(report.trends, key=lambda one: (one.vehicle, one.actuator, one.airframe or "", one.fault))
+    )
+
+
+def trend_report(
+    history: FlightHistory,
+    *,
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
+    since: Since | None = None,
+) -> TrendReport:
+    """Fit a trend to every indicator of every actuator; arguments as of ``trend``."""
+    trends: list[ActuatorTrend] = []
+    unshown: list[str] = []
+    for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():
+        names = {one.fault for each in flown for one in each.verdict.indicators}
+        if not names:
+            unshown.append(f"{vehicle}: {actuator}")
+        for fault in sorted(name for name in names if not faults or name in faults):
+            newest = next(each for each in reversed(flown) if each.shown(fault))
+            references = history.baselines(airframe, newest.flight.start, since)
+            baseline = references.get((vehicle, actuator, fault))
+            trends.append(_trend(flown, fault, baseline, airframe))
+    return TrendReport(
+        flights=len(history.flights),
+        trends=tuple(sorted(trends, key=_rank)),
+        unshown=tuple(unshown),
+        errors=tuple(error.problem for error in history.errors),
+        notices=history.notices,
+    )
+
+
+def _by_actuator(
+    history: FlightHistory, actuators: Collection[str], since: Since | None
+) -> dict[tuple[int, str, str | None], list[_Flown]]:
+    """Return the flights of each actuator, in the order of time."""
+    found: dict[tuple[int, str, str | None], list[_Flown]] = {}
+    for flight in history.flights:
+        for verdict in flight.assessment.verdicts:
+            unwanted = verdict.actuator == ALL or (actuators and verdict.actuator not in actuators)
+            if verdict.vehicle is None or unwanted or not flight.counts(verdict.actuator, since):
+                continue
+            key = (verdict.vehicle, verdict.actuator, flight.assessment.airframe)
+            flown = found.setdefault(key, [])
+            flown.append(_Flown(len(flown) + 1, flight, verdict))
+    return found
+
+
+def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe: str | None) -> ActuatorTrend:
+    pairs = [(each, one) for each in flown if (one := each.shown(fault))]
+    newest = pairs[-1][1]
+    pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
+    fitted = fit_trend(
+        np.array([each.number for each, _ in pairs], dtype=np.float64),
+        np.array([one.value.estimate for _, one in pairs]),
+        np.array([_error(one) for _, one in pairs]),
+        newest.emergency,
+    )
+    expected = baseline.prediction() if baseline else None
+    starts = [each.flight.start.isoformat() for each, _ in pairs]
+    latest = flown[-1].verdict
+    return ActuatorTrend(
+        vehicle=latest.vehicle or 0,
+        actuator=latest.actuator,
+        airframe=airframe,
+        fault=fault,
+        quantity=newest.quantity,
+        unit=newest.unit,
+        condition=latest.gravest,
+        flights=len(flown),
+        limit=newest.limit,
+        emergency=newest.emergency,
+        baseline=expected,
+        change=_change(newest, expected),
+        level=fitted.level if fitted else None,
+        per_flight=fitted.per_flight if fitted else None,
+        between=fitted.between if fitted else None,
+        left_out=tuple(starts[place] for place in fitted.left_out) if fitted else (),
+        flights_left=fitted.flights_left if fitted else None,
+        reason=fitted.reason if fitted else f"{len(pairs)} flights show it; a trend needs {MIN_FLIGHTS}",
+        points=tuple(
+            FlightPoint(
+                flight=each.number,
+                start_utc=start,
+                log=each.flight.assessment.log.path,
+                value=one.value,
+                condition=each.verdict.gravest,
+            )
+            for start, (each, one) in zip(starts, pairs, strict=True)
+        ),
+    )
+
+
+def _error(one: Indicator) -> float:
+    """Return the standard error of what differs from flight to flight; the torque scale does not."""
+    if one.scatter is not None:
+        return one.scatter / sqrt(one.windows)
+    return (one.value.high - one.value.low) / (2 * _NORMAL_95)
+
+
+def _change(newest: Indicator, expected: Interval | None) -> Interval | None:
+    if expected is None:
+        return None
+    value = newest.value.estimate
+    return Interval(estimate=value - expected.estimate, low=value - expected.high, high=value - expected.low)
+
+
+def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
+    """Put first what is worst now, then what has the fewest flights left, then what is nearest its limit."""
+    left = one.flights_left.low if one.flights_left else float("inf")
+    share = one.points[-1].value.estimate / one.emergency if one.emergency else 0.0
+    return -_GRAVITY.index(one.condition), left, -share, one.vehicle, one.actuator

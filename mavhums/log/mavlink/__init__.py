@@ -1,0 +1,1 @@
+"""MAVLink telemetry logs and links: frames, dialects, signatures, clocks."""

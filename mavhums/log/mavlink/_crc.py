@@ -1,0 +1,153 @@
+"""CRC-16/MCRF4XX (X.25) of MAVLink frames, eight bytes at a time.
+
+The CRC is linear, so it is taken with a start value of zero, for which leading zeros do not count:
+the first word is masked instead of a tail being run byte by byte. The contribution of the real
+start value 0xFFFF depends on the length alone and comes from a table.
+Slicing: Kounavis and Berry, "A systematic approach to building high performance software-based CRC
+generators" (2005).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import inlined, kernel
+
+__all__ = ["GUARD", "crc_of", "finish_crc", "load_word", "seed_of", "store_word"]
+
+GUARD = 32
+"""Readable bytes before the first frame in a buffer: a signature, a stamp, and a word for the CRC."""
+
+_POLYNOMIAL = 0x8408
+_LONGEST = 10 + 255
+
+
+def _slices() -> NDArray[np.uint16]:
+    """Return T of shape (8, 256): T[j, b] is the CRC of byte b followed by j zero bytes."""
+    table = np.zeros((8, 256), dtype=np.uint16)
+    for byte in range(256):
+        crc = byte
+        for _ in range(8):
+            crc = (crc >> 1) ^ (_POLYNOMIAL if crc & 1 else 0)
+        table[0, byte] = crc
+    for j in range(1, 8):
+        table[j] = (table[j - 1] >> 8) ^ table[0, table[j - 1] & 0xFF]
+    return table
+
+
+def _start_values() -> NDArray[np.uint16]:
+    """Return what the start value 0xFFFF contributes to the CRC of n bytes, for n = 0…265."""
+    out = np.zeros(_LONGEST + 1, dtype=np.uint16)
+    out[0] = 0xFFFF
+    for n in range(_LONGEST):
+        out[n + 1] = (out[n] >> 8) ^ _T[0, out[n] & 0xFF]
+    return out
+
+
+_T = _slices()
+_T0, _T1, _T2, _T3, _T4, _T5, _T6, _T7 = _T
+_START = _start_values()
+_BY_HIGH_BYTE = np.argsort(_T0 >> 8).astype(np.uint16)
+_BYTE = np.uint64(0xFF)
+_ONES = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
+
+
+def _load_word(typing_context: Any, data: Any, index: Any) -> Any:
+    """Load the eight bytes at ``index`` of a contiguous uint8 array, little endian."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        place = builder.gep(array.data, [arguments[1]])
+        word = builder.load(builder.bitcast(place, ir.IntType(64).as_pointer()))
+        word.align = 1
+        return word
+
+    return types.uint64(data, types.int64), generate
+
+
+def _store_word(typing_context: Any, data: Any, index: Any, word: Any) -> Any:
+    """Store eight bytes at ``index`` of a contiguous uint8 array, little endian."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        place = builder.gep(array.data, [arguments[1]])
+        store = builder.store(arguments[2], builder.bitcast(place, ir.IntType(64).as_pointer()))
+        store.align = 1
+        return context.get_dummy_value()
+
+    return types.void(data, types.int64, types.uint64), generate
+
+
+def _load_bytes(data: NDArray[np.uint8], index: int) -> Any:
+    if index < 0:
+        raise IndexError
+    word = np.uint64(0)
+    for k in range(8):
+        word |= np.uint64(data[index + k]) << np.uint64(8 * k)
+    return word
+
+
+def _store_bytes(data: NDArray[np.uint8], index: int, word: Any) -> None:
+    if index < 0:
+        raise IndexError
+    for k in range(8):
+        data[index + k] = (word >> np.uint64(8 * k)) & np.uint64(0xFF)
+
+
+# With NUMBA_BOUNDSCHECK=1 every access of the kernels is checked, these too.
+_CHECKED = bool(getattr(config, "BOUNDSCHECK", False))
+load_word: Any = inlined(_load_bytes) if _CHECKED else intrinsic(_load_word)
+store_word: Any = inlined(_store_bytes) if _CHECKED else intrinsic(_store_word)
+
+
+@inlined
+def crc_of(data: NDArray[np.uint8], start: int, end: int) -> Any:
+    """Return the CRC of ``data[start:end]``, of at most 265 bytes, without crc_extra.
+
+    Seven bytes before ``start`` must be readable.
+    """
+    size = end - start
+    words = (size + 7) >> 3
+    place = end - (words << 3)
+    keep = _ONES << np.uint64((start - place) << 3)
+    crc = np.uint64(0)
+    for _ in range(words):
+        word = (load_word(data, place) & keep) ^ crc
+        keep = _ONES
+        crc = np.uint64(
+            _T7[word & _BYTE]
+            ^ _T6[(word >> np.uint64(8)) & _BYTE]
+            ^ _T5[(word >> np.uint64(16)) & _BYTE]
+            ^ _T4[(word >> np.uint64(24)) & _BYTE]
+            ^ _T3[(word >> np.uint64(32)) & _BYTE]
+            ^ _T2[(word >> np.uint64(40)) & _BYTE]
+            ^ _T1[(word >> np.uint64(48)) & _BYTE]
+            ^ _T0[word >> np.uint64(56)]
+        )
+        place += 8
+    return crc ^ np.uint64(_START[np.uint64(size)])
+
+
+@inlined
+def finish_crc(crc: Any, crc_extra: int) -> Any:
+    """Return the CRC after the seed of the message's definition."""
+    return (crc >> np.uint64(8)) ^ np.uint64(_T0[(crc ^ np.uint64(crc_extra)) & _BYTE])
+
+
+@kernel
+def seed_of(crc: Any, received: Any) -> int:
+    """Return the crc_extra with which ``crc`` ends in ``received``, or -1 if there is none.
+
+    One of 256 damaged frames has one by chance.
+    """
+    entry = np.uint64(received) ^ (crc >> np.uint64(8))
+    index = np.uint64(_BY_HIGH_BYTE[(entry >> np.uint64(8)) & _BYTE])
+    if np.uint64(_T0[index]) != entry:
+        return -1
+    return int((index ^ crc) & _BYTE)

@@ -1,0 +1,105 @@
+"""From rows in the order of the stream to columns by message: a counting sort and a copy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import inlined, kernel
+from mavhums.log.mavlink._crc import GUARD, load_word, store_word
+from mavhums.log.mavlink.flags import MAVLINK1
+
+__all__ = ["SPARE", "count", "gather"]
+
+SPARE = 8
+
+
+@kernel
+def count(rows: NDArray[np.void], wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the number of rows of each wanted message, shape as ``wanted``."""
+    counts = np.zeros(wanted.size, dtype=np.int64)
+    for k in range(rows.size):
+        message = rows[k].message
+        if message >= 0 and wanted[message]:
+            counts[message] += 1
+    return counts
+
+
+@inlined
+def _copy(
+    data: NDArray[np.uint8], source: int, kept: int, out: NDArray[np.uint8], place: int, size: int
+) -> None:
+    """Copy ``kept`` bytes and fill up to ``size`` with zeros; ``out`` has a word to spare behind it.
+
+    Whole words are written: what runs over the end is the next record's, which is written later.
+    """
+    for j in range(0, size, 8):
+        left = kept - j
+        if left >= 8:
+            store_word(out, place + j, load_word(data, source + j))
+        elif left > 0:
+            word = load_word(data, source + kept - 8) >> np.uint64(64 - 8 * left)
+            store_word(out, place + j, word)
+        else:
+            store_word(out, place + j, np.uint64(0))
+
+
+@kernel
+def gather(
+    data: NDArray[np.uint8],
+    base: int,
+    stamp: int,
+    rows: NDArray[np.void],
+    ordinal: int,
+    wanted: NDArray[np.bool_],
+    sizes: NDArray[np.int32],
+    row_of: NDArray[np.int64],
+    byte_of: NDArray[np.int64],
+    frame: NDArray[np.int64],
+    time_us: NDArray[np.int64],
+    header: NDArray[np.uint8],
+    payloads: NDArray[np.uint8],
+) -> int:
+    """Copy the wanted rows to columns; the zeros that senders trim are put back.
+
+    Parameters
+    ----------
+    data, base, stamp
+        The buffer that was scanned, the stream offset of its first byte after the guard, and the
+        bytes of time stamp before each frame.
+    ordinal
+        Number of known frames before this batch.
+    wanted, sizes
+        By message: whether it is wanted, and its record size in bytes.
+    row_of, byte_of
+        By message: where its next row and payload go; advanced.
+    frame, time_us, header, payloads
+        Written. ``header`` has shape (4, n): system, component, sequence, flags. Behind each
+        message's payloads ``SPARE`` bytes are overwritten.
+
+    Returns
+    -------
+    Number of known frames including this batch.
+    """
+    for k in range(rows.size):
+        row = rows[k]
+        message = row.message
+        if message < 0:
+            continue
+        if wanted[message]:
+            out = row_of[message]
+            row_of[message] = out + 1
+            frame[out] = ordinal
+            time_us[out] = row.time_us
+            header[0, out] = row.system
+            header[1, out] = row.component
+            header[2, out] = row.sequence
+            header[3, out] = row.flags
+            source = row.offset - base + GUARD + stamp + (6 if row.flags & MAVLINK1 else 10)
+            size = int(sizes[message])
+            kept = min(int(row.length), size)
+            place = byte_of[message]
+            byte_of[message] = place + size
+            _copy(data, source, kept, payloads, place, size)
+        ordinal += 1
+    return ordinal

@@ -1,0 +1,328 @@
+"""The scan kernel: one pass over a block, from bytes to one row per intact frame.
+
+The rules, in the order in which they are asked at each place:
+
+1. A magic byte after the time stamp; in MAVLink 2 no incompatibility flag but "signed".
+2. A known message counts with a good CRC. One in 64 Ki fits by chance, so out of step it must also
+   bear a time within a day of the last, or come from the last frame's sender with one of its next
+   eight sequence numbers, or be followed by a magic byte. Its time stamp may have been cut off, or
+   the signature before it.
+3. A known message of MAVLink 2 with a bad CRC, in step and followed by a magic byte, is tried with
+   the zeros that a sender trimmed after it had computed the CRC; such a frame is flagged.
+4. An unknown message counts in step only, if some crc_extra fits its CRC and a magic byte follows.
+5. Anything else: one byte is skipped.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import inlined, kernel
+from mavhums.log.mavlink._crc import GUARD, crc_of, finish_crc, seed_of
+from mavhums.log.mavlink._frame import (
+    NO,
+    SIGNATURE,
+    WAIT,
+    YES,
+    follows,
+    frame_end,
+    parts_of,
+)
+from mavhums.log.mavlink._times import DAY_US, judge_time, plausible, stamp_at, time_without_stamp
+from mavhums.log.mavlink.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
+
+__all__ = ["REGION", "ROW", "STATE", "scan"]
+
+ROW = np.dtype(
+    [
+        ("offset", "i8"),
+        ("time_us", "i8"),
+        ("id", "i4"),
+        ("crc", "u2"),
+        ("message", "i2"),
+        ("system", "u1"),
+        ("component", "u1"),
+        ("sequence", "u1"),
+        ("length", "u1"),
+        ("flags", "u1"),
+    ],
+    align=True,
+)
+"""One frame: ``offset`` of its record in the stream, ``message`` the row of its definition or -1."""
+
+REGION = np.dtype([("offset", "i8"), ("size", "i8")])
+STATE = np.dtype(
+    [
+        ("base", "i8"),
+        ("position", "i8"),
+        ("time_us", "i8"),
+        ("lost_step", "i8"),
+        ("reserve", "i8"),
+        ("sender", "i8"),
+        ("sequence", "i8"),
+        ("skipped", "i8"),
+        ("zeros", "i8"),
+        ("odd_times", "i8"),
+        ("jumps", "i8"),
+        ("rewinds", "i8"),
+        ("padded", "i8"),
+        ("trials", "i8"),
+    ]
+)
+"""What is carried from block to block.
+
+``base`` is the stream offset of the buffer's first byte after the guard, ``position`` where in the
+buffer the scan stopped. Since the last frame ``lost_step`` tells whether the next record was not
+where it ought to be, ``skipped`` counts the bytes skipped, negative while a record is tried that
+the cut-off end of that frame would have swallowed, and ``zeros`` the zero bytes at their end;
+``reserve`` is the size of that frame's signature, ``sender`` 256 · system + component of the last
+frame of a known message and ``sequence`` its number. ``trials`` counts the padded lengths tried.
+``time_us`` is -1 before the first frame.
+"""
+
+_REWIND_US = 1_000_000
+_STEP_US = 60 * 1_000_000
+
+Record = Any
+"""An element of a structured array, within compiled code."""
+
+
+@kernel
+def _tries_until_crc_fits(
+    data: NDArray[np.uint8], start: int, length: int, largest: int, seed: int, scratch: NDArray[np.uint8]
+) -> int:
+    """Try payloads padded with zeros, from ``largest`` bytes down; most such senders trimmed a whole payload.
+
+    Return the number of lengths tried until the CRC fitted, or minus that number if none did.
+    """
+    covered = 9 + length
+    scratch[GUARD : GUARD + covered] = data[start + 1 : start + 1 + covered]
+    scratch[GUARD + covered :] = 0
+    received = np.uint64(data[start + 10 + length]) | np.uint64(data[start + 11 + length]) << np.uint64(8)
+    for padded in range(largest, length, -1):
+        scratch[GUARD] = padded
+        if finish_crc(crc_of(scratch, GUARD, GUARD + 9 + padded), seed) == received:
+            return largest - padded + 1
+    return length - largest
+
+
+@inlined
+def _accept(
+    data: NDArray[np.uint8],
+    position: int,
+    sender: int,
+    place: int,
+    end: int,
+    stamp: int,
+    final: bool,
+    state: Record,
+    message: int,
+    flags: int,
+    seeds: NDArray[np.uint8],
+    largest: NDArray[np.int32],
+    scratch: NDArray[np.uint8],
+) -> tuple[int, int]:
+    """Return whether a frame, its number at ``sender`` and its CRC at ``place``, counts, and its flags."""
+    start = position + stamp
+    received = np.uint64(data[place]) | np.uint64(data[place + 1]) << np.uint64(8)
+    crc = crc_of(data, start + 1, place)
+    in_step = state.lost_step == 0
+    if message < 0:
+        if in_step and seed_of(crc, received) >= 0:
+            return follows(data, end, stamp, final), flags
+        return NO, flags
+    if finish_crc(crc, seeds[message]) == received:
+        if in_step:
+            return YES, flags
+        if stamp and _has_stamp(state) and _is_near(state.time_us, stamp_at(data, position)):
+            return YES, flags
+        if _goes_on(state, data, sender):
+            return YES, flags
+        return follows(data, end, stamp, final), flags
+    length = int(data[start + 1])
+    if not in_step or flags & MAVLINK1 or length >= largest[message]:
+        return NO, flags
+    follow = follows(data, end, stamp, final)
+    if follow != YES:
+        return follow, flags
+    tries = _tries_until_crc_fits(data, start, length, largest[message], seeds[message], scratch)
+    state.trials += abs(tries)
+    return (YES if tries > 0 else NO), flags | PADDED
+
+
+@inlined
+def _is_near(last: int, time_us: int) -> bool:
+    return last >= 0 and plausible(time_us) and abs(time_us - last) <= DAY_US
+
+
+@inlined
+def _goes_on(state: Record, data: NDArray[np.uint8], sender: int) -> bool:
+    """Return whether a frame is of the last one's sender, with one of its next eight numbers."""
+    identity = np.int64(data[sender + 1]) << 8 | np.int64(data[sender + 2])
+    ahead = (np.int64(data[sender]) - state.sequence) & 0xFF
+    return bool(identity == state.sender and 1 <= ahead <= 8)
+
+
+@inlined
+def _note_frame(state: Record, data: NDArray[np.uint8], sender: int, message: int, flags: int) -> None:
+    state.reserve = SIGNATURE if flags & SIGNED else 0
+    if flags & PADDED:
+        state.padded += 1
+    if message >= 0:
+        state.sender = np.int64(data[sender + 1]) << 8 | np.int64(data[sender + 2])
+        state.sequence = data[sender]
+
+
+@inlined
+def _has_stamp(state: Record) -> bool:
+    """Return whether there is room for a stamp between the last frame's CRC and this frame."""
+    return bool(state.skipped + state.reserve >= 0)
+
+
+@inlined
+def _step_on(data: NDArray[np.uint8], position: int, stamp: int, state: Record) -> int:
+    """Return where to look next.
+
+    Out of step that is first right behind the last frame's CRC, for what is missing may be its
+    signature or the next record's stamp; then byte by byte.
+    """
+    if state.lost_step == 0:
+        state.lost_step = 1
+        state.skipped = -state.reserve - stamp
+        return int(position - state.reserve - stamp)
+    if state.skipped >= 0:
+        state.zeros = state.zeros + 1 if data[position] == 0 else 0
+    state.skipped += 1
+    return position + 1
+
+
+@inlined
+def _end_region(state: Record, region: Record, offset: int, stamp: int) -> int:
+    """Note the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
+    size = state.skipped if _has_stamp(state) else state.skipped + stamp
+    region.offset = offset - state.skipped
+    region.size = size
+    state.lost_step = 0
+    state.skipped = 0
+    state.zeros = 0
+    return 1 if size > 0 else 0
+
+
+@inlined
+def _note_time(state: Record, sound: bool, time_us: int) -> None:
+    last = state.time_us
+    if not sound:
+        state.odd_times += 1
+    elif last >= 0:
+        if time_us > last + _STEP_US:
+            state.jumps += 1
+        elif time_us < last - _REWIND_US:
+            state.rewinds += 1
+    state.time_us = time_us
+
+
+@kernel
+def scan(
+    data: NDArray[np.uint8],
+    stamp: int,
+    final: bool,
+    carried: NDArray[np.void],
+    ids: NDArray[np.int16],
+    seeds: NDArray[np.uint8],
+    largest: NDArray[np.int32],
+    bad_crc: NDArray[np.int64],
+    rows: NDArray[np.void],
+    regions: NDArray[np.void],
+    spare: NDArray[np.uint8],
+) -> tuple[int, int]:
+    """Find the frames of a buffer.
+
+    Parameters
+    ----------
+    data
+        ``GUARD`` bytes of any value, then the stream from offset ``carried[0].base`` on.
+    stamp
+        Bytes of time stamp before each frame: 8, or 0 in a stream without them.
+    final
+        Whether nothing follows; an unfinished record is skipped then, else it waits.
+    carried
+        Shape (1,) of `STATE`, updated.
+    ids
+        Row of the definition by message id, -1 where unknown.
+    seeds, largest, bad_crc
+        By row: crc_extra, largest payload in bytes, and the count of bad CRCs, updated.
+    rows, regions
+        Written: the frames, and the skipped regions that a frame has ended.
+    spare
+        Written, shape (GUARD + 265,).
+
+    Returns
+    -------
+    Number of rows, number of regions.
+    """
+    state = carried[0]
+    position = GUARD + min(state.skipped, 0)
+    found = 0
+    ended = 0
+    while position < data.size:
+        start = position + stamp
+        end = frame_end(data, start)
+        if end > data.size or end == WAIT:
+            if not final:
+                break
+            end = NO
+        accepted, message, number, sender, place, flags = NO, -1, 0, 0, 0, 0
+        if end != NO:
+            number, sender, place, flags = parts_of(data, start)
+            message = int(ids[number]) if number < ids.size else -1
+            accepted, flags = _accept(
+                data,
+                position,
+                sender,
+                place,
+                end,
+                stamp,
+                final,
+                state,
+                message,
+                flags,
+                seeds,
+                largest,
+                spare,
+            )
+            if accepted == NO and message >= 0 and state.lost_step == 0:
+                bad_crc[message] += 1
+        if accepted == NO:
+            position = _step_on(data, position, stamp, state)
+            continue
+        sound, time_us = YES, state.time_us
+        if not _has_stamp(state):
+            sound, time_us = NO, time_without_stamp(state.time_us)
+        elif accepted == YES and stamp and message >= 0:
+            sound, time_us = judge_time(data, position, end, state.time_us, final)
+        if min(accepted, sound) == WAIT:
+            break
+        if stamp and message >= 0:
+            _note_time(state, sound == YES, time_us)
+        offset = state.base + (position - GUARD)
+        if state.lost_step:
+            ended += _end_region(state, regions[ended], offset, stamp)
+        _note_frame(state, data, sender, message, flags)
+        row = rows[found]
+        row.offset = offset
+        row.time_us = time_us
+        row.id = number
+        row.crc = np.int64(data[place]) | np.int64(data[place + 1]) << 8
+        row.message = message
+        row.sequence = data[sender]
+        row.system = data[sender + 1]
+        row.component = data[sender + 2]
+        row.length = data[start + 1]
+        row.flags = flags | (ODD_TIME if sound == NO else 0)
+        found += 1
+        position = end
+    state.position = position - min(state.skipped, 0)
+    return found, ended

@@ -1,0 +1,204 @@
+"""Per sender: how many messages of each type, and what its sequence numbers say was lost on the way.
+
+A sender counts its frames modulo 256, one counter on each of its links, and a ground station may
+log several links, one of them twice. So up to four counters are followed per (system, component).
+A frame belongs to the counter that expects it, or that lately missed or saw it; one that fits none
+opens a counter. If the counter that spoke before stays silent while the new one goes on, the step
+between them was a loss (modulo 256, so a lower bound); if it speaks again, they are two links.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import inlined, kernel
+
+__all__ = ["LINK", "SENDER", "account"]
+
+_LINKS = 4
+_WINDOW = 32
+_SETTLED = 8
+_ONE = np.uint64(1)
+
+LINK = np.dtype(
+    [
+        ("high", "i8"),
+        ("seen", "u8"),
+        ("used", "i8"),
+        ("opened", "i8"),
+        ("before", "i8"),
+        ("age", "i8"),
+        ("crc", "u2", (64,)),
+    ]
+)
+"""One counter. ``seen`` has bit j set if number ``high - j`` came; ``used`` and ``opened`` are the
+sender's frame counts then (0: free); ``before`` is the counter that spoke before it, or -1."""
+
+SENDER = np.dtype(
+    [
+        ("id", "i8"),
+        ("frames", "i8"),
+        ("missing", "i8"),
+        ("gaps", "i8"),
+        ("reordered", "i8"),
+        ("duplicated", "i8"),
+        ("link", "i8"),
+        ("links", LINK, (_LINKS,)),
+    ],
+    align=True,
+)
+"""``id`` is 256 · system + component; ``link`` the counter that spoke last."""
+
+
+@kernel
+def _step(link: Any, sequence: int) -> int:
+    step: int = (sequence - link.high) & 0xFF
+    return step - 256 if step >= 128 else step
+
+
+@kernel
+def _belongs(link: Any, sequence: int, crc: int) -> bool:
+    if link.used == 0:
+        return False
+    step = _step(link, sequence)
+    if step > 0:
+        return step <= _WINDOW
+    if step <= -_WINDOW:
+        return False
+    missed = (link.seen >> np.uint64(-step)) & _ONE == 0
+    return bool(missed or link.crc[sequence & 63] == crc)
+
+
+@kernel
+def _choose(sender: Any, sequence: int, crc: int) -> int:
+    """Return the counter that the frame belongs to: the one with the smallest step; -1 if to none."""
+    best, least = -1, 1000
+    for k in range(_LINKS):
+        if _belongs(sender.links[k], sequence, crc):
+            step = _step(sender.links[k], sequence)
+            distance = 2 * step if step > 0 else 1 - 2 * step
+            if distance < least:
+                best, least = k, distance
+    return best
+
+
+@kernel
+def _open(sender: Any, sequence: int) -> int:
+    oldest = 0
+    for k in range(1, _LINKS):
+        if sender.links[k].used < sender.links[oldest].used:
+            oldest = k
+    link = sender.links[oldest]
+    link.high = sequence - 1
+    link.seen = ~np.uint64(0)
+    link.opened = sender.frames
+    link.before = sender.link if sender.frames > 1 and sender.link != oldest else -1
+    link.age = 0
+    return oldest
+
+
+@kernel
+def _settle(sender: Any, link: Any) -> None:
+    """Decide whether a new counter goes on where another broke off, or runs beside it."""
+    before = sender.links[link.before]
+    if before.used < link.opened:
+        first = link.high - link.age + 1
+        sender.missing += (first - before.high - 1) & 0xFF
+        sender.gaps += 1
+        before.used = 0
+    link.before = -1
+
+
+@kernel
+def _follow(sender: Any, sequence: int, crc: int) -> None:
+    chosen = _choose(sender, sequence, crc)
+    if chosen < 0:
+        chosen = _open(sender, sequence)
+    link = sender.links[chosen]
+    step = _step(link, sequence)
+    if step > 0:
+        link.seen = (link.seen << np.uint64(step)) | _ONE
+        link.high += step
+        link.age += step
+        sender.missing += step - 1
+        sender.gaps += step > 1
+    else:
+        bit = _ONE << np.uint64(-step)
+        if link.seen & bit:
+            sender.duplicated += 1
+        else:
+            link.seen |= bit
+            sender.missing -= 1
+            sender.reordered += 1
+    link.crc[sequence & 63] = crc
+    link.used = sender.frames
+    sender.link = chosen
+    if link.before >= 0 and link.age >= _SETTLED:
+        _settle(sender, link)
+
+
+@inlined
+def _goes_on(sender: Any, link: Any, sequence: int, crc: int) -> bool:
+    """Take the common case: the counter that spoke last counts one further."""
+    if link.before >= 0 or link.used == 0 or (sequence - link.high) & 0xFF != 1:
+        return False
+    link.high += 1
+    link.age += 1
+    link.seen = (link.seen << _ONE) | _ONE
+    link.crc[sequence & 63] = crc
+    link.used = sender.frames
+    return True
+
+
+@kernel
+def account(
+    rows: NDArray[np.void],
+    first: int,
+    places: NDArray[np.int32],
+    known: int,
+    senders: NDArray[np.void],
+    counts: NDArray[np.int64],
+    totals: NDArray[np.int64],
+) -> tuple[int, int]:
+    """Follow the frames ``rows[first:]``, until there is no room for a new sender.
+
+    Parameters
+    ----------
+    places
+        Row of each sender in ``senders`` and ``counts``, -1 where it has none; shape (65536,).
+    known
+        Number of rows in use.
+    senders, counts
+        Updated; ``counts`` has shape (rows, messages).
+    totals
+        Updated, shape (3,): number of frames of known messages, times of the first and the latest.
+
+    Returns
+    -------
+    Number of rows followed in all, number of senders.
+    """
+    for k in range(first, rows.size):
+        row = rows[k]
+        identity = np.int64(row.system) << 8 | np.int64(row.component)
+        place = places[identity]
+        if place < 0:
+            if known == senders.size:
+                return k, known
+            place = known
+            places[identity] = place
+            senders[place].id = identity
+            known += 1
+        sender = senders[place]
+        sender.frames += 1
+        if row.message >= 0:
+            counts[place, row.message] += 1
+            if totals[0] == 0:
+                totals[1] = row.time_us
+            totals[0] += 1
+            totals[2] = row.time_us
+        if not _goes_on(sender, sender.links[sender.link], int(row.sequence), row.crc):
+            _follow(sender, int(row.sequence), row.crc)
+    return rows.size, known

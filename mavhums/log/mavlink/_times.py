@@ -1,0 +1,108 @@
+"""Whether a record's time stamp can be believed.
+
+A time more than a minute from the last is held against the next record's: if the way over it is a
+detour of more than two minutes it is damaged, else the clock was set or the link was silent. Where
+no record follows, a step of up to a day is believed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import inlined, kernel
+from mavhums.log.mavlink._crc import load_word
+from mavhums.log.mavlink._frame import NO, WAIT, YES, follows, frame_end
+
+__all__ = ["DAY_US", "STAMP", "judge_time", "plausible", "stamp_at", "time_without_stamp"]
+
+STAMP = 8
+"""Bytes of a time stamp."""
+
+DAY_US = 86_400 * 1_000_000
+_STEP_US = 60 * 1_000_000
+_YEAR_2000_US, _YEAR_2100_US = 946_684_800_000_000, 4_102_444_800_000_000
+
+
+@inlined
+def stamp_at(data: NDArray[np.uint8], place: int) -> int:
+    """Return the big-endian time stamp at ``place``, as a signed number."""
+    word = load_word(data, place)
+    out = np.uint64(0)
+    for k in range(8):
+        out |= ((word >> np.uint64(8 * k)) & np.uint64(0xFF)) << np.uint64(56 - 8 * k)
+    return int(np.int64(out))
+
+
+@inlined
+def plausible(time_us: int) -> bool:
+    """Return whether a time lies between 1970 and 2100."""
+    return 0 <= time_us < _YEAR_2100_US
+
+
+@inlined
+def time_without_stamp(last: int) -> int:
+    """Return the time of a frame whose stamp was cut off."""
+    return last if last >= 0 else _YEAR_2000_US
+
+
+@kernel
+def _is_detour(last: int, time_us: int, following: int) -> bool:
+    if following < 0:
+        return abs(time_us - last) > DAY_US
+    way = abs(time_us - last) + abs(following - time_us)
+    return way - abs(following - last) > 2 * _STEP_US
+
+
+@kernel
+def _judge_first_time(
+    data: NDArray[np.uint8], time_us: int, following: int, end: int, final: bool
+) -> tuple[int, int]:
+    """Return whether the first frame's time is sound, and the time to take.
+
+    Where it is a day off the second record's, which begins at ``end``, the third one's decides; if
+    no record begins there, or the third one's is none, the first is believed.
+    """
+    sound = plausible(time_us)
+    if following < 0:
+        return (YES, time_us) if sound else (NO, _YEAR_2000_US)
+    if not sound:
+        return NO, following
+    if abs(following - time_us) <= DAY_US:
+        return YES, time_us
+    second_end = frame_end(data, end + STAMP)
+    if second_end == NO:
+        return YES, time_us
+    if second_end == WAIT:
+        return (YES if final else WAIT), time_us
+    follow = follows(data, second_end, STAMP, final)
+    if follow == WAIT:
+        return WAIT, time_us
+    if follow == NO or second_end == data.size:
+        return YES, time_us
+    third = stamp_at(data, second_end)
+    if not plausible(third) or abs(third - time_us) <= abs(third - following):
+        return YES, time_us
+    return NO, following
+
+
+@inlined
+def judge_time(data: NDArray[np.uint8], position: int, end: int, last: int, final: bool) -> tuple[int, int]:
+    """Return whether the stamp of the record from ``position`` to ``end`` is sound, and the time to take.
+
+    ``last`` is the time before, -1 if there is none. ``WAIT`` where the answer lies in bytes to come.
+    """
+    time_us = stamp_at(data, position)
+    if last >= 0 and plausible(time_us) and abs(time_us - last) <= _STEP_US:
+        return YES, time_us
+    follow = follows(data, end, STAMP, final)
+    if follow == WAIT:
+        return WAIT, time_us
+    following = -1
+    if follow == YES and end < data.size and plausible(stamp_at(data, end)):
+        following = stamp_at(data, end)
+    if last < 0:
+        return _judge_first_time(data, time_us, following, end, final)
+    if not plausible(time_us) or _is_detour(last, time_us, following):
+        return NO, last
+    return YES, time_us

@@ -1,0 +1,209 @@
+"""MAVLink message definitions as numpy record types, from the dialects' XML.
+
+The shipped set is ardupilotmega with all that it includes and development, as pymavlink carries
+them, and ``messages/*.xml`` beside this module for what those lack. A user's own XML goes before.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mavhums.core.errors import MavhumsError
+
+__all__ = ["Definition", "Dialect", "DialectError", "Field", "load_dialect"]
+
+_SHIPPED = ("ardupilotmega.xml", "development.xml")
+_KINDS = {
+    "int8_t": "i1",
+    "uint8_t": "u1",
+    "int16_t": "<i2",
+    "uint16_t": "<u2",
+    "int32_t": "<i4",
+    "uint32_t": "<u4",
+    "int64_t": "<i8",
+    "uint64_t": "<u8",
+    "float": "<f4",
+    "double": "<f8",
+}
+
+
+_NOT_MAVLINK = (ElementTree.ParseError, LookupError, ValueError, AttributeError, TypeError)
+
+
+class DialectError(MavhumsError):
+    """The XML of a dialect cannot be used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """What the XML says of a field beyond its type.
+
+    Attributes
+    ----------
+    units
+        As in the XML, for example ``cdegC``; empty where it has none.
+    enum
+        Name of the enum that its values are of; empty where there is none.
+    elements
+        Array length; 1 for a scalar, and the width of a char field.
+    extension
+        Whether MAVLink 1 leaves the field out.
+    """
+
+    name: str
+    units: str
+    enum: str
+    elements: int
+    extension: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """One message of the dialect.
+
+    Attributes
+    ----------
+    wire
+        Record type of the full payload, fields in wire order; its size is the largest payload.
+    base_size
+        Size in bytes without the extension fields: the payload of MAVLink 1.
+    crc_extra
+        Seed by which sender and receiver agree on the definition.
+    fields
+        In wire order.
+    """
+
+    id: int
+    name: str
+    crc_extra: int
+    wire: np.dtype[np.void]
+    base_size: int
+    fields: tuple[Field, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dialect:
+    """Definitions by message id in ascending order, and the enums' names by value."""
+
+    definitions: dict[int, Definition]
+    enums: dict[str, dict[int, str]]
+
+
+@cache
+def load_dialect(path: Path | None = None) -> Dialect:
+    """Return the shipped definitions, and before them those of a user's MAVLink XML.
+
+    Where two shipped dialects define one id, the larger definition is kept; a user's always wins.
+
+    Parameters
+    ----------
+    path
+        A MAVLink XML file; its includes are looked for beside it, then among the shipped ones.
+
+    Raises
+    ------
+    DialectError
+        If the file is missing or is not MAVLink XML.
+    """
+    definitions: dict[int, Definition] = {}
+    enums: dict[str, dict[int, str]] = {}
+    for document in _shipped():
+        _merge_enums(enums, document)
+        for definition in map(_definition, document.message):
+            known = definitions.get(definition.id)
+            if known is None or definition.wire.itemsize > known.wire.itemsize:
+                definitions[definition.id] = definition
+    if path is not None:
+        for document in reversed(list(_documents(path, set()))):
+            _merge_enums(enums, document)
+            definitions |= {message.id: _definition(message) for message in document.message}
+    return Dialect(dict(sorted(definitions.items())), enums)
+
+
+def _shipped() -> Iterator[Any]:
+    seen: set[Path] = set()
+    for name in _SHIPPED:
+        yield from _documents(_pymavlink_folder() / name, seen)
+    for entry in resources.files("mavhums.log.mavlink").joinpath("messages").iterdir():
+        with resources.as_file(entry) as path:
+            yield from _documents(path, seen)
+
+
+def _pymavlink_folder() -> Path:
+    import pymavlink
+
+    return Path(pymavlink.__file__).parent / "dialects" / "v20"
+
+
+def _documents(path: Path, seen: set[Path]) -> Iterator[Any]:
+    """Yield a parsed XML file, then those that it includes, each once."""
+    if path in seen:
+        return
+    seen.add(path)
+    document = _parse(path)
+    yield document
+    for name in document.include:
+        beside = path.parent / name
+        yield from _documents(beside if beside.exists() else _pymavlink_folder() / name, seen)
+
+
+def _parse(path: Path) -> Any:
+    from pymavlink.generator import mavparse
+
+    try:
+        if _pymavlink_folder() not in path.parents:
+            with path.open("rb") as file:
+                ElementTree.parse(file)
+        with redirect_stdout(io.StringIO()):
+            return mavparse.MAVXML(str(path), mavparse.PROTOCOL_2_0)
+    except OSError as error:
+        raise DialectError(f"{path}: {error.strerror}", "check the path of the MAVLink XML") from error
+    except (
+        mavparse.MAVParseError,
+        ElementTree.ParseError,
+        LookupError,
+        ValueError,
+        AttributeError,
+        TypeError,
+    ) as error:
+        raise DialectError(f"{path}: not MAVLink XML ({error})", "check it with mavgen --validate") from error
+
+
+def _definition(message: Any) -> Definition:
+    base = set(message.fieldnames[: message.extensions_start])
+    fields = tuple(
+        Field(f.name, f.units.strip("[]"), f.enum, max(f.array_length, 1), f.name not in base)
+        for f in message.ordered_fields
+    )
+    return Definition(
+        message.id,
+        message.name,
+        message.crc_extra,
+        np.dtype([_column(f) for f in message.ordered_fields]),
+        message.wire_min_length,
+        fields,
+    )
+
+
+def _column(field: Any) -> tuple[Any, ...]:
+    if field.type == "char":
+        return field.name, f"S{max(field.array_length, 1)}"
+    if field.array_length:
+        return field.name, _KINDS[field.type], (field.array_length,)
+    return field.name, _KINDS[field.type]
+
+
+def _merge_enums(enums: dict[str, dict[int, str]], document: Any) -> None:
+    for enum in document.enum:
+        entries = enums.setdefault(enum.name, {})
+        entries |= {e.value: e.name for e in enum.entry if not e.end_marker}

@@ -1,0 +1,99 @@
+"""Two things that may have befallen a log as a whole, found while it streams in and undone.
+
+A log without time stamps (``.tlog.raw``) has its frames back to back. A log that a program copied
+as text has a carriage return before every line feed; that is undone without a doubt, because a
+carriage return that was there before has got a second one.
+"""
+
+from __future__ import annotations
+
+from mavhums.log.mavlink.dialect import Dialect
+from mavhums.log.mavlink.scanner import FrameScanner
+
+__all__ = ["Intake"]
+
+_CR, _LF, _CRLF = b"\r", b"\n", b"\r\n"
+_EVIDENCE = 3
+_HELD = 1 << 12
+_HEAD = 1 << 10
+_MAGIC = (0xFD, 0xFE)
+
+
+class Intake:
+    """Decides how a stream is to be read, from its bytes alone, and passes them on.
+
+    Bytes are held back only while a question is open: a kilobyte if the stream begins with a magic
+    byte, and if the first line feed follows a carriage return, until one comes that does not, or
+    four kilobytes have shown that more frames are found without the carriage returns.
+
+    Attributes
+    ----------
+    stamp
+        Bytes of time stamp before each frame, 8 or 0; None while that is open.
+    line_ends
+        Number of carriage returns that were taken out.
+    """
+
+    def __init__(self, dialect: Dialect) -> None:
+        self.stamp: int | None = None
+        self.line_ends = 0
+        self._dialect = dialect
+        self._text: bool | None = None
+        self._held = b""
+        self._head = b""
+
+    def feed(self, block: bytes, *, final: bool = False) -> bytes:
+        """Return the bytes that can be read now; ``final`` says that nothing follows."""
+        data = self._restore(block, final)
+        if self.stamp is not None:
+            return data
+        self._head += data
+        if not self._head or (self._head[0] in _MAGIC and len(self._head) < _HEAD and not final):
+            return b""
+        self.stamp = 0 if self._is_back_to_back(self._head[:_HEAD]) else 8
+        data, self._head = self._head, b""
+        return data
+
+    def _restore(self, block: bytes, final: bool) -> bytes:
+        if self._text is False:
+            return block
+        data, self._held = self._held + block, b""
+        before = b""
+        if self._text is None:
+            first = data.find(_LF)
+            if first >= 0:
+                begin = max(first - 1, 0)
+                before, data = data[:begin], data[begin:]
+                self._text = self._is_text(data, final)
+                if self._text is False:
+                    return before + data
+                if self._text is None:
+                    self._held = data
+                    return before
+        if data.endswith(_CR) and not final:
+            data, self._held = data[:-1], _CR
+        if self._text:
+            whole = len(data)
+            data = data.replace(_CRLF, _LF)
+            self.line_ends += whole - len(data)
+        return before + data
+
+    def _is_text(self, data: bytes, final: bool) -> bool | None:
+        """Return whether ``data``, which begins at the first line feed, was converted; None if open."""
+        head = data[:_HELD]
+        if head.count(_LF) > head.count(_CRLF):
+            return False
+        if len(head) < _HELD and not final:
+            return None
+        restored = head.replace(_CRLF, _LF)
+        return len(head) - len(restored) >= _EVIDENCE and self._frames(restored) > self._frames(head)
+
+    def _frames(self, data: bytes) -> int:
+        return FrameScanner(self._dialect).feed(data, final=True).rows.size
+
+    def _is_back_to_back(self, head: bytes) -> bool:
+        rows = FrameScanner(self._dialect, stamp=0).feed(head, final=True).rows
+        if rows.size == 0 or head[0] not in _MAGIC or rows["offset"][0] or rows["message"][0] < 0:
+            return False
+        size = int(rows["length"][0]) + (8 if head[0] == _MAGIC[1] else 25 if head[2] & 1 else 12)
+        return bool(size >= len(head) or head[size] in _MAGIC)

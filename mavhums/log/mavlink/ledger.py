@@ -1,0 +1,88 @@
+"""The account of a stream: who sent how much of what, and what its sequence numbers lack."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.log.mavlink import _sequence
+from mavhums.log.mavlink.dialect import Dialect
+from mavhums.report.assessment import SequenceLoss
+
+__all__ = ["Ledger"]
+
+_IDS_KEPT = 1000
+
+
+class Ledger:
+    """Counts the frames of a stream.
+
+    Attributes
+    ----------
+    unknown
+        Number of frames by message id that the dialect does not define; -1 stands for all ids
+        beyond the first thousand.
+    """
+
+    def __init__(self, dialect: Dialect) -> None:
+        self.unknown: dict[int, int] = {}
+        self._totals = np.zeros(3, dtype=np.int64)
+        self._names = [definition.name for definition in dialect.definitions.values()]
+        self._places = np.full(1 << 16, -1, dtype=np.int32)
+        self._known = 0
+        self._senders = np.zeros(8, dtype=_sequence.SENDER)
+        self._counts = np.zeros((8, len(self._names)), dtype=np.int64)
+
+    def add(self, rows: NDArray[np.void]) -> None:
+        """Take the next frames into account."""
+        if rows.size == 0:
+            return
+        done, before = 0, self.frames
+        while True:
+            done, self._known = _sequence.account(
+                rows, done, self._places, self._known, self._senders, self._counts, self._totals
+            )
+            if done == rows.size:
+                break
+            self._senders = np.concatenate([self._senders, np.zeros_like(self._senders)])
+            self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])
+        if self.frames - before < rows.size:
+            numbers = rows["id"][rows["message"] < 0]
+            for number, count in zip(*np.unique(numbers, return_counts=True), strict=True):
+                key = int(number) if number in self.unknown or len(self.unknown) < _IDS_KEPT else -1
+                self.unknown[key] = self.unknown.get(key, 0) + int(count)
+
+    @property
+    def frames(self) -> int:
+        """Number of intact frames of known messages."""
+        return int(self._totals[0])
+
+    @property
+    def first_time_us(self) -> int | None:
+        """Time of the first of them; None before it."""
+        return int(self._totals[1]) if self.frames else None
+
+    @property
+    def last_time_us(self) -> int | None:
+        """Time of the latest of them; None before the first."""
+        return int(self._totals[2]) if self.frames else None
+
+    @property
+    def counts(self) -> dict[tuple[int, int, str], int]:
+        """Number of intact messages by (system, component, name)."""
+        counts = self._counts[: self._known]
+        out = {}
+        for place, message in zip(*(axis.tolist() for axis in np.nonzero(counts)), strict=True):
+            system, component = divmod(int(self._senders["id"][place]), 256)
+            out[system, component, self._names[message]] = int(counts[place, message])
+        return out
+
+    def sequence_losses(self) -> Iterator[SequenceLoss]:
+        """Yield an account of each sender whose sequence numbers are not in one unbroken order."""
+        for sender in self._senders[: self._known]:
+            found = {name: int(sender[name]) for name in ("missing", "gaps", "reordered", "duplicated")}
+            if any(found.values()):
+                system, component = divmod(int(sender["id"]), 256)
+                yield SequenceLoss(system=system, component=component, frames=int(sender["frames"]), **found)

@@ -1,0 +1,142 @@
+"""MAVLink 2 signatures: which frames were signed with the user's key, each for the first time.
+
+A signed frame ends with its link's number, a 48-bit time stamp counting 10 µs since 2015, and the
+first six bytes of SHA-256 over key, frame, link number and time stamp (MAVLink's "Message Signing").
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.errors import MavhumsError
+from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.mavlink._frame import HEAD_V1, HEAD_V2, SIGNATURE
+from mavhums.log.mavlink.flags import MAVLINK1, SIGNED
+from mavhums.log.mavlink.scanner import Batch
+
+__all__ = ["TICKS_PER_MINUTE", "Guard", "KeyFileError", "frame_sizes", "load_key", "signing_ticks"]
+
+TICKS_PER_MINUTE = 60 * 100_000
+"""Of a signature's time stamp."""
+
+_KEY_BYTES = 32
+_DIGEST_BYTES = 6
+_EPOCH_2015_US = 1_420_070_400_000_000
+
+
+class KeyFileError(MavhumsError):
+    """The file holds no signing key."""
+
+
+def load_key(path: str | os.PathLike[str]) -> bytes:
+    """Return the 32 bytes of a signing key from a file that holds them raw, or as 64 hexadecimal digits.
+
+    Raises
+    ------
+    KeyFileError
+        If the file cannot be read, or holds neither.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise KeyFileError(f"{path}: {error.strerror}", "name the file with the signing key") from error
+    if len(content) == _KEY_BYTES:
+        return content
+    try:
+        key = bytes.fromhex(content.decode("ascii"))
+    except ValueError:
+        key = b""
+    if len(key) != _KEY_BYTES:
+        raise KeyFileError(
+            f"{path}: no signing key",
+            "it must hold 32 bytes, or 64 hexadecimal digits; of a passphrase, as ground stations take it, "
+            "the key is the SHA-256: printf %s PASSPHRASE | sha256sum | cut -c1-64",
+        )
+    return key
+
+
+def signing_ticks(time_us: int) -> int:
+    """Return the time stamp of a signature made at a time, microseconds of UTC.
+
+    Examples
+    --------
+    >>> signing_ticks(1_420_070_401_000_000)
+    100000
+    """
+    return max(time_us - _EPOCH_2015_US, 0) // 10
+
+
+def frame_sizes(rows: NDArray[np.void]) -> NDArray[np.int64]:
+    """Return the size of each frame in bytes, from magic byte to CRC or signature, shape (n,)."""
+    head = np.where(rows["flags"] & MAVLINK1, HEAD_V1, HEAD_V2)
+    signature = np.where(rows["flags"] & SIGNED, SIGNATURE, 0)
+    return head + rows["length"].astype(np.int64) + 2 + signature
+
+
+class Guard:
+    """Admits the frames that were signed with a key, and each of them once.
+
+    Nothing a frame says has an effect before its signature is found good. Per link, system and
+    component the time stamps must increase; the first one of a new stream may be up to a minute
+    older than the newest of all.
+
+    Parameters
+    ----------
+    key
+        32 bytes.
+    latest
+        Time stamp of the newest frame that was admitted before, by link, system and component.
+
+    Attributes
+    ----------
+    latest
+        The same, so far.
+    newest
+        The greatest of them; 0 if there is none.
+    unsigned, bad, replayed
+        Number of frames refused: without a signature, with a wrong one, and with one whose time
+        stamp is not newer than what was admitted before.
+    """
+
+    def __init__(self, key: bytes, *, latest: Mapping[tuple[int, int, int], int] | None = None) -> None:
+        self.latest = dict(latest or {})
+        self.newest = max(self.latest.values(), default=0)
+        self.unsigned = self.bad = self.replayed = 0
+        self._keyed = hashlib.sha256(key)
+
+    def admit(self, batch: Batch) -> NDArray[np.bool_]:
+        """Return which of a batch's rows are admitted, shape (n,)."""
+        rows = batch.rows
+        signed = (rows["flags"] & SIGNED) != 0
+        self.unsigned += int(np.count_nonzero(~signed))
+        starts = rows["offset"] - batch.base + GUARD + batch.stamp
+        ends = starts + frame_sizes(rows)
+        view = batch.data.data
+        admitted: NDArray[np.bool_] = signed
+        for k in np.flatnonzero(signed).tolist():
+            row = rows[k]
+            admitted[k] = self._is_new(view[starts[k] : ends[k]], int(row["system"]), int(row["component"]))
+        return admitted
+
+    def _is_new(self, frame: memoryview, system: int, component: int) -> bool:
+        digest = self._keyed.copy()
+        digest.update(frame[:-_DIGEST_BYTES])
+        if not hmac.compare_digest(digest.digest()[:_DIGEST_BYTES], frame[-_DIGEST_BYTES:]):
+            self.bad += 1
+            return False
+        stream = (frame[-SIGNATURE], system, component)
+        ticks = int.from_bytes(frame[1 - SIGNATURE : -_DIGEST_BYTES], "little")
+        latest = self.latest.get(stream, self.newest - TICKS_PER_MINUTE - 1)
+        if ticks <= latest:
+            self.replayed += 1
+            return False
+        self.latest[stream] = ticks
+        self.newest = max(self.newest, ticks)
+        return True

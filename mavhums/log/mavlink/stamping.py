@@ -1,0 +1,242 @@
+"""From what arrives over links to the records of a telemetry log.
+
+Each sender's bytes are a stream of their own: a frame may be cut anywhere between two pieces of one
+sender, and never joins pieces of two. Every frame that counts becomes one record, stamped with the
+arrival of the piece that completed it. A frame with a bad CRC never counts, not even one whose zeros
+could be put back: on a link a bad CRC is a bit error, far more often than such a sender.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import kernel
+from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.mavlink.dialect import Dialect
+from mavhums.log.mavlink.flags import MAVLINK1
+from mavhums.log.mavlink.scanner import Batch, FrameScanner
+from mavhums.log.mavlink.signing import Guard, frame_sizes
+
+__all__ = ["Counts", "Piece", "Stamper"]
+
+_SENDERS = 64
+_STAMP = 8
+
+
+class Piece(NamedTuple):
+    """A datagram, or bytes of a stream: who sent it, and when it came (microseconds of UTC)."""
+
+    sender: Hashable
+    time_us: int
+    data: bytes
+
+
+@dataclass(slots=True)
+class Counts:
+    """What came over the links so far.
+
+    ``frames`` are those that became records, ``unknown_frames`` among them of messages that the
+    dialect lacks. ``bytes_skipped`` are no part of any frame.
+    """
+
+    pieces: int = 0
+    bytes: int = 0
+    frames: int = 0
+    unknown_frames: int = 0
+    bytes_skipped: int = 0
+    bad_crc_frames: int = 0
+    unsigned_frames: int = 0
+    bad_signatures: int = 0
+    replayed_frames: int = 0
+
+
+class _Found(NamedTuple):
+    """Frames of one sender: the buffer they lie in, their rows, times, and the order of arrival."""
+
+    sender: Hashable
+    batch: Batch
+    time_us: NDArray[np.int64]
+    arrival: NDArray[np.int64]
+
+
+class Stamper:
+    """Makes records of pieces, in memory that does not grow.
+
+    Of more than 64 senders those that were silent longest are forgotten, with the beginnings of
+    frames that they had left.
+
+    Parameters
+    ----------
+    dialect
+        Whose messages are known.
+    guard
+        Who decides which signed frames count; None if signatures do not matter.
+
+    Attributes
+    ----------
+    speaks_mavlink2
+        Whether a frame of MAVLink 2 has come.
+    """
+
+    def __init__(self, dialect: Dialect, guard: Guard | None = None) -> None:
+        self.speaks_mavlink2 = False
+        self._dialect = dialect
+        self._guard = guard
+        self._counts = Counts()
+        self._streams: OrderedDict[Hashable, _Stream] = OrderedDict()
+        self._heard: dict[Hashable, int] = {}
+
+    @property
+    def counts(self) -> Counts:
+        """What came so far."""
+        counts = Counts(**{name: getattr(self._counts, name) for name in Counts.__slots__})
+        for stream in self._streams.values():
+            _add_losses(counts, stream)
+        if self._guard:
+            counts.unsigned_frames = self._guard.unsigned
+            counts.bad_signatures = self._guard.bad
+            counts.replayed_frames = self._guard.replayed
+        return counts
+
+    @property
+    def frames(self) -> int:
+        """Number of frames that became records."""
+        return self._counts.frames
+
+    def heard_since(self, time_us: int) -> list[Hashable]:
+        """Return the senders of which a frame counted since a time, microseconds of UTC."""
+        return [sender for sender, latest in self._heard.items() if latest >= time_us]
+
+    def feed(self, pieces: Sequence[Piece]) -> bytes:
+        """Return the records of the frames that these pieces complete; their times must not decrease."""
+        found: list[_Found] = []
+        senders: dict[Hashable, list[int]] = {}
+        for k, piece in enumerate(pieces):
+            senders.setdefault(piece.sender, []).append(k)
+        arrived_us = np.array([piece.time_us for piece in pieces], dtype=np.int64)
+        for sender, places in senders.items():
+            stream = self._streams.get(sender)
+            if stream is None:
+                stream = self._streams[sender] = _Stream(self._dialect)
+            self._streams.move_to_end(sender)
+            batch, by = stream.feed([pieces[k].data for k in places])
+            if batch.rows.size:
+                arrival = np.array(places)[by]
+                found.append(_Found(sender, batch, arrived_us[arrival], arrival))
+        self._forget()
+        self._counts.pieces += len(pieces)
+        self._counts.bytes += sum(len(piece.data) for piece in pieces)
+        return self._records(found)
+
+    def close(self, time_us: int) -> bytes:
+        """Return the records of frames that only waited for what would follow; nothing follows."""
+        streams, self._streams = self._streams, OrderedDict()
+        found = []
+        for sender, stream in streams.items():
+            batch = stream.scanner.feed(b"", final=True)
+            times = np.full(batch.rows.size, time_us, dtype=np.int64)
+            found.append(_Found(sender, batch, times, np.zeros_like(times)))
+            _add_losses(self._counts, stream)
+        return self._records([part for part in found if part.batch.rows.size])
+
+    def _forget(self) -> None:
+        while len(self._streams) > _SENDERS:
+            sender, stream = self._streams.popitem(last=False)
+            self._heard.pop(sender, None)
+            stream.scanner.feed(b"", final=True)
+            _add_losses(self._counts, stream)
+
+    def _records(self, found: Sequence[_Found]) -> bytes:
+        """Pack frames as records, in the order of their arrival, and leave out what is not admitted."""
+        if not found:
+            return b""
+        rows, data, starts, time_us, owner = _in_order(found)
+        if self._guard:
+            rows["offset"] = starts
+            admitted = self._guard.admit(Batch(data, GUARD, 0, rows))
+            rows, starts, time_us = rows[admitted], starts[admitted], time_us[admitted]
+            owner = owner[admitted]
+        for k in np.unique(owner).tolist():
+            self._heard[found[k].sender] = int(found[k].time_us[-1])
+        sizes = frame_sizes(rows)
+        self._count(rows)
+        out = np.empty(int(sizes.sum()) + _STAMP * sizes.size, dtype=np.uint8)
+        _pack(data, starts, sizes, time_us, out)
+        return out.tobytes()
+
+    def _count(self, rows: NDArray[np.void]) -> None:
+        self._counts.frames += rows.size
+        self._counts.unknown_frames += int(np.count_nonzero(rows["message"] < 0))
+        if not self.speaks_mavlink2:
+            self.speaks_mavlink2 = bool(((rows["flags"] & MAVLINK1) == 0).any())
+
+
+class _Stream:
+    """One sender's bytes."""
+
+    def __init__(self, dialect: Dialect) -> None:
+        self.scanner = FrameScanner(dialect, stamp=0, mend=False)
+        self._fed = 0
+
+    def feed(self, pieces: Sequence[bytes]) -> tuple[Batch, NDArray[np.int64]]:
+        """Return the frames that these pieces complete, and which piece completed each."""
+        batch = self.scanner.feed(b"".join(pieces))
+        ends = self._fed + np.cumsum([len(piece) for piece in pieces])
+        self._fed = int(ends[-1])
+        return batch, np.searchsorted(ends, batch.rows["offset"] + frame_sizes(batch.rows))
+
+
+def _in_order(
+    found: Sequence[_Found],
+) -> tuple[NDArray[np.void], NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the frames of all senders in the order of their arrival.
+
+    Their rows, the buffer they lie in and where they begin there, their times, and whose they are.
+    """
+    if len(found) == 1:
+        one = found[0].batch
+        owner = np.zeros(one.rows.size, dtype=np.int64)
+        return one.rows, one.data, one.rows["offset"] - one.base + GUARD, found[0].time_us, owner
+    sizes = [part.batch.rows.size for part in found]
+    bases = np.cumsum([0, *(part.batch.data.size for part in found[:-1])])
+    starts = np.concatenate(
+        [p.batch.rows["offset"] - p.batch.base + GUARD + b for p, b in zip(found, bases, strict=True)]
+    )
+    order = np.argsort(np.concatenate([part.arrival for part in found]), kind="stable")
+    return (
+        np.concatenate([part.batch.rows for part in found])[order],
+        np.concatenate([part.batch.data for part in found]),
+        starts[order],
+        np.concatenate([part.time_us for part in found])[order],
+        np.repeat(np.arange(len(found)), sizes)[order],
+    )
+
+
+def _add_losses(counts: Counts, stream: _Stream) -> None:
+    totals = stream.scanner.totals
+    counts.bytes_skipped += max(totals.skipped, 0) + totals.cut_end
+    counts.bad_crc_frames += int(stream.scanner.bad_crc.sum())
+
+
+@kernel
+def _pack(
+    data: NDArray[np.uint8],
+    starts: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    time_us: NDArray[np.int64],
+    out: NDArray[np.uint8],
+) -> None:
+    """Write records to ``out``: eight bytes of time, big-endian, then a frame of ``data``."""
+    place = 0
+    for k in range(starts.size):
+        for j in range(8):
+            out[place + j] = (time_us[k] >> (56 - 8 * j)) & 0xFF
+        place += 8
+        out[place : place + sizes[k]] = data[starts[k] : starts[k] + sizes[k]]
+        place += sizes[k]

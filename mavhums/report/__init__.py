@@ -1,0 +1,1 @@
+"""The contracts: what mavhums says of a log, as typed, versioned objects."""

@@ -1,0 +1,378 @@
+"""The verdict's contract: what mavhums says of each actuator, as typed objects and as JSON.
+
+The JSON schema lies beside this module in ``schema/assessment-1.json`` and is generated
+from these classes by ``python -m mavhums.report.assessment``.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from mavhums.core.errors import ExitCode
+from mavhums.core.quantities import KEYS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "ALL",
+    "NOTICE",
+    "SCHEMA",
+    "Assessment",
+    "Condition",
+    "Coverage",
+    "Evidence",
+    "Indicator",
+    "Interval",
+    "LogSummary",
+    "Losses",
+    "ModelSummary",
+    "OwnRecord",
+    "Region",
+    "SequenceLoss",
+    "Since",
+    "Suspect",
+    "Verdict",
+    "json_schema",
+]
+
+SCHEMA = "mavhums.assessment/1"
+NOTICE = "not an airworthiness decision; validated in simulation only"
+
+ALL = "all"
+"""Stands for the actuator where a verdict is on all of a vehicle's."""
+
+Condition = Literal["normal", "degraded", "emergency", "undecided"]
+_GRAVITY: tuple[Condition, ...] = ("normal", "undecided", "degraded", "emergency")
+
+
+class _Contract(BaseModel):
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, json_schema_serialization_defaults_required=True
+    )
+
+
+class Interval(_Contract):
+    """An estimate with its 95 % interval."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+class Suspect(_Contract):
+    """A fault that the evidence points at."""
+
+    fault: str
+    confidence: float = Field(ge=0, le=1)
+
+
+class Since(_Contract):
+    """When the actuator was first found in its present state."""
+
+    flight_time_s: float
+    utc: str
+
+
+class Coverage(_Contract):
+    """How much of the flight could be judged: windows of 10 s, one each second.
+
+    ``late`` counts samples that came too late to be judged.
+    """
+
+    moving_fraction: float = Field(ge=0, le=1)
+    windows: int = Field(ge=0)
+    decidable: int = Field(ge=0)
+    late: int = Field(default=0, ge=0)
+
+
+class Evidence(_Contract):
+    """One finding, with the rule that made it one."""
+
+    kind: str
+    start_s: float
+    end_s: float
+    value: float
+    limit: float | None = None
+    rule: str
+
+
+class Indicator(_Contract):
+    """A physical quantity that shows a fault, as the whole flight has it.
+
+    Attributes
+    ----------
+    fault
+        That it shows.
+    quantity, unit
+        What was estimated, for example ``Coulomb friction`` in ``N·m``.
+    value
+        Over the whole flight.
+    windows, scatter
+        Number of decidable windows that do not overlap, and the standard deviation of their estimates;
+        None of fewer than two.
+    limit
+        Value from which the actuator is degraded; None where only its own baseline can tell.
+    emergency
+        Value from which it is an emergency; None where the fault alone is none. A fault grows upwards.
+    baseline
+        What the actuator's own history says it is, as a 95 % prediction interval of one flight.
+    """
+
+    fault: str
+    quantity: str
+    unit: str
+    value: Interval
+    windows: int = Field(ge=1)
+    scatter: float | None = Field(default=None, ge=0)
+    limit: float | None = None
+    emergency: float | None = None
+    baseline: Interval | None = None
+
+
+class OwnRecord(_Contract):
+    """What a flight leaves of one own-scale equation, for the comparison with the actuator's other flights.
+
+    Attributes
+    ----------
+    equation
+        That the sums belong to.
+    setup
+        How it was measured, in words; flights that were measured in another way are not compared.
+    rate_hz
+        Of the samples.
+    temperature_c
+        Median over the flight; None where the log carries none.
+    groups
+        Sums over parts of the flight: the number of samples, and the upper triangle of the sums of products
+        of sign, speed, acceleration, load, angle and the left side.
+    """
+
+    equation: str
+    setup: str
+    rate_hz: float = Field(gt=0)
+    temperature_c: float | None = None
+    groups: tuple[tuple[float, ...], ...]
+
+
+class ModelSummary(_Contract):
+    """A network whose votes are among the evidence."""
+
+    name: str
+    hash: str
+
+
+class Verdict(_Contract):
+    """What the log says of one actuator.
+
+    ``condition`` is the last decidable state, ``worst`` the worst one reached.
+    ``undecided`` always carries ``reason`` and ``remedy``. ``model`` is the network that
+    ``p_emergency`` is of, the probability that its friction lies nearer to an emergency than to normal.
+
+    Examples
+    --------
+    >>> Verdict(vehicle=1, actuator="elevator", condition="normal", worst="degraded").gravest
+    'degraded'
+    """
+
+    vehicle: int | None
+    actuator: str
+    condition: Condition
+    worst: Condition
+    p_emergency: float | None = Field(default=None, ge=0, le=1)
+    model: ModelSummary | None = None
+    friction_nm: Interval | None = None
+    suspects: tuple[Suspect, ...] = ()
+    since: Since | None = None
+    coverage: Coverage = Coverage(moving_fraction=0, windows=0, decidable=0)
+    tier: str | None = None
+    provenance: dict[str, str] = {}
+    evidence: tuple[Evidence, ...] = ()
+    indicators: tuple[Indicator, ...] = ()
+    own: tuple[OwnRecord, ...] = ()
+    reason: str | None = None
+    remedy: str | None = None
+
+    @property
+    def gravest(self) -> Condition:
+        """What the maintainer must act on: a fault that was seen, else that nothing is known, else normal."""
+        return max(self.worst, self.condition, key=_GRAVITY.index)
+
+
+class Region(_Contract):
+    """Damaged bytes between two frames: where they begin in the log, and how many they are."""
+
+    offset: int
+    size: int
+
+
+class SequenceLoss(_Contract):
+    """What the sequence numbers of one sender say: frames that never reached the log.
+
+    ``missing`` counts modulo 256 where a link was silent for long, so it is a lower bound.
+    """
+
+    system: int
+    component: int
+    frames: int
+    missing: int
+    gaps: int
+    reordered: int
+    duplicated: int
+
+
+class Losses(_Contract):
+    """What could not be read, and what was odd.
+
+    ``regions`` lists the first hundred of ``damaged_regions``. ``padded_frames`` had their zeros
+    trimmed after the CRC was computed and were accepted with the zeros put back; at most
+    ``padded_false_bound`` of them are expected to be accepted by chance. ``line_ends_restored``
+    counts the carriage returns that a conversion to text had put in. Where only frames signed with a
+    key are read, those without a signature, with a wrong one and with an old one were left out.
+    """
+
+    bytes_skipped: int = 0
+    damaged_regions: int = 0
+    bad_crc_frames: int = 0
+    unknown_frames: int = 0
+    implausible_times: int = 0
+    cut_end_bytes: int = 0
+    regions: tuple[Region, ...] = ()
+    bad_crc_by_message: dict[str, int] = {}
+    padded_frames: int = 0
+    padded_false_bound: float = 0.0
+    trailing_zeros: int = 0
+    line_ends_restored: int = 0
+    time_jumps: int = 0
+    time_rewinds: int = 0
+    sequence: tuple[SequenceLoss, ...] = ()
+    unsigned_frames: int = 0
+    bad_signatures: int = 0
+    replayed_frames: int = 0
+
+    @property
+    def any(self) -> bool:
+        """Whether anything that the log held is gone or in doubt.
+
+        Frames of a foreign dialect and frames that never reached the log are not.
+        """
+        return bool(
+            self.bytes_skipped
+            or self.bad_crc_frames
+            or self.implausible_times
+            or self.cut_end_bytes
+            or self.padded_frames
+            or self.bad_signatures
+        )
+
+
+class LogSummary(_Contract):
+    """The log that was judged."""
+
+    path: str | None
+    sha256: str | None
+    start_utc: str | None
+    duration_s: float
+    vehicles: tuple[int, ...]
+    losses: Losses
+
+
+class Assessment(_Contract):
+    """Every verdict that a log supports.
+
+    ``model`` is the richest network among those of the verdicts.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> assessment = mavhums.analyse("flight.tlog")
+    >>> print(assessment.summary().splitlines()[0][:19])
+    elevator: emergency
+    >>> assessment.exit_code.name
+    'EMERGENCY'
+    """
+
+    schema_: Literal["mavhums.assessment/1"] = Field(default="mavhums.assessment/1", alias="schema")
+    notice: str = NOTICE
+    log: LogSummary
+    airframe: str | None
+    model: ModelSummary | None
+    verdicts: tuple[Verdict, ...]
+
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the assessment as JSON that follows ``schema/assessment-1.json``."""
+        return self.model_dump_json(by_alias=True, indent=indent)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per verdict, with the friction interval in columns of its own."""
+        import pandas as pd
+
+        rows = []
+        for verdict in self.verdicts:
+            row = verdict.model_dump(include={"vehicle", "actuator", "condition", "worst", "p_emergency"})
+            friction = verdict.friction_nm
+            row |= {
+                "friction_nm": friction.estimate if friction else None,
+                "friction_low_nm": friction.low if friction else None,
+                "friction_high_nm": friction.high if friction else None,
+                "since_s": verdict.since.flight_time_s if verdict.since else None,
+                "moving_fraction": verdict.coverage.moving_fraction,
+                "reason": verdict.reason,
+            }
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+    def summary(self) -> str:
+        """Return one line per actuator, the worst first."""
+        lines = [_line(verdict) for verdict in self.ranked()]
+        return "\n".join(lines)
+
+    def ranked(self) -> list[Verdict]:
+        """Return the verdicts, the worst first."""
+        return sorted(self.verdicts, key=lambda verdict: -_GRAVITY.index(verdict.gravest))
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """The exit code that tells a script the worst of it."""
+        gravest = max((verdict.gravest for verdict in self.verdicts), key=_GRAVITY.index, default="normal")
+        if gravest == "normal":
+            return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
+        return ExitCode[gravest.upper()]
+
+
+def _line(verdict: Verdict) -> str:
+    text = f"{verdict.actuator}: {verdict.condition}"
+    if verdict.worst != verdict.condition:
+        text += f" (worst {verdict.worst})"
+    if verdict.friction_nm:
+        text += f", friction {verdict.friction_nm.estimate:.3f} N·m"
+    if verdict.since:
+        text += f", since {verdict.since.flight_time_s:.1f} s"
+    if verdict.reason:
+        text += f": {verdict.reason}; {verdict.remedy}"
+    return text
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the versioned JSON schema of an assessment."""
+    text = resources.files("mavhums.report").joinpath("schema/assessment-1.json").read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def _generate_schema() -> dict[str, Any]:
+    schema = Assessment.model_json_schema(by_alias=True, mode="serialization")
+    for part in (schema, *schema["$defs"].values()):
+        if "description" in part:
+            part["description"] = part["description"].split("\n\nExamples")[0]
+    provenance = schema["$defs"]["Verdict"]["properties"]["provenance"]
+    provenance["propertyNames"] = {"enum": list(KEYS)}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}
+
+
+if __name__ == "__main__":
+    print(json.dumps(_generate_schema(), indent=2, ensure_ascii=False))

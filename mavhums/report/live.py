@@ -1,0 +1,235 @@
+"""What ``mavhums live --json`` prints: one object a line, told apart by ``event``.
+
+The JSON schema lies in ``mavhums/report/schema/live-1.json`` and is generated from these classes by
+``python -m mavhums.report.live``.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from mavhums.report.assessment import Assessment, Condition, Interval, Suspect
+
+__all__ = [
+    "SCHEMA",
+    "ActuatorStatus",
+    "AirframeObject",
+    "AlertObject",
+    "ConditionObject",
+    "EndObject",
+    "LinkStatus",
+    "LiveObject",
+    "NoticeObject",
+    "RecordStatus",
+    "StaleObject",
+    "StartObject",
+    "StatusObject",
+    "WindowObject",
+    "json_schema",
+]
+
+SCHEMA = "mavhums.live/1"
+
+
+class _Contract(BaseModel):
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, json_schema_serialization_defaults_required=True
+    )
+
+
+class _Event(_Contract):
+    """``utc`` is when the line was written."""
+
+    utc: str
+
+
+class StartObject(_Event):
+    """The session begins: what it listens to, by which profile, and where it records."""
+
+    event: Literal["start"] = "start"
+    schema_: Literal["mavhums.live/1"] = Field(default="mavhums.live/1", alias="schema")
+    notice: str
+    version: str
+    links: tuple[str, ...]
+    airframe: str | None
+    record: str | None
+    signed_only: bool
+
+
+class AirframeObject(_Event):
+    """The profile by which a vehicle, every one if null, is judged from here on."""
+
+    event: Literal["airframe"] = "airframe"
+    time_s: float
+    vehicle: int | None
+    airframe: str
+
+
+class NoticeObject(_Event):
+    """A text from the vehicle, or about its telemetry."""
+
+    event: Literal["notice"] = "notice"
+    time_s: float
+    vehicle: int | None
+    text: str
+
+
+class WindowObject(_Event):
+    """What ten seconds of one actuator show; null where they do not carry the evidence."""
+
+    event: Literal["window"] = "window"
+    vehicle: int
+    actuator: str
+    start_s: float
+    end_s: float
+    moving_fraction: float
+    friction_nm: Interval | None
+    p_emergency: float | None
+    condition: Condition
+
+
+class ConditionObject(_Event):
+    """An actuator's condition changed: since ``since_s``, certain at ``time_s``."""
+
+    event: Literal["condition"] = "condition"
+    vehicle: int
+    actuator: str
+    time_s: float
+    since_s: float
+    before: Condition
+    after: Condition
+    fault: str | None
+    rule: str
+
+
+class StaleObject(_Event):
+    """An actuator's telemetry fell silent, ``age_s`` ago, or came back."""
+
+    event: Literal["stale"] = "stale"
+    vehicle: int
+    actuator: str
+    stale: bool
+    age_s: float
+
+
+class AlertObject(_Event):
+    """A text was sent to the ground station."""
+
+    event: Literal["alert"] = "alert"
+    vehicle: int
+    severity: int
+    text: str
+
+
+class ActuatorStatus(_Contract):
+    """One actuator now.
+
+    ``condition`` is ``undecided`` while ``stale``; ``held`` is what it was found to be when data
+    last came. ``age_s`` is the age of the last data, null before any.
+    """
+
+    vehicle: int | None
+    actuator: str
+    condition: Condition
+    held: Condition
+    worst: Condition
+    stale: bool
+    age_s: float | None
+    rate_hz: float
+    friction_nm: Interval | None
+    p_emergency: float | None
+    suspects: tuple[Suspect, ...]
+    tier: str | None
+    late: int
+    reason: str | None
+
+
+class LinkStatus(_Contract):
+    """Everything that came over the links, and what of it did not count.
+
+    ``frames`` were accepted. ``missing_frames``, ``reordered_frames`` and ``duplicated_frames`` are
+    what the sequence numbers of the senders say; ``dropped_datagrams`` those that this computer
+    was too slow to fetch.
+    """
+
+    age_s: float | None
+    frames_per_s: float
+    bytes_per_s: float
+    datagrams: int
+    bytes: int
+    frames: int
+    unknown_frames: int
+    bytes_skipped: int
+    bad_crc_frames: int
+    unsigned_frames: int
+    bad_signatures: int
+    replayed_frames: int
+    missing_frames: int
+    reordered_frames: int
+    duplicated_frames: int
+    dropped_datagrams: int
+
+
+class RecordStatus(_Contract):
+    """The recording; ``lost_frames`` could not be written, ``error`` says why while that lasts."""
+
+    path: str
+    bytes: int
+    lost_frames: int
+    error: str | None
+
+
+class StatusObject(_Event):
+    """Once a second: every actuator, the links and the recording."""
+
+    event: Literal["status"] = "status"
+    uptime_s: float
+    actuators: tuple[ActuatorStatus, ...]
+    link: LinkStatus
+    record: RecordStatus | None
+
+
+class EndObject(_Event):
+    """The session ended; the assessment is that of ``mavhums analyse``."""
+
+    event: Literal["end"] = "end"
+    link: LinkStatus
+    record: RecordStatus | None
+    assessment: Assessment
+
+
+LiveObject = Annotated[
+    StartObject
+    | AirframeObject
+    | NoticeObject
+    | WindowObject
+    | ConditionObject
+    | StaleObject
+    | AlertObject
+    | StatusObject
+    | EndObject,
+    Field(discriminator="event"),
+]
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the versioned JSON schema of the lines."""
+    text = resources.files("mavhums.report").joinpath("schema/live-1.json").read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def _generate_schema() -> dict[str, Any]:
+    schema = TypeAdapter(LiveObject).json_schema(by_alias=True, mode="serialization")
+    for part in schema["$defs"].values():
+        if "description" in part:
+            part["description"] = part["description"].split("\n\nExamples")[0]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}
+
+
+if __name__ == "__main__":
+    print(json.dumps(_generate_schema(), indent=2, ensure_ascii=False))

@@ -1,0 +1,129 @@
+"""What ``mavhums trend`` says of each actuator, as typed objects, as JSON and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from mavhums.core.errors import ExitCode
+from mavhums.report.assessment import NOTICE, Condition, Interval
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["ActuatorTrend", "FlightPoint", "TrendReport", "to_frame"]
+
+_COLUMNS = "vehicle actuator airframe fault quantity unit flight start_utc log estimate low high condition"
+
+
+class _Contract(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class FlightPoint(_Contract):
+    """An indicator in one flight; ``flight`` counts the actuator's flights from 1, judged or not."""
+
+    flight: int
+    start_utc: str
+    log: str | None
+    value: Interval
+    condition: Condition
+
+
+class ActuatorTrend(_Contract):
+    """One indicator of one actuator over its flights.
+
+    Attributes
+    ----------
+    condition
+        The gravest of its last flight.
+    flights
+        Number of its flights; ``points`` has those that show the indicator.
+    limit, emergency
+        As the last flight has them.
+    baseline
+        What its reference flights, before the last one, let expect of one flight, with 95 %.
+    change
+        Of the last flight against the mean of the reference flights.
+    level, per_flight, between
+        The line at the last flight, its slope, and the standard deviation between flights.
+    left_out
+        Start of the flights too far off the line.
+    flights_left
+        Until the line reaches the emergency limit; None where the flights do not tell, for the ``reason``.
+    """
+
+    vehicle: int
+    actuator: str
+    airframe: str | None
+    fault: str
+    quantity: str
+    unit: str
+    condition: Condition
+    flights: int
+    limit: float | None
+    emergency: float | None
+    baseline: Interval | None
+    change: Interval | None
+    level: Interval | None
+    per_flight: Interval | None
+    between: float | None
+    left_out: tuple[str, ...]
+    flights_left: Interval | None
+    reason: str | None
+    points: tuple[FlightPoint, ...]
+
+
+class TrendReport(_Contract):
+    """The trends of a folder, the worst first, and what could not be read of it.
+
+    Attributes
+    ----------
+    flights
+        Number of flights in the folder.
+    unshown
+        Actuators of which no flight shows an indicator.
+    """
+
+    schema_: Literal["mavhums.trend/1"] = Field(default="mavhums.trend/1", alias="schema")
+    notice: str = NOTICE
+    flights: int
+    trends: tuple[ActuatorTrend, ...]
+    unshown: tuple[str, ...]
+    errors: tuple[str, ...]
+    notices: tuple[str, ...]
+
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the report as JSON."""
+        return self.model_dump_json(by_alias=True, indent=indent)
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """As of ``mavhums analyse``; an emergency limit in sight counts as degraded."""
+        if any(shown.condition == "emergency" for shown in self.trends):
+            return ExitCode.EMERGENCY
+        if any(shown.condition == "degraded" or shown.flights_left for shown in self.trends):
+            return ExitCode.DEGRADED
+        if self.unshown or not self.trends or any(shown.condition == "undecided" for shown in self.trends):
+            return ExitCode.UNDECIDED
+        return ExitCode.READ_WITH_LOSSES if self.errors else ExitCode.OK
+
+
+def to_frame(trends: Collection[ActuatorTrend]) -> pd.DataFrame:
+    """Return trends as the table that ``trend`` describes."""
+    import pandas as pd
+
+    rows = []
+    for one in trends:
+        whose = one.model_dump(include={"vehicle", "actuator", "airframe", "fault", "quantity", "unit"})
+        for point in one.points:
+            flown = point.model_dump(include={"flight", "log", "condition"})
+            limits = {"limit": one.limit, "emergency": one.emergency}
+            rows.append(
+                {**whose, **flown, **point.value.model_dump(), **limits, "start_utc": point.start_utc}
+            )
+    frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency"])
+    frame["start_utc"] = pd.to_datetime(frame["start_utc"], utc=True, format="ISO8601")
+    return frame.astype({"limit": float, "emergency": float, "estimate": float, "low": float, "high": float})

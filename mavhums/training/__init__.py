@@ -1,0 +1,1 @@
+"""Models for an actuator: flights to learn from, and the training itself."""

@@ -1,0 +1,211 @@
+"""Simulated flights to learn from, and the windows by which a network is calibrated and measured.
+
+The fleet is made of individuals, with two masses; each telemetry reports them in its own way, with
+the noise and the quantisation of its messages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.align import Aligned
+from mavhums.actuator.derive import Deriver
+from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import KEYS, column
+from mavhums.health.motion import motion
+from mavhums.health.slots import SlotCutter, widen
+from mavhums.health.votes import Classifier, Outcome, count_votes, outcome
+from mavhums_sim.conditions import Condition
+from mavhums_sim.cyclogram import SURFACES
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.flight import ActuatorRecord, Flight, fly
+
+__all__ = ["TELEMETRY", "Flown", "Telemetry", "fly_fleet", "moving_samples", "parameters_of", "windows"]
+
+WINDOW_S = 10
+_SLOPE_S = 0.04
+_ESC_QUANTA = (0.01, 0.01, 1.0)  # V, A, rev/min of ESC_TELEMETRY
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """What a model is trained for.
+
+    Attributes
+    ----------
+    name
+        As on the command line and in the model's name.
+    gives
+        In words.
+    keys
+        Quantities to choose from. The command V1 is none of them: it says nothing of the condition,
+        and must not be let to seem to. Nor is V2, which is N·V3 where it is measured, and an integral
+        that drifts where it is not.
+    features
+        The inputs, where they are not to be selected by chi-square and regression; see
+        ``benchmarks/networks.py`` for what the selection would cost.
+    cyclograms
+        What is flown in training.
+    esc
+        Whether ESCs report, half of the actuators by ESC_STATUS and half by ESC_TELEMETRY.
+    """
+
+    name: str
+    gives: str
+    keys: tuple[str, ...]
+    features: tuple[str, ...] | None = None
+    cyclograms: tuple[str, ...] = ("takeoff",)
+    esc: bool = False
+
+
+TELEMETRY = {
+    each.name: each
+    for each in (
+        Telemetry("instrumented", "instrumented", KEYS[2:]),
+        Telemetry(
+            "without-load",
+            "instrumented, the load torque not measured",
+            KEYS[2:10],
+            ("V3", "V4", "V5", "V7", "V9"),
+            # In the air the angle tells the load, on the ground there is none: it must have seen both.
+            ("takeoff", "preflight"),
+        ),
+        Telemetry("esc", "ESC", KEYS[3:10], ("V4", "V5", "V7", "V9"), esc=True),
+    )
+}
+"""By name, the one that gives the most first."""
+
+
+class Flown(NamedTuple):
+    """One actuator's flight: samples V1…V12 of shape (n, 12) at ``time_s`` (n,)."""
+
+    flight: int
+    cyclogram: str
+    friction_nm: float
+    time_s: Array
+    values: Array
+
+
+def fly_fleet(
+    actuator: Actuator,
+    telemetry: Telemetry,
+    frictions_nm: Array,
+    *,
+    seed: int,
+    cyclograms: Sequence[str],
+    rates_hz: Sequence[float] = (100.0,),
+    conditions: tuple[Condition, ...] = (),
+) -> Iterator[Flown]:
+    """Fly, and yield each actuator as the telemetry reports it.
+
+    Parameters
+    ----------
+    actuator
+        The type.
+    frictions_nm
+        Coulomb friction of the four actuators of each flight, shape (flights, 4).
+    seed
+        Of the first flight, and of its individuals; the others' follow.
+    cyclograms, rates_hz
+        Gone through in turn: a rate for each round of cyclograms.
+    conditions
+        What else is wrong with every actuator.
+    """
+    parameters = parameters_of(actuator).two_masses()
+    for number, row in enumerate(frictions_nm):
+        cyclogram = cyclograms[number % len(cyclograms)]
+        flight = Flight(
+            seed=seed + number,
+            friction_nm={name: (float(f), float(f)) for name, f in zip(SURFACES, row, strict=True)},
+            rate_hz=rates_hz[number // len(cyclograms) % len(rates_hz)],
+            parameters=parameters,
+            cyclogram=cyclogram,
+            conditions=dict.fromkeys(SURFACES, conditions),
+            individuals=seed + number,
+        )
+        records = fly(flight).actuators.values()
+        for k, (record, friction) in enumerate(zip(records, row, strict=True)):
+            values = _reported(actuator, telemetry, record, signed=k % 2 == 0)
+            yield Flown(number, cyclogram, float(friction), record.time_s, values)
+
+
+def _reported(actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool) -> Array:
+    if telemetry.esc:
+        return _by_esc(actuator, record, signed=signed)
+    values: Array = record.values.astype(np.float32).astype(np.float64)
+    if telemetry.name == "without-load":
+        values[:, [column("V11"), column("V12")]] = np.nan
+    return values
+
+
+def _by_esc(actuator: Actuator, record: ActuatorRecord, *, signed: bool) -> Array:
+    """Return what mapping makes of an ESC's voltage, current and speed, shape (n, 12)."""
+    values = np.full(record.values.shape, np.nan)
+    esc = record.esc.copy()
+    esc[:, 2] = np.rint(esc[:, 2])
+    if not signed:
+        esc = np.rint(np.abs(esc) / _ESC_QUANTA) * _ESC_QUANTA
+    values[:, [column("V4"), column("V5"), column("V7")]] = esc
+    values[:, 0] = _command(record, record.time_s)
+    middle = record.time_s - actuator.response_lag_s
+    rate = (_command(record, middle + _SLOPE_S) - _command(record, middle - _SLOPE_S)) / (2 * _SLOPE_S)
+    aligned = Aligned(
+        utc_us=np.rint(record.time_s * 1e6).astype(np.int64),
+        values=values,
+        origin=np.zeros(values.shape, dtype=np.int8),
+        command_rate=rate,
+        tier="esc-signed" if signed else "esc-unsigned",
+        signed=signed,
+    )
+    return Deriver(actuator).complete(aligned)
+
+
+def _command(record: ActuatorRecord, time_s: Array) -> Array:
+    return np.interp(time_s, record.motion.time_s, np.degrees(record.motion.command))
+
+
+def parameters_of(actuator: Actuator) -> EmaParameters:
+    """Return the simulator's parameters for a profile's EMA; what the profile lacks is as in Table 1."""
+    table_1 = EmaParameters.from_data_sheet()
+    ema = actuator.known_ema()
+    return replace(
+        table_1,
+        gear_ratio=ema.gear_ratio,
+        torque_per_ampere=ema.gear_ratio * ema.torque_constant,
+        resistance=ema.resistance,
+        inertia=actuator.inertia_output,
+        current_limit=table_1.supply_voltage / ema.resistance,
+    )
+
+
+def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, NDArray[np.int64]]:
+    """Return a flight's moving samples, shape (n, 12), and the second that each is of, shape (n,)."""
+    cutter = SlotCutter()
+    parts = [cutter.feed(flown.time_s, widen(flown.values)), cutter.finish()]
+    values, seconds = [], []
+    for slots in parts:
+        if slots is not None:
+            seen = motion(actuator, slots)
+            values.append(seen.values[seen.moving])
+            seconds.append(np.repeat(slots.index, slots.count())[seen.moving])
+    return np.concatenate(values), np.concatenate(seconds)
+
+
+def windows(
+    actuator: Actuator, networks: Sequence[Classifier], flown: Flown
+) -> Iterator[tuple[Outcome | None, int]]:
+    """Yield the networks' outcome in each whole window of ten seconds, none overlapping, and its samples."""
+    moving, seconds = moving_samples(actuator, flown)
+    count = int(flown.time_s[-1] + 0.5) // WINDOW_S * WINDOW_S
+    bounds = np.searchsorted(seconds, np.arange(count + 1))
+    counts = count_votes(networks, moving, bounds, actuator.known_ema().gear_ratio)
+    for start in range(0, count, WINDOW_S):
+        window = counts[start : start + WINDOW_S]
+        yield outcome(networks, window), int(bounds[start + WINDOW_S] - bounds[start])

@@ -1,0 +1,1 @@
+"""What the vehicle did and was told: parameters, outputs, attitude, position, mode."""

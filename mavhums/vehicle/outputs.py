@@ -1,0 +1,145 @@
+"""Which servo outputs move control surfaces, by an autopilot's parameters.
+
+Motors, throttle, gimbals and the like are no control surfaces. Functions: ArduPilot SERVOn_FUNCTION;
+PX4 PWM_MAIN_FUNCn = 201 + k, and what surface k is, CA_SV_CSk_TYPE.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from mavhums.vehicle.parameters import Parameters
+
+__all__ = ["Output", "control_surfaces"]
+
+_ARDUPILOT = {
+    2: "flap",
+    3: "flap",
+    4: "aileron",
+    16: "left spoiler 1",
+    17: "right spoiler 1",
+    19: "elevator",
+    21: "rudder",
+    24: "left flaperon",
+    25: "right flaperon",
+    77: "left elevon",
+    78: "right elevon",
+    79: "left v-tail",
+    80: "right v-tail",
+    86: "left spoiler 2",
+    87: "right spoiler 2",
+    110: "airbrake",
+}
+_PX4 = {
+    1: "left aileron",
+    2: "right aileron",
+    3: "elevator",
+    4: "rudder",
+    5: "left elevon",
+    6: "right elevon",
+    7: "left v-tail",
+    8: "right v-tail",
+    9: "left flap",
+    10: "right flap",
+    11: "airbrake",
+    13: "left a-tail",
+    14: "right a-tail",
+    15: "aileron",
+    17: "left spoiler",
+    18: "right spoiler",
+}
+_PX4_UNTOLD = (0, 12)  # not set, custom
+_PX4_FIRST_SERVO = 201
+_CHANNELS = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A servo output that moves a control surface.
+
+    Attributes
+    ----------
+    servo
+        Output channel, from 1.
+    surface
+        Which; of outputs that do the same there may be several.
+    because
+        The parameter that says so.
+    pwm_us
+        Smallest, zero and largest pulse.
+    calibrated_by
+        Where those come from.
+    is_reversed
+        Whether the autopilot turns the direction; the pulses in the log already contain that.
+    """
+
+    servo: int
+    surface: str
+    because: str
+    pwm_us: tuple[int, int, int]
+    calibrated_by: str
+    is_reversed: bool
+
+
+def control_surfaces(parameters: Parameters) -> list[Output]:
+    """Return the outputs that move control surfaces, in the order of their channels.
+
+    Examples
+    --------
+    >>> values = {"SERVO2_FUNCTION": 19.0, "SERVO2_MIN": 1000.0, "SERVO2_TRIM": 1480.0, "SERVO2_MAX": 2000.0}
+    >>> [output] = control_surfaces(Parameters(1, False, values))
+    >>> output.servo, output.surface, output.pwm_us
+    (2, 'elevator', (1000, 1480, 2000))
+    """
+    return list(_px4(parameters.values) if parameters.is_px4 else _ardupilot(parameters.values))
+
+
+def _ardupilot(values: Mapping[str, float]) -> Iterator[Output]:
+    for n in range(1, _CHANNELS + 1):
+        function = values.get(f"SERVO{n}_FUNCTION")
+        if function in _ARDUPILOT:
+            pwm_us, by = _pulses(
+                values, (f"SERVO{n}_MIN", f"SERVO{n}_TRIM", f"SERVO{n}_MAX"), (1100, 1500, 1900)
+            )
+            yield Output(
+                n,
+                _ARDUPILOT[int(function)],
+                f"SERVO{n}_FUNCTION = {function:g}",
+                pwm_us,
+                by,
+                values.get(f"SERVO{n}_REVERSED") == 1,
+            )
+
+
+def _px4(values: Mapping[str, float]) -> Iterator[Output]:
+    for n in range(1, _CHANNELS + 1):
+        function = values.get(f"PWM_MAIN_FUNC{n}", 0.0)
+        k = int(function) - _PX4_FIRST_SERVO
+        if not 0 <= k < _CHANNELS:
+            continue
+        kind = values.get(f"CA_SV_CS{k}_TYPE", 0.0)
+        surface = f"servo {k + 1}" if kind in _PX4_UNTOLD else _PX4.get(int(kind))
+        if surface is not None:
+            names = (f"PWM_MAIN_MIN{n}", f"PWM_MAIN_CENT{n}", f"PWM_MAIN_MAX{n}")
+            pwm_us, by = _pulses(values, names, (1000, 1500, 2000))
+            reverse = int(values.get("PWM_MAIN_REV", 0.0)) >> (n - 1) & 1 == 1
+            because = f"PWM_MAIN_FUNC{n} = {function:g}, CA_SV_CS{k}_TYPE = {kind:g}"
+            yield Output(n, surface, because, pwm_us, by, reverse)
+
+
+def _pulses(
+    values: Mapping[str, float], names: tuple[str, str, str], defaults: tuple[int, int, int]
+) -> tuple[tuple[int, int, int], str]:
+    """Return the pulses, and where they come from; a zero that does not lie between is the middle."""
+    low, zero, high = (round(values.get(name, d)) for name, d in zip(names, defaults, strict=True))
+    known = [name for name in (names[0], names[2]) if name in values]
+    if not low < high:
+        return defaults, f"CHECK: {names[0]} = {low} is not below {names[2]} = {high}"
+    if len(known) < 2:
+        by = "CHECK: the autopilot's usual pulses, the log does not tell them"
+    else:
+        by = ", ".join(name for name in names if name in values)
+    if names[1] not in values or not low < zero < high:
+        zero, by = (low + high) // 2, f"{by}; zero in the middle"
+    return (low, zero, high), by

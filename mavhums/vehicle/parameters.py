@@ -1,0 +1,110 @@
+"""The parameters of the autopilots that a log carries, as numbers.
+
+ArduPilot sends an integer as a float of the same value, PX4 the integer's bits in the float's place;
+PARAM_VALUE says the type, HEARTBEAT the autopilot.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from mavhums.core.errors import MavhumsError
+from mavhums.log import Decoder, Table, decode_blocks
+
+__all__ = ["Parameters", "read_parameters"]
+
+_PX4 = 12  # MAV_AUTOPILOT_PX4
+_INTEGERS = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4"}  # MAV_PARAM_TYPE
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """One vehicle's parameters, the last value of each by name."""
+
+    vehicle: int
+    is_px4: bool
+    values: Mapping[str, float]
+
+
+@dataclass(slots=True)
+class _Sent:
+    """What vehicles sent: (bits of the float, type) by name, and who is a PX4."""
+
+    values: dict[int, dict[str, tuple[int, int]]] = field(default_factory=dict)
+    px4: set[int] = field(default_factory=set)
+
+    def take(self, tables: Mapping[str, Table]) -> None:
+        heartbeats, sent = tables.get("HEARTBEAT"), tables.get("PARAM_VALUE")
+        if heartbeats is not None:
+            self.px4.update(heartbeats.system[heartbeats["autopilot"] == _PX4].tolist())
+        if sent is not None:
+            bits = np.ascontiguousarray(sent["param_value"]).view("<u4")
+            rows = zip(sent.system, sent.texts("param_id"), bits, sent["param_type"], strict=True)
+            for system, name, value, kind in rows:
+                self.values.setdefault(int(system), {})[name] = int(value), int(kind)
+
+
+def read_parameters(
+    path: str | os.PathLike[str],
+    *,
+    vehicle: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Parameters:
+    """Read a vehicle's parameters from a log.
+
+    Parameters
+    ----------
+    path
+        A ``.tlog`` file.
+    vehicle
+        System id; may be None where only one vehicle's parameters are in the log.
+    progress
+        Called with the number of bytes read after each block.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the file is missing or not a telemetry log.
+    MavhumsError
+        If the log holds no parameters, not the vehicle's, or those of several vehicles.
+    """
+    sent = _Sent()
+    for tables, size, _ in decode_blocks(path, Decoder({"HEARTBEAT", "PARAM_VALUE"})):
+        sent.take(tables)
+        if progress:
+            progress(size)
+    vehicle = _choose(Path(path), vehicle, sorted(sent.values))
+    is_px4 = vehicle in sent.px4
+    values = {name: _number(*value, is_px4=is_px4) for name, value in sent.values[vehicle].items()}
+    return Parameters(vehicle, is_px4, {name: value for name, value in values.items() if isfinite(value)})
+
+
+def _choose(path: Path, vehicle: int | None, there: list[int]) -> int:
+    if not there:
+        remedy = "let the ground station download them while it records (a refresh of its parameter list)"
+        raise MavhumsError(f"{path}: holds no parameters (PARAM_VALUE)", remedy)
+    known = ", ".join(map(str, there))
+    if vehicle is None and len(there) > 1:
+        raise MavhumsError(f"{path}: holds the parameters of vehicles {known}", "choose one with --vehicle")
+    if vehicle is not None and vehicle not in there:
+        raise MavhumsError(f"{path}: holds no parameters of vehicle {vehicle}", f"it holds those of {known}")
+    return there[0] if vehicle is None else vehicle
+
+
+def _number(bits: int, kind: int, *, is_px4: bool) -> float:
+    """Return a parameter's value from the bits of its float.
+
+    Examples
+    --------
+    >>> _number(1000, 6, is_px4=True)
+    1000.0
+    """
+    word = np.array(bits, dtype="<u4")
+    integer = _INTEGERS.get(kind) if is_px4 else None
+    return float(word.view("<f4") if integer is None else word.astype(integer))

@@ -1,0 +1,88 @@
+"""Judging a file: the whole log, its hash, its progress, and its recording made later."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+import mavhums
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.events import Event, Samples
+from mavhums.learn import default_model
+from mavhums.learn.model import ModelError
+from mavhums_sim import Flight, fly, write_tlog
+
+
+def test_the_assessment_names_its_log(growing_log: Path) -> None:
+    assessment = mavhums.analyse(growing_log)
+    content = growing_log.read_bytes()
+    assert assessment.log.path == str(growing_log)
+    assert assessment.log.sha256 == hashlib.sha256(content).hexdigest()
+    assert assessment.log.duration_s == pytest.approx(40.0, abs=0.1)
+    assert str(assessment.log.start_utc).startswith("2026-01-01T09:00:00.")
+
+
+def test_events_and_progress_are_passed_on(growing_log: Path, tmp_path: Path) -> None:
+    done: list[int] = []
+    plain: list[Event] = []
+    mavhums.analyse(growing_log, consume=plain.extend, progress=done.append)
+    assert done[-1] == growing_log.stat().st_size
+    assert done == sorted(done)
+    recorded: list[Event] = []
+    mavhums.analyse(growing_log, consume=recorded.extend, recording=tmp_path / "flight.rrd")
+    samples = [sum(len(e.time_s) for e in events if isinstance(e, Samples)) for events in (plain, recorded)]
+    assert samples == [16_000, 16_000]
+
+
+def test_a_recording_can_be_made_later(growing_log: Path, tmp_path: Path) -> None:
+    at_once, later = tmp_path / "once.rrd", tmp_path / "later.rrd"
+    assessment = mavhums.analyse(growing_log, recording=at_once)
+    mavhums.record(assessment, later)
+    assert later.stat().st_size == pytest.approx(at_once.stat().st_size, rel=0.01)
+
+
+def test_a_log_that_changed_is_not_recorded(growing_log: Path, tmp_path: Path) -> None:
+    log = tmp_path / "flight.tlog"
+    log.write_bytes(growing_log.read_bytes()[:500_000])
+    assessment = mavhums.analyse(log)
+    log.write_bytes(growing_log.read_bytes())
+    with pytest.raises(MavhumsError, match="not the log that was judged"):
+        mavhums.record(assessment, tmp_path / "flight.rrd")
+    assert not (tmp_path / "flight.rrd").exists()
+
+
+def test_a_model_of_ones_own_is_given_by_path(growing_log: Path, tmp_path: Path) -> None:
+    from mavhums.learn import save_model
+
+    packaged = default_model()
+    saved = save_model(tmp_path / "mine.safetensors", packaged.network, packaged.card)
+    assessment = mavhums.analyse(growing_log, model=tmp_path / "mine.safetensors")
+    assert assessment.model is not None
+    assert assessment.model.hash == saved.hash
+    with pytest.raises(ModelError, match="nonesuch"):
+        mavhums.analyse(growing_log, model="nonesuch")
+
+
+def test_the_packaged_model_is_the_papers_actuators() -> None:
+    model = default_model()
+    assert model.card.airframe == "paper"
+    assert model.card.tier == "instrumented"
+    assert model.card.metrics["validation_accuracy"] > 0.99
+    assert "V1" not in model.network.keys
+    assert model.card.command.startswith("mavhums train --airframe paper")
+
+
+def test_fewer_false_alarms_are_bought_with_a_later_verdict(tmp_path: Path) -> None:
+    """The same growing friction: the onset is told later where alarms may be false less often."""
+    log = tmp_path / "growing.tlog"
+    write_tlog(fly(Flight(seed=3, duration_s=60.0, friction_nm={"elevator": (0.225, 0.7)})), log)
+    told = []
+    for false_alarms in (0.001, 1.0, 100.0):
+        assessment = mavhums.analyse(log, false_alarms=false_alarms)
+        elevator = next(verdict for verdict in assessment.verdicts if verdict.actuator == "elevator")
+        assert elevator.since is not None
+        told.append(elevator.since.flight_time_s)
+    assert told[0] >= told[1] >= told[2]
+    assert told[0] > told[2]

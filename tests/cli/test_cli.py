@@ -1,0 +1,287 @@
+"""The command line as a user meets it: what it prints, what it writes, what it exits with."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import pytest
+from fastcrc import crc16
+
+from mavhums.cli import progress as progress_module
+from mavhums.core.errors import ExitCode
+from mavhums.report.assessment import json_schema
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run, real_logs
+
+
+@pytest.fixture(scope="module")
+def healthy_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("healthy") / "healthy.tlog"
+    write_tlog(fly(Flight(seed=31, duration_s=20.0)), path)
+    return path
+
+
+def test_analyse_prints_the_worst_first(run: Run, growing_log: Path) -> None:
+    outcome = run("analyse", growing_log)
+    assert outcome.code == ExitCode.EMERGENCY
+    assert outcome.err == ""
+    assert outcome.out.index("elevator") < outcome.out.index("rudder")
+    assert "Not an airworthiness decision" in outcome.out
+    assert "\x1b[" not in outcome.out
+
+
+def test_analyse_json_follows_the_schema(run: Run, growing_log: Path, healthy_log: Path) -> None:
+    validator = jsonschema.Draft202012Validator(json_schema())
+    one = run("analyse", healthy_log, "--json")
+    assert one.code == ExitCode.OK
+    validator.validate(json.loads(one.out))
+    two = run("analyse", healthy_log, growing_log, "--json")
+    assert two.code == ExitCode.EMERGENCY
+    whole = json.loads(two.out)
+    assert whole["schema"] == "mavhums.assessment/1"
+    assert [a["log"]["path"] for a in whole["assessments"]] == [str(healthy_log), str(growing_log)]
+    for assessment in whole["assessments"]:
+        validator.validate(assessment)
+
+
+def test_analyse_writes_recordings(run: Run, growing_log: Path, healthy_log: Path, tmp_path: Path) -> None:
+    one = tmp_path / "flight.rrd"
+    outcome = run("analyse", growing_log, "--rrd", one)
+    assert outcome.code == ExitCode.EMERGENCY
+    assert one.read_bytes().startswith(b"RRF")
+    assert f"rerun {one}" in outcome.out
+    folder = tmp_path / "recordings"
+    assert run("analyse", growing_log, healthy_log, "--rrd", folder).code == ExitCode.EMERGENCY
+    assert sorted(path.name for path in folder.iterdir()) == ["growing.rrd", "healthy.rrd"]
+
+
+def test_one_bad_log_does_not_hide_the_others(run: Run, healthy_log: Path, tmp_path: Path) -> None:
+    outcome = run("analyse", tmp_path / "missing.tlog", healthy_log)
+    assert outcome.code == ExitCode.ERROR
+    assert "no such file" in outcome.err
+    assert "remedy: check the path" in outcome.err
+    assert "elevator" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["analyse"], ExitCode.USAGE, "Missing argument"),
+        (["analyse", "LOG", "--open"], ExitCode.USAGE, "--open needs --rrd"),
+        (["analyse", "LOG", "--airframe", "nonesuch"], ExitCode.ERROR, "no airframe profile 'nonesuch'"),
+        (["analyse", "LOG", "--model", "nonesuch"], ExitCode.ERROR, "nonesuch"),
+        (["analyse", "LOG", "--rrd", "/nowhere/at/all.rrd"], ExitCode.ERROR, "/nowhere"),
+        (["analyse", "LOG", "LOG", "--rrd", "x"], ExitCode.USAGE, "share one recording"),
+        (["inspect", "/nowhere.tlog"], ExitCode.ERROR, "no such file"),
+        (["fly"], ExitCode.USAGE, "No such command"),
+    ],
+)
+def test_errors_are_one_line_and_a_code(
+    run: Run, healthy_log: Path, arguments: list[str], code: ExitCode, message: str
+) -> None:
+    outcome = run(*(str(healthy_log) if argument == "LOG" else argument for argument in arguments))
+    assert outcome.code == code
+    assert message in outcome.err
+    assert "Traceback" not in outcome.err
+
+
+def test_a_folder_for_recordings_that_cannot_be_made(
+    run: Run, healthy_log: Path, growing_log: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    outcome = run("analyse", healthy_log, growing_log, "--rrd", tmp_path / "file" / "folder")
+    assert outcome.code == ExitCode.ERROR
+    assert "--rrd names a folder" in outcome.err
+
+
+def test_open_starts_the_viewer(
+    run: Run, healthy_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr(subprocess, "Popen", started.append)
+    recording = tmp_path / "flight.rrd"
+    assert run("analyse", healthy_log, "--rrd", recording, "--open").code == ExitCode.OK
+    assert started == [["rerun", str(recording)]]
+
+    def fail(_: list[str]) -> None:
+        raise FileNotFoundError
+
+    monkeypatch.setattr(subprocess, "Popen", fail)
+    outcome = run("analyse", healthy_log, "--rrd", recording, "--open")
+    assert outcome.code == ExitCode.ERROR
+    assert "pip install 'mavhums[viewer]'" in outcome.err
+
+
+def test_inspect_names_tier_sources_and_rates(run: Run, growing_log: Path) -> None:
+    outcome = run("inspect", growing_log)
+    assert outcome.code == ExitCode.OK
+    assert "telemetry tier instrumented" in outcome.out
+    assert "elevator (servo 3): V1–V12 from DEBUG_FLOAT_ARRAY[EMA,3]" in outcome.out
+    assert "Nothing was lost." in outcome.out
+    inspected = json.loads(run("inspect", growing_log, "--json").out)
+    rates = {row["name"]: row["rate_hz"] for row in inspected["messages"]}
+    assert rates["DEBUG_FLOAT_ARRAY"] == pytest.approx(400, rel=0.01)
+    assert rates["HEARTBEAT"] == pytest.approx(1, rel=0.05)
+
+
+def test_inspect_counts_what_mavlogdump_counts(run: Run, growing_log: Path) -> None:
+    from collections import Counter
+
+    from pymavlink import mavutil
+
+    theirs: Counter[str] = Counter()
+    connection = mavutil.mavlink_connection(str(growing_log))
+    while (message := connection.recv_match()) is not None:
+        theirs[message.get_type()] += 1
+    connection.close()
+    inspected = json.loads(run("inspect", growing_log, "--json").out)
+    assert {row["name"]: row["count"] for row in inspected["messages"]} == theirs
+
+
+def test_inspect_says_what_was_lost(run: Run, growing_log: Path, tmp_path: Path) -> None:
+    content = bytearray(growing_log.read_bytes())
+    content[5_000:5_020] = bytes(20)
+    content[0] = 0x7F
+    path = tmp_path / "damaged.tlog"
+    path.write_bytes(bytes(content[:-9]))
+    outcome = run("inspect", path)
+    assert outcome.code == ExitCode.READ_WITH_LOSSES
+    for words in ("bytes skipped in", "bad CRC", "implausible time", "unfinished record"):
+        assert words in outcome.out
+
+
+def test_inspect_names_the_remedy_where_health_cannot_be_judged(run: Run, tmp_path: Path) -> None:
+    import struct
+
+    from pymavlink.dialects.v20 import ardupilotmega as v2
+
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+
+    def log(name: str, *messages: v2.MAVLink_message) -> Path:
+        path = tmp_path / name
+        data = b""
+        for k, message in enumerate(messages):
+            data += struct.pack(">Q", 1_700_000_000_000_000 + k) + bytes(message.pack(link))
+        path.write_bytes(data)
+        return path
+
+    pwm = run("inspect", log("pwm.tlog", v2.MAVLink_servo_output_raw_message(0, 0, *[1500] * 16)))
+    assert "Health cannot be judged" in pwm.out
+    assert "DEBUG_FLOAT_ARRAY named EMA" in pwm.out
+    partial = [1.0, float("nan"), 3.0] + [float("nan")] * 9 + [0.0] * 46
+    instrumented = log("ema.tlog", v2.MAVLink_debug_float_array_message(0, b"EMA", 3, partial))
+    assert "name an airframe profile" in run("inspect", instrumented).out
+    named = run("inspect", instrumented, "--airframe", "paper").out
+    assert "elevator (servo 3): V1, V3 from DEBUG_FLOAT_ARRAY[EMA,3]; missing V2, V4" in named
+    assert "rudder (servo 4): no telemetry" in named
+    nobody = run("inspect", log("gcs.tlog", v2.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
+    assert "No vehicle speaks" in nobody.out
+
+
+def test_unknown_messages_are_named(run: Run, growing_log: Path, tmp_path: Path) -> None:
+    content = growing_log.read_bytes()
+    first = 20 + content[9]
+    head = bytes([1, 0, 0, content[12] + 1, 1, 1, 1, 2, 200, 5])
+    crc = crc16.mcrf4xx(head + bytes([77]))
+    path = tmp_path / "unknown.tlog"
+    unknown = content[:8] + b"\xfd" + head + crc.to_bytes(2, "little")
+    path.write_bytes(content[:first] + unknown + content[first:])
+    assert "1 frames of messages that the dialect does not define" in run("inspect", path).out
+
+
+def test_train_writes_a_model_that_analyse_uses(
+    run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shorter = lambda flight: fly(replace(flight, duration_s=40.0))  # noqa: E731
+    monkeypatch.setattr("mavhums.training.flights.fly", shorter)
+    model = tmp_path / "model.safetensors"
+    trained = run("train", "--flights", "1", "--networks", "1", "-o", model)
+    assert trained.code == 0
+    assert "validation accuracy" in trained.out
+    assert "expected calibration error" in trained.out
+    assessment = json.loads(run("analyse", growing_log, "--model", model, "--json").out)
+    elevator = next(v for v in assessment["verdicts"] if v["actuator"] == "elevator")
+    assert elevator["p_emergency"] > 0.9
+
+
+def test_progress_is_shown_on_a_terminal_only(
+    run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    big = tmp_path / "big.tlog"
+    big.write_bytes(growing_log.read_bytes() * 4)
+    assert run("inspect", big).err == ""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with progress_module.reading(big) as progress:
+        assert progress is not None
+        progress(10)
+    with progress_module.steps("training") as steps:
+        assert steps is not None
+        steps(1, 2)
+
+
+def test_help_teaches_and_is_instant() -> None:
+    outcome = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "mavhums", "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "mavhums analyse flight.tlog" in outcome.stdout
+    loaded = {line.split("|")[-1].strip() for line in outcome.stderr.splitlines()}
+    assert not loaded & {
+        "numpy",
+        "pandas",
+        "torch",
+        "rerun",
+        "pymavlink",
+        "scipy",
+        "numba",
+        "pydantic",
+        "rich",
+    }
+
+
+def test_interruption_leaves_nothing_half_written(
+    run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mavhums.engine.engine.Engine.finish", interrupt)
+    outcome = run("analyse", growing_log, "--rrd", tmp_path / "flight.rrd")
+    assert outcome.code == 130
+    assert "stopped" in outcome.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_reader_that_goes_away_is_no_traceback(growing_log: Path) -> None:
+    command = f"{sys.executable} -m mavhums inspect {growing_log} | head -n 1"
+    outcome = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
+    assert "Traceback" not in outcome.stderr
+
+
+@pytest.mark.parametrize("command", ["analyse", "inspect", "train", "trend"])
+def test_every_command_has_help(run: Run, command: str) -> None:
+    outcome = run(command, "--help")
+    assert outcome.code == 0
+    assert len(outcome.out.splitlines()) > 8
+
+
+@pytest.mark.skipif(not real_logs(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@pytest.mark.parametrize("path", real_logs(), ids=lambda path: path.name)
+@pytest.mark.parametrize("command", ["analyse", "inspect"])
+def test_real_files_never_end_in_a_traceback(run: Run, command: str, path: Path) -> None:
+    outcome = run(command, path)
+    assert "Traceback" not in outcome.err
+    if path.name.endswith((".tlog", ".tlog.raw")):
+        assert outcome.err == ""
+        expected = {"analyse": {ExitCode.UNDECIDED}, "inspect": {ExitCode.OK, ExitCode.READ_WITH_LOSSES}}
+        assert outcome.code in expected[command]
+    else:
+        assert outcome.code == ExitCode.ERROR
+        assert len(outcome.err.splitlines()) == 2

@@ -1,0 +1,313 @@
+"""Profiles drafted from logs, and profiles that map fields of their own."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+import mavhums
+from mavhums.actuator import Actuator, load_airframe
+from mavhums.actuator.draft import draft_profile
+from mavhums.core.errors import ExitCode
+from mavhums.vehicle.outputs import control_surfaces
+from mavhums.vehicle.parameters import Parameters, _number, read_parameters
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import REAL_LOGS, Run, real_logs
+from tests.logs import heartbeat, write_log
+
+CSRV = Path(__file__).parents[2] / "examples" / "profiles" / "csrv.toml"
+CSRV_LOG = REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog"
+
+
+def ardupilot(**values: float) -> list[Any]:
+    """The parameters as ArduPilot sends them: numbers, whatever their type."""
+    sent = [v2.MAVLink_param_value_message(n.encode(), x, 4, len(values), 0) for n, x in values.items()]
+    return [heartbeat(3), *sent]
+
+
+def px4(**values: float) -> list[Any]:
+    """The parameters as PX4 sends them: the bits of integers in the place of the float."""
+    sent = []
+    for name, value in values.items():
+        is_integer = isinstance(value, int)
+        number = struct.unpack("<f", struct.pack("<i", value))[0] if is_integer else value
+        kind = 6 if is_integer else 9
+        sent.append(v2.MAVLink_param_value_message(name.encode(), number, kind, len(values), 0))
+    return [*sent, heartbeat(12)]
+
+
+PLANE = {
+    "SERVO1_FUNCTION": 4,
+    "SERVO1_MIN": 1100,
+    "SERVO1_TRIM": 1520,
+    "SERVO1_MAX": 1900,
+    "SERVO2_FUNCTION": 19,
+    "SERVO2_REVERSED": 1,
+    "SERVO3_FUNCTION": 70,
+    "SERVO4_FUNCTION": 4,
+    "SERVO4_MIN": 1000,
+    "SERVO4_TRIM": 990,
+    "SERVO4_MAX": 2000,
+    "SERVO5_FUNCTION": 33,
+    "SERVO6_FUNCTION": 79,
+    "SERVO6_MIN": 1900,
+    "SERVO6_MAX": 1100,
+}
+
+
+def drafted(text: str, tmp_path: Path) -> tuple[Actuator, ...]:
+    path = tmp_path / "drafted.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_airframe(path).actuators
+
+
+def test_a_draft_names_the_control_surfaces_of_ardupilot(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "plane.tlog", ardupilot(**PLANE))
+    text = draft_profile(log)
+    actuators = drafted(text, tmp_path)
+    assert [(a.name, a.surface, a.servo, a.pwm_us) for a in actuators] == [
+        ("aileron_1", "aileron", 1, (1100, 1520, 1900)),
+        ("elevator", "elevator", 2, (1100, 1500, 1900)),
+        ("aileron_4", "aileron", 4, (1000, 1500, 2000)),
+        ("left_v_tail", "left v-tail", 6, (1100, 1500, 1900)),
+    ]
+    assert all(a.blanks and a.travel_deg is None and a.esc is None for a in actuators)
+    lines = text.splitlines()
+    assert 'name = "plane"' in lines
+    assert "servo = 1  # SERVO1_FUNCTION = 4" in lines
+    assert "pwm_us = [1100, 1520, 1900]  # SERVO1_MIN, SERVO1_TRIM, SERVO1_MAX" in lines
+    assert "reversed" in next(line for line in lines if "the log does not tell them" in line)
+    assert any("SERVO4_MIN, SERVO4_TRIM, SERVO4_MAX; zero in the middle" in line for line in lines)
+    assert any("CHECK: SERVO6_MIN = 1900 is not below SERVO6_MAX = 1100" in line for line in lines)
+    assert text.count("FILL IN") == 1 + 3 * 4
+
+
+def test_a_draft_decodes_the_integers_of_px4(tmp_path: Path) -> None:
+    log = write_log(
+        tmp_path / "px4.tlog",
+        px4(
+            PWM_MAIN_FUNC1=201,
+            PWM_MAIN_MIN1=1050,
+            PWM_MAIN_MAX1=1950,
+            PWM_MAIN_FUNC2=101,
+            PWM_MAIN_FUNC3=202,
+            PWM_MAIN_FUNC4=203,
+            PWM_MAIN_FUNC5=204,
+            PWM_MAIN_REV=4,
+            CA_SV_CS0_TYPE=1,
+            CA_SV_CS1_TYPE=3,
+            CA_SV_CS2_TYPE=16,
+            CA_SV_CS0_TRIM=0.1,
+        ),
+    )
+    text = draft_profile(log, name="my plane")
+    assert [(a.name, a.servo, a.pwm_us) for a in drafted(text, tmp_path)] == [
+        ("left_aileron", 1, (1050, 1500, 1950)),
+        ("elevator", 3, (1000, 1500, 2000)),
+        ("servo_4", 5, (1000, 1500, 2000)),
+    ]
+    assert load_airframe(tmp_path / "drafted.toml").name == "my plane"
+    reversed_lines = [line for line in text.splitlines() if "; reversed" in line]
+    assert len(reversed_lines) == 1
+    assert read_parameters(log).values["CA_SV_CS0_TRIM"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("bits", "kind", "value"),
+    [
+        (0xFFFFFFFF, 6, -1),
+        (0xFF, 2, -1),
+        (0xFF, 1, 255),
+        (0xFFFF, 4, -1),
+        (65535, 3, 65535),
+        (2**31, 5, 2**31),
+    ],
+)
+def test_integers_of_every_type_are_decoded(bits: int, kind: int, value: int) -> None:
+    assert _number(bits, kind, is_px4=True) == value
+    assert np.isnan(_number(0x7FC00000, kind, is_px4=False))
+
+
+def test_the_last_value_of_a_parameter_counts_and_a_broken_one_does_not(tmp_path: Path) -> None:
+    sent = [*ardupilot(SERVO1_FUNCTION=4, SERVO1_MIN=float("nan")), *ardupilot(SERVO1_FUNCTION=21)]
+    [output] = control_surfaces(read_parameters(write_log(tmp_path / "twice.tlog", sent)))
+    assert (output.surface, output.pwm_us) == ("rudder", (1100, 1500, 1900))
+
+
+def test_a_strange_name_is_written_so_that_it_can_be_read_back(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "plane.tlog", ardupilot(**PLANE))
+    for name in ('a "quoted" \\ name', "Möwe ✈", "two\nlines\x7f"):
+        drafted(draft_profile(log, name=name), tmp_path)
+        read = load_airframe(tmp_path / "drafted.toml").name
+        assert read == name.replace("\n", "?").replace("\x7f", "?")
+
+
+def test_profile_new_writes_or_prints_but_never_overwrites(run: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "plane.tlog", ardupilot(**PLANE))
+    mine = tmp_path / "mine.toml"
+    outcome = run("profile", "new", log, "-o", mine)
+    assert outcome.code == 0
+    assert "drafted 4 actuators" in outcome.out
+    assert "fill in: travel_deg, [actuators.ema] and [actuators.limits]" in outcome.out
+    assert run("profile", "new", log).out == mine.read_text(encoding="utf-8")
+    again = run("profile", "new", log, "-o", mine)
+    assert again.code == ExitCode.ERROR
+    assert "exists already" in again.err
+    nowhere = run("profile", "new", log, "-o", tmp_path / "no" / "mine.toml")
+    assert nowhere.code == ExitCode.ERROR
+    assert "cannot write" in nowhere.err
+
+
+@pytest.mark.parametrize(
+    ("sent", "message"),
+    [
+        ([heartbeat(3)], "holds no parameters"),
+        (ardupilot(FENCE_TYPE=1), "none of its 1 parameters assigns an output (SERVOn_FUNCTION)"),
+        (px4(PWM_MAIN_FUNC1=101), "none of the 1 outputs that its parameters assign moves a control surface"),
+        (px4(BAT_N=1), "(PWM_MAIN_FUNCn)"),
+    ],
+)
+def test_what_cannot_be_drafted_is_said(run: Run, tmp_path: Path, sent: list[Any], message: str) -> None:
+    outcome = run("profile", "new", write_log(tmp_path / "other.tlog", sent))
+    assert outcome.code == ExitCode.ERROR
+    assert message in outcome.err
+    assert "remedy: " in outcome.err
+
+
+def test_of_several_vehicles_one_is_chosen(run: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "two.tlog", ardupilot(SERVO1_FUNCTION=4))
+    write_log(log, ardupilot(SERVO2_FUNCTION=21), system=7)
+    assert "vehicles 1, 7" in run("profile", "new", log).err
+    assert 'surface = "rudder"' in run("profile", "new", log, "--vehicle", "7").out
+    assert "no parameters of vehicle 3" in run("profile", "new", log, "--vehicle", "3").err
+
+
+def test_a_draft_shows_the_quantities_and_leaves_the_verdict_open(
+    run: Run, growing_log: Path, tmp_path: Path
+) -> None:
+    mine = tmp_path / "mine.toml"
+    assert run("profile", "new", growing_log, "-o", mine).code == 0
+    assessment = mavhums.analyse(growing_log, airframe=mine)
+    assert len(assessment.verdicts) == 4
+    for verdict in assessment.verdicts:
+        assert verdict.condition == verdict.worst == "undecided"
+        reason = "the profile has no [actuators.ema], no [actuators.limits], no travel_deg"
+        assert verdict.reason == reason
+        assert verdict.remedy is not None
+        assert "data sheet" in verdict.remedy
+        assert len(verdict.provenance) == 12
+    outcome = run("analyse", growing_log, "--airframe", mine, "--rrd", tmp_path / "draft.rrd")
+    assert outcome.code == ExitCode.UNDECIDED
+    assert "[actuators.ema]" in outcome.out
+    assert (tmp_path / "draft.rrd").exists()
+    inspected = json.loads(run("inspect", growing_log, "--airframe", mine, "--json").out)
+    assert inspected["vehicles"][0]["actuators"][0]["missing"] == []
+
+
+def test_without_constants_what_an_esc_says_is_shown_as_it_is(tmp_path: Path) -> None:
+    log = tmp_path / "esc.tlog"
+    write_tlog(fly(Flight(seed=3, duration_s=12.0, tiers=("esc-unsigned",))), log)
+    whole = load_airframe("paper")
+    draft = [a.model_copy(update={"ema": None, "limits": None}) for a in whole.actuators]
+    draft[1] = draft[1].model_copy(update={"esc_side": "bus"})
+    mine = whole.model_copy(update={"actuators": tuple(draft)})
+    histories = mavhums.actuators(mavhums.read_log(log), mine)
+    left, right = histories["aileron_left"], histories["aileron_right"]
+    assert left.frame["V7"].min() >= 0
+    assert left.frame["V7"].max() > 100
+    assert "without its sign" in left.provenance["V7"]
+    assert left.frame[["V3", "V8", "V10"]].isna().all(axis=None)
+    assert "ESC_TELEMETRY_1_TO_4[1].current" in right.provenance["V5"]
+    limits_only = whole.actuators[0].model_copy(update={"limits": None})
+    [verdict] = mavhums.analyse(log, airframe=whole.model_copy(update={"actuators": (limits_only,)})).verdicts
+    assert verdict.reason is not None
+    assert verdict.reason.startswith("the profile has no [actuators.limits]")
+
+
+def test_a_script_s_named_values_become_command_and_angle(run: Run, tmp_path: Path) -> None:
+    sent: list[Any] = []
+    for k in range(40):
+        for servo in (1, 2, 4, 9, 10, 12):
+            for name, value in (("Cmd", servo + k), ("Pos", servo + k / 2), ("V", 5.0)):
+                text = f"S{servo}{name}".encode()
+                sent.append(v2.MAVLink_named_value_float_message(1000 + 100 * k, text, value))
+    log = write_log(tmp_path / "named.tlog", sent, step_us=5555)
+    histories = mavhums.actuators(mavhums.read_log(log), str(CSRV))
+    assert list(histories) == ["aileron_1", "elevator_2", "rudder_4", "aileron_9", "elevator_10", "rudder_12"]
+    history = histories["elevator_10"]
+    assert history.provenance == {
+        "V1": "NAMED_VALUE_FLOAT[S10Cmd].value",
+        "V3": "NAMED_VALUE_FLOAT[S10Pos].value",
+    }
+    assert history.frame["V1"].tolist() == [10.0 + k for k in range(40)]
+    assert history.frame["V3"].tolist() == [10.0 + k / 2 for k in range(40)]
+
+
+@pytest.mark.skipif(not CSRV_LOG.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+def test_the_jam_of_a_real_script_s_log_is_visible() -> None:
+    """An aileron's servo jams in the air: its command moves on, its angle does not; its twin follows."""
+    histories = mavhums.actuators(mavhums.read_log(CSRV_LOG), str(CSRV))
+    assert [history.provenance["V3"] for history in histories.values()] == [
+        f"NAMED_VALUE_FLOAT[S{servo}Pos].value" for servo in (1, 2, 4, 9, 10, 12)
+    ]
+    assert all(set(history.provenance) == {"V1", "V3"} for history in histories.values())
+    for name, jams in (("aileron_1", True), ("aileron_9", False)):
+        frame = histories[name].frame
+        jammed = frame[frame.index[0] + pd.Timedelta(seconds=95) : frame.index[0] + pd.Timedelta(seconds=120)]
+        assert np.ptp(jammed["V1"]) > 60
+        assert (np.ptp(jammed["V3"]) < 0.5) == jams
+
+
+PLANES = [path for path in real_logs() if path.name.startswith(("plane_", "Jordinaa", "EAICS__flight.tlog"))]
+
+
+@pytest.mark.skipif(not PLANES, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@pytest.mark.parametrize("log", [p for p in PLANES if p.suffix == ".tlog"], ids=lambda path: path.name)
+def test_the_draft_of_a_real_log_can_be_used_at_once(run: Run, log: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    assert run("profile", "new", log, "-o", mine).code == 0
+    actuators = load_airframe(mine).actuators
+    assert {"aileron", "elevator", "rudder"} <= {a.surface.removeprefix("left ") for a in actuators}
+    outcome = run("analyse", log, "--airframe", mine)
+    assert outcome.code == ExitCode.UNDECIDED
+    assert "[actuators.ema]" in outcome.out
+
+
+def test_an_output_that_the_autopilot_does_not_assign_is_no_surface() -> None:
+    assert control_surfaces(Parameters(1, False, {})) == []
+    assert control_surfaces(Parameters(1, True, {"PWM_MAIN_FUNC1": 0.0, "PWM_MAIN_FUNC2": 300.0})) == []
+
+
+def test_any_quantity_is_mapped_from_any_field_element_and_unit(tmp_path: Path) -> None:
+    sent = [
+        v2.MAVLink_actuator_output_status_message(1_000_000 + 10_000 * k, 4, [0.1 * k, 0.2 * k] + [0.0] * 30)
+        for k in range(20)
+    ]
+    log = write_log(tmp_path / "status.tlog", sent)
+    profile = tmp_path / "mine.toml"
+    profile.write_text(
+        """
+        name = "mine"
+        [[actuators]]
+        name = "tab"
+        servo = 5
+        pwm_us = [1000, 1500, 2000]
+        fields.V3 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[1]", scale = 10.0, offset = -1.0 }
+        fields.V1 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[0]", where = { active = 4 } }
+        fields.V4 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[0]", where = { active = 5 } }
+        """
+    )
+    history = mavhums.actuators(mavhums.read_log(log), str(profile))["tab"]
+    assert history.provenance == {
+        "V1": "ACTUATOR_OUTPUT_STATUS[4].actuator[0]",
+        "V3": "ACTUATOR_OUTPUT_STATUS.actuator[1]",
+    }
+    assert history.frame["V3"].to_numpy() == pytest.approx(np.arange(20) * 2.0 - 1.0, abs=1e-5)
+    assert history.frame["V1"].to_numpy() == pytest.approx(np.arange(20) * 0.1, abs=1e-6)

@@ -1,0 +1,193 @@
+"""Exported tables and the model's card, as a user meets them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import mavhums
+from mavhums.actuator import load_airframe
+from mavhums.actuator.draft import draft_profile
+from mavhums.app.export import export_quantities
+from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.core.files import written_whole
+from mavhums.core.quantities import KEYS
+from mavhums.core.table_writers import writer_for
+from mavhums.learn import default_model
+from tests.conftest import Run
+from tests.logs import heartbeat, write_log
+
+
+def test_exported_quantities_are_the_histories(run: Run, short_log: Path, tmp_path: Path) -> None:
+    histories = mavhums.actuators(mavhums.read_log(short_log))
+    outcome = run("export", short_log, "-o", tmp_path / "v.csv")
+    assert outcome.code == 0
+    assert outcome.out == f"{tmp_path}/v.csv: {sum(len(h.frame) for h in histories.values()):,} rows\n"
+    table = pd.read_csv(tmp_path / "v.csv", parse_dates=["time"])
+    assert list(table.columns) == ["vehicle", "actuator", "time", "flight_time_s", *KEYS]
+    assert set(table["vehicle"]) == {1}
+    for name, history in histories.items():
+        own = table[table["actuator"] == name].set_index("time")
+        assert own.index.equals(history.frame.index)
+        assert own["flight_time_s"].is_monotonic_increasing
+        pd.testing.assert_frame_equal(own[list(KEYS)], history.frame, check_freq=False)
+
+
+def test_parquet_holds_the_same_as_csv(run: Run, short_log: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    for arguments in ([], ["--messages", "ATTITUDE"], ["--messages", "STATUSTEXT"]):
+        csv, parquet = tmp_path / "t.csv", tmp_path / "t.parquet"
+        assert run("export", short_log, "-o", csv, *arguments).code == 0
+        assert run("export", short_log, "-o", parquet, *arguments).code == 0
+        table = pd.read_parquet(parquet)
+        assert str(table["time"].dtype) == "datetime64[us, UTC]"
+        read = pd.read_csv(csv, parse_dates=["time"])
+        pd.testing.assert_frame_equal(read, table, check_dtype=False, rtol=1e-6)
+
+
+def test_long_tables_are_written_in_pieces(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    frame = pd.DataFrame({"x": np.arange(40_000), "text": "a"})
+    for name in ("t.csv", "t.parquet"):
+        path = tmp_path / name
+        with writer_for(path)(path) as table:
+            for _ in range(5):
+                table.write(frame)
+        assert table.rows == 200_000
+    assert parquet.ParquetFile(tmp_path / "t.parquet").num_row_groups == 3
+    assert len(pd.read_csv(tmp_path / "t.csv")) == 200_000
+
+
+def test_several_messages_are_a_file_each(run: Run, short_log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "flight.csv"
+    outcome = run("export", short_log, "-o", out, "--messages", "attitude, PARAM_VALUE,ATTITUDE")
+    assert outcome.code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "flight-ATTITUDE.csv",
+        "flight-PARAM_VALUE.csv",
+    ]
+    log = mavhums.read_log(short_log)
+    attitude = pd.read_csv(tmp_path / "flight-ATTITUDE.csv", parse_dates=["time"])
+    pd.testing.assert_frame_equal(
+        attitude.set_index("time"), log.messages["ATTITUDE"], check_dtype=False, rtol=1e-6, check_freq=False
+    )
+    assert "SERVO1_FUNCTION" in (tmp_path / "flight-PARAM_VALUE.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("output", "arguments", "code", "message"),
+    [
+        ("t.xls", [], ExitCode.ERROR, "end it in .parquet or .csv"),
+        ("t.csv", ["--messages", "ATITUDE"], ExitCode.ERROR, "did you mean ATTITUDE?"),
+        ("t.csv", ["--messages", "ATTITUDE,XYZ"], ExitCode.ERROR, "holds no message XYZ"),
+        ("t.csv", ["--messages", "ATTITUDE", "--airframe", "paper"], ExitCode.USAGE, "--airframe is for"),
+        ("t.csv", ["--airframe", "nonesuch"], ExitCode.ERROR, "no airframe profile 'nonesuch'"),
+        ("no/t.csv", [], ExitCode.ERROR, "cannot write"),
+        ("no/t.csv", ["--messages", "ATTITUDE"], ExitCode.ERROR, "cannot write"),
+        ("t.csv", ["--messages", " , "], ExitCode.ERROR, "no message is named"),
+    ],
+)
+def test_what_cannot_be_exported_is_said_and_leaves_nothing(
+    run: Run, short_log: Path, tmp_path: Path, output: str, arguments: list[str], code: int, message: str
+) -> None:
+    outcome = run("export", short_log, "-o", tmp_path / output, *arguments)
+    assert outcome.code == code
+    assert message in outcome.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_without_a_profile_or_without_telemetry_is_not_exported(run: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "x.tlog", [heartbeat(3)])
+    assert "names no airframe profile" in run("export", log, "-o", tmp_path / "x.csv").err
+    outcome = run("export", log, "-o", tmp_path / "x.csv", "--airframe", "paper")
+    assert "carries nothing of the actuators of paper" in outcome.err
+    assert run("export", tmp_path / "no.tlog", "-o", tmp_path / "x.csv").code == ExitCode.ERROR
+    assert [path.name for path in tmp_path.iterdir()] == ["x.tlog"]
+
+
+def test_parquet_without_its_library_names_the_command(
+    run: Run, short_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    outcome = run("export", short_log, "-o", tmp_path / "t.parquet")
+    assert outcome.code == ExitCode.ERROR
+    assert "pip install 'mavhums[arrow]'" in outcome.err
+    assert run("export", short_log, "-o", tmp_path / "t.csv").code == 0
+
+
+def test_progress_is_the_bytes_read(short_log: Path, tmp_path: Path) -> None:
+    seen: list[int] = []
+    export_quantities(short_log, tmp_path / "t.csv", airframe=load_airframe("paper"), progress=seen.append)
+    draft_profile(short_log, progress=seen.append)
+    assert max(seen) == seen[-1] == short_log.stat().st_size
+
+
+def test_a_file_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "file.txt"
+    path.write_text("before")
+
+    def fail_half_way() -> None:
+        with written_whole(path) as temporary:
+            temporary.write_text("half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail_half_way()
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(MavhumsError, match="cannot write"), written_whole(path):
+        raise OSError("the disk is on fire")
+
+
+def test_the_packaged_model_shows_its_card(run: Run) -> None:
+    model = default_model()
+    outcome = run("model", "show")
+    assert outcome.code == 0
+    for text in (
+        model.card.name,
+        model.hash,
+        model.card.command,
+        "instrumented telemetry",
+        ", ".join(model.card.features),
+        "middle between the limits",
+        "expected calibration error",
+        "validation accuracy",
+        "flights per class",
+        "numpy",
+    ):
+        assert text in outcome.out
+    rows = {line.split()[0]: line for line in outcome.out.splitlines() if line.startswith("V")}
+    selected = [key for key, line in rows.items() if line.rstrip().endswith("selected")]
+    assert tuple(selected) == model.card.selection.selected
+
+
+@pytest.mark.parametrize("tier", ["instrumented", "without-load", "esc"])
+def test_each_packaged_model_is_shown_by_its_name(run: Run, tier: str) -> None:
+    shown = json.loads(run("model", "show", f"paper-{tier}", "--json").out)
+    assert shown["name"] == f"paper-{tier}"
+    assert f"--tier {tier} " in shown["command"]
+    measured = shown["calibration"]["metrics"]
+    assert measured["brier_score"] < measured["brier_score_of_the_share"]
+    assert measured["expected_calibration_error"] < measured["expected_calibration_error_of_the_share"]
+
+
+def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
+    from mavhums.learn import save_model
+
+    model = default_model()
+    path = tmp_path / "copy.safetensors"
+    save_model(path, model.network, model.card)
+    card = json.loads(run("model", "show", path, "--json").out)
+    assert card["hash"] == model.hash
+    assert card["features"] == list(model.card.features)
+    assert card["selection"]["selected"] == list(model.card.selection.selected)
+    outcome = run("model", "show", tmp_path / "none")
+    assert outcome.code == ExitCode.ERROR
+    assert "no model to be read" in outcome.err

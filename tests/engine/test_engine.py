@@ -1,0 +1,540 @@
+"""The engine's laws: block independence, honest silence, and the right verdicts end to end."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import struct
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+import mavhums
+from mavhums.actuator import load_airframe
+from mavhums.core.errors import ExitCode
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples, Window
+from mavhums.health.baseline import Baseline
+from mavhums.learn import Model, default_model, packaged_models
+from mavhums.report.assessment import Assessment, Verdict, json_schema
+from mavhums_sim import Flight, FlightRecord, fly, write_tlog
+from mavhums_sim.conditions import Condition
+from mavhums_sim.telemetry import messages
+from tests.conftest import real_logs
+from tests.logs import write_log
+from tests.strategies import START_US, blocks, cuts
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return default_model()
+
+
+def judge(data: Iterable[bytes], **options: Any) -> Assessment:
+    engine = Engine(**options)
+    for block in data:
+        engine.feed(block)
+    engine.finish()
+    return engine.assessment()
+
+
+def judge_records(records: Iterable[bytes], **options: Any) -> Assessment:
+    return judge([b"".join(records)], **options)
+
+
+def of(assessment: Assessment, actuator: str, vehicle: int = 1) -> Verdict:
+    return next(v for v in assessment.verdicts if (v.vehicle, v.actuator) == (vehicle, actuator))
+
+
+def packed(record: FlightRecord, system: int = 1, shift_us: int = 0) -> list[tuple[int, bytes]]:
+    """The flight's records as (time, bytes), from a vehicle of another system id."""
+    link = v2.MAVLink(None, srcSystem=system, srcComponent=1)
+    out = []
+    for time_s, message in messages(record):
+        time_us = START_US + shift_us + round(time_s * 1e6)
+        out.append((time_us, struct.pack(">Q", time_us) + bytes(message.pack(link))))
+    return out
+
+
+@pytest.fixture(scope="module")
+def models() -> tuple[Model, ...]:
+    return packaged_models()
+
+
+@pytest.fixture(scope="module")
+def short_verdicts(short_log: Path, models: tuple[Model, ...]) -> str:
+    return judge([short_log.read_bytes()], model=models).to_json()
+
+
+@given(data=st.data())
+@settings(max_examples=25, deadline=None)
+def test_the_verdicts_do_not_depend_on_the_blocks(
+    data: st.DataObject, short_log: Path, short_verdicts: str, models: tuple[Model, ...]
+) -> None:
+    content = short_log.read_bytes()
+    places = data.draw(cuts(len(content)))
+    assert '"paper-instrumented"' in short_verdicts
+    assert judge(blocks(content, places), model=models).to_json() == short_verdicts
+
+
+def test_even_one_byte_at_a_time(short_log: Path, short_verdicts: str, models: tuple[Model, ...]) -> None:
+    content = short_log.read_bytes()
+    parts = (content[k : k + 7] for k in range(0, len(content), 7))
+    assert judge(parts, model=models).to_json() == short_verdicts
+
+
+def test_growing_friction_is_followed_through_both_limits(growing_log: Path, model: Model) -> None:
+    engine = Engine(model=model)
+    events = [event for block in blocks(growing_log.read_bytes(), [500_000]) for event in engine.feed(block)]
+    events += engine.finish()
+    assessment = engine.assessment()
+    elevator = of(assessment, "elevator")
+    assert (elevator.condition, elevator.worst) == ("emergency", "emergency")
+    assert [e.rule.split(":")[0] for e in elevator.evidence if e.kind == "friction"] == [
+        "normal",
+        "degraded",
+        "emergency",
+    ]
+    # 0.2 N·m grows by 0.025 N·m each second: 0.375 at 7 s and 0.875 at 27 s. That it is above the first is
+    # sure only once the whole interval is; that it may have reached the second, once its upper end has.
+    degraded, emergency = elevator.evidence[1], elevator.evidence[2]
+    assert 7.0 <= degraded.start_s <= 15.0
+    assert emergency.start_s == pytest.approx(27.0, abs=4.0)
+    assert elevator.since is not None
+    assert elevator.since.flight_time_s == emergency.start_s
+    assert elevator.suspects[0].fault == "friction"
+    assert elevator.suspects[0].confidence > 0.99
+    for other in ("aileron_left", "aileron_right", "rudder"):
+        verdict = of(assessment, other)
+        assert (verdict.condition, verdict.worst) == ("normal", "normal")
+        assert verdict.friction_nm is not None
+        assert verdict.friction_nm.estimate == pytest.approx(0.225, abs=0.01)
+    changes = [e.after for e in events if isinstance(e, ConditionChanged) and e.actuator == "elevator"]
+    assert changes == ["normal", "degraded", "emergency"]
+    assert sum(len(e.time_s) for e in events if isinstance(e, Samples)) == 4 * 4000
+    windows = [e for e in events if isinstance(e, Window) and e.actuator == "elevator"]
+    assert len(windows) == elevator.coverage.windows == 31
+    assert [e.airframe.name for e in events if isinstance(e, AirframeNamed)] == ["paper"]
+
+
+def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Model) -> None:
+    assessment = judge([growing_log.read_bytes()], model=model)
+    assert assessment.model is not None
+    assert assessment.model.hash == model.hash
+    elevator, rudder = of(assessment, "elevator").p_emergency, of(assessment, "rudder").p_emergency
+    assert elevator is not None
+    assert rudder is not None
+    assert elevator > 0.9
+    assert rudder < 0.1
+
+
+def test_a_model_serves_only_the_airframe_of_its_card(growing_log: Path, model: Model) -> None:
+    other = load_airframe("paper").model_copy(update={"name": "other"})
+    assessment = judge([growing_log.read_bytes()], airframe=other, model=model)
+    assert assessment.airframe == "other"
+    assert assessment.model is None
+    assert of(assessment, "elevator").p_emergency is None
+    assert of(assessment, "elevator").condition == "emergency"
+
+
+def test_every_assessment_follows_the_schema(growing_log: Path, model: Model) -> None:
+    import json
+
+    validator = jsonschema.Draft202012Validator(json_schema())
+    for data in ([growing_log.read_bytes()], [b""], [b"junk"]):
+        validator.validate(json.loads(judge(data, model=model).to_json()))
+
+
+def test_a_short_flight_is_undecided_with_a_reason() -> None:
+    record = fly(Flight(seed=3, duration_s=5.0))
+    assessment = judge_records([data for _, data in packed(record)])
+    verdict = of(assessment, "elevator")
+    assert (verdict.condition, verdict.worst) == ("undecided", "undecided")
+    assert "less than 10 s" in str(verdict.reason)
+    assert verdict.remedy
+    assert assessment.exit_code == ExitCode.UNDECIDED
+
+
+def test_a_standing_actuator_is_undecided() -> None:
+    record = fly(Flight(seed=3, duration_s=20.0))
+    still = packed(record)
+    frozen = []
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    for (time_us, data), (_, message) in zip(still, messages(record), strict=True):
+        if message.get_type() == "DEBUG_FLOAT_ARRAY":
+            values = list(message.data)
+            values[6] = 0.0
+            frozen.append(
+                struct.pack(">Q", time_us)
+                + bytes(
+                    v2.MAVLink_debug_float_array_message(
+                        message.time_usec, b"EMA", message.array_id, values
+                    ).pack(link)
+                )
+            )
+        else:
+            frozen.append(data)
+    verdict = of(judge_records(frozen), "rudder")
+    assert verdict.condition == "undecided"
+    assert "moved in 0 % of the samples" in str(verdict.reason)
+    assert verdict.coverage.windows > 0
+    assert verdict.coverage.decidable == 0
+
+
+def test_without_a_profile_nothing_is_judged(short_log: Path) -> None:
+    content = short_log.read_bytes().replace(b"mavhums airframe=paper", b"mavhums airframe=piper")
+    assessment = judge([content])
+    assert [v.actuator for v in assessment.verdicts] == ["all"]
+    assert "no airframe profile" in str(assessment.verdicts[0].reason)
+    assert "--airframe" in str(assessment.verdicts[0].remedy)
+    assert assessment.airframe is None
+
+
+def test_an_unknown_profile_is_reported() -> None:
+    engine = Engine()
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    data = b""
+    for text in (b"mavhums airframe=nonesuch", b"hello"):
+        data += struct.pack(">Q", START_US) + bytes(v2.MAVLink_statustext_message(6, text).pack(link))
+    events = engine.feed(data) + engine.finish()
+    assert [e.text for e in events if isinstance(e, Notice)] == [
+        "names the airframe nonesuch, which is not known here",
+        "hello",
+    ]
+
+
+def test_what_the_telemetry_leaves_out_is_named(growing_record: FlightRecord) -> None:
+    only_commands = [
+        data
+        for (_, data), (_, message) in zip(packed(growing_record), messages(growing_record), strict=True)
+        if message.get_type() in ("SERVO_OUTPUT_RAW", "STATUSTEXT", "ATTITUDE")
+    ]
+    assessment = judge_records(only_commands)
+    assert {v.condition for v in assessment.verdicts} == {"undecided"}
+    assert all("V1, the command, alone (pwm)" in str(v.reason) and v.remedy for v in assessment.verdicts)
+    without_rudder = [
+        data
+        for (_, data), (_, message) in zip(packed(growing_record), messages(growing_record), strict=True)
+        if message.get_type() == "STATUSTEXT"
+        or (message.get_type() == "DEBUG_FLOAT_ARRAY" and message.array_id != 4)
+    ]
+    rudder = of(judge_records(without_rudder), "rudder")
+    assert "leaves out servo 4" in str(rudder.reason)
+
+
+@pytest.mark.parametrize(("missing", "reason"), [((6,), "V7"), ((4, 7), "V5 or V8")])
+def test_an_open_torque_balance_is_named(
+    growing_record: FlightRecord, missing: tuple[int, ...], reason: str
+) -> None:
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    data = []
+    for (time_us, whole), (_, message) in zip(packed(growing_record), messages(growing_record), strict=True):
+        if message.get_type() != "DEBUG_FLOAT_ARRAY":
+            data += [] if message.get_type().startswith("ESC_") else [whole]
+            continue
+        values = [float("nan") if k in missing else v for k, v in enumerate(message.data)]
+        part = v2.MAVLink_debug_float_array_message(message.time_usec, b"EMA", message.array_id, values)
+        data.append(struct.pack(">Q", time_us) + bytes(part.pack(link)))
+    verdict = of(judge_records(data), "elevator")
+    assert verdict.condition == "undecided"
+    assert f"{reason} not measured" in str(verdict.reason)
+
+
+def test_two_vehicles_in_one_log_are_kept_apart(growing_record: FlightRecord) -> None:
+    healthy = fly(Flight(seed=21, duration_s=40.0))
+    both = sorted(packed(growing_record, system=1) + packed(healthy, system=2, shift_us=3_000))
+    assessment = judge_records([data for _, data in both])
+    assert assessment.log.vehicles == (1, 2)
+    assert of(assessment, "elevator", 1).condition == "emergency"
+    assert of(assessment, "elevator", 2).condition == "normal"
+    alone = judge_records([data for _, data in packed(growing_record, system=1)])
+    assert of(alone, "elevator").evidence == of(assessment, "elevator", 1).evidence
+
+
+def test_a_second_vehicle_without_a_profile_is_not_judged_by_the_firsts(
+    growing_record: FlightRecord,
+) -> None:
+    stranger = [
+        item
+        for item, (_, message) in zip(packed(growing_record, system=9), messages(growing_record), strict=True)
+        if message.get_type() != "STATUSTEXT"
+    ]
+    both = sorted(packed(growing_record, system=1) + stranger)
+    assessment = judge_records([data for _, data in both])
+    assert of(assessment, "elevator", 1).condition == "emergency"
+    assert of(assessment, "all", 9).condition == "undecided"
+
+
+def test_damage_is_survived_and_declared(growing_log: Path) -> None:
+    content = bytearray(growing_log.read_bytes())
+    for place in range(1_000, len(content) - 1_000, 5_000):
+        content[place] ^= 0xFF
+    assessment = judge([bytes(content)])
+    assert of(assessment, "elevator").condition == "emergency"
+    assert of(assessment, "rudder").condition == "normal"
+    assert assessment.log.losses.any
+
+
+def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
+    assert judge([growing_log.read_bytes()]).exit_code == ExitCode.EMERGENCY
+    healthy = tmp_path / "healthy.tlog"
+    write_tlog(fly(Flight(seed=5, duration_s=20.0)), healthy)
+    content = healthy.read_bytes()
+    assert judge([content]).exit_code == ExitCode.OK
+    assert judge([content + b"\0\0\0"]).exit_code == ExitCode.READ_WITH_LOSSES
+    assert judge([b""]).exit_code == ExitCode.UNDECIDED
+    degraded = tmp_path / "degraded.tlog"
+    write_tlog(fly(Flight(seed=5, duration_s=20.0, friction_nm={"rudder": (0.6, 0.6)})), degraded)
+    assessment = judge([degraded.read_bytes()])
+    assert assessment.exit_code == ExitCode.DEGRADED
+    assert assessment.summary().startswith("rudder: degraded, friction 0.")
+    frame = assessment.to_frame()
+    assert frame.set_index("actuator").loc["rudder", "condition"] == "degraded"
+
+
+REAL = [path for path in real_logs() if path.suffix == ".tlog"]
+
+
+@pytest.mark.skipif(not REAL, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@pytest.mark.parametrize("airframe", [None, "paper"])
+@pytest.mark.parametrize("path", REAL, ids=lambda path: path.name)
+def test_no_real_log_is_called_normal(path: Path, airframe: str | None, model: Model) -> None:
+    assessment = mavhums.analyse(path, airframe=airframe, model=model)
+    assert assessment.verdicts
+    for verdict in assessment.verdicts:
+        assert verdict.condition == verdict.worst == "undecided"
+        assert verdict.reason
+        assert verdict.remedy
+    assert assessment.exit_code == ExitCode.UNDECIDED
+
+
+def test_silence_is_never_normal(growing_record: FlightRecord) -> None:
+    """The rudder's telemetry ends at 20 s, the elevator's at 35 s, while the flight goes on to 40 s."""
+    kept = [
+        data
+        for (_, data), (time_s, message) in zip(packed(growing_record), messages(growing_record), strict=True)
+        if message.get_type() != "DEBUG_FLOAT_ARRAY"
+        or time_s < {4: 20.0, 3: 35.0}.get(message.array_id, 40.0)
+    ]
+    assessment = judge_records(kept)
+    rudder = of(assessment, "rudder")
+    assert (rudder.condition, rudder.worst, rudder.gravest) == ("undecided", "normal", "undecided")
+    assert "ended at 20 s of 40 s, when it was normal" in str(rudder.reason)
+    assert rudder.remedy
+    assert rudder.since is None
+    elevator = of(assessment, "elevator")
+    assert (elevator.condition, elevator.worst) == ("emergency", "emergency")
+    assert [v.actuator for v in assessment.ranked()][:2] == ["elevator", "rudder"]
+
+
+def test_a_reboot_in_flight_is_reported_and_survived() -> None:
+    """The vehicle's clock starts anew at 30 s; the history goes on."""
+    record = fly(Flight(seed=22, duration_s=60.0, friction_nm={"elevator": (1.0, 1.0)}))
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    engine = Engine()
+    sent: list[bytes] = []
+    for (time_us, data), (time_s, message) in zip(packed(record), messages(record), strict=True):
+        if message.get_type() == "DEBUG_FLOAT_ARRAY" and time_s > 30.0:
+            again = v2.MAVLink_debug_float_array_message(
+                message.time_usec - 60_000_000, b"EMA", message.array_id, message.data
+            )
+            data = struct.pack(">Q", time_us) + bytes(again.pack(link))  # noqa: PLW2901
+        sent.append(data)
+    events = engine.feed(b"".join(sent)) + engine.finish()
+    assert [e.text for e in events if isinstance(e, Notice)] == [
+        "its clock jumped: it rebooted, or its time was set"
+    ]
+    elevator = of(engine.assessment(), "elevator")
+    assert elevator.condition == "emergency"
+    assert sum(verdict.coverage.late for verdict in engine.assessment().verdicts) == 2
+    assert elevator.coverage.decidable > 45
+
+
+TIERS = ("instrumented", "esc-signed", "esc-unsigned", "named", "pwm")
+
+
+@pytest.fixture(scope="module")
+def every_tier() -> FlightRecord:
+    """Twenty-five seconds in which the elevator is an emergency, reported in every way."""
+    flight = Flight(seed=23, duration_s=25.0, rate_hz=25.0, friction_nm={"elevator": (1.0, 1.0)}, tiers=TIERS)
+    return fly(flight)
+
+
+def carrying(record: FlightRecord, *tiers: str) -> FlightRecord:
+    return dataclasses.replace(record, flight=dataclasses.replace(record.flight, tiers=tiers))
+
+
+@pytest.mark.parametrize(
+    ("tiers", "tier", "source"),
+    [
+        (("instrumented",), "instrumented", "DEBUG_FLOAT_ARRAY[EMA,3].data[4]"),
+        (("esc-signed", "pwm"), "esc-signed", "ESC_STATUS[2].current"),
+        (("esc-signed",), "esc-signed", "ESC_STATUS[2].current"),
+        (("named",), "named", "NAMED_VALUE_FLOAT[S3V05].value"),
+        (("esc-unsigned", "pwm"), "esc-unsigned", "derived: magnitude from ESC_TELEMETRY_1_TO_4[2].current"),
+        (TIERS, "instrumented", "DEBUG_FLOAT_ARRAY[EMA,3].data[4]"),
+    ],
+)
+def test_every_tier_finds_the_elevator_and_acquits_the_others(
+    every_tier: FlightRecord, tiers: tuple[str, ...], tier: str, source: str
+) -> None:
+    assessment = judge_records(data for _, data in packed(carrying(every_tier, *tiers)))
+    elevator = of(assessment, "elevator")
+    assert (elevator.condition, elevator.tier) == ("emergency", tier)
+    assert elevator.provenance["V5"].startswith(source)
+    assert elevator.friction_nm is not None
+    assert elevator.friction_nm.estimate == pytest.approx(1.0, abs=0.08)
+    for other in ("aileron_left", "aileron_right", "rudder"):
+        assert of(assessment, other).condition == "normal"
+
+
+@pytest.mark.parametrize("tiers", [("pwm",), ("esc-unsigned",)])
+def test_a_tier_that_cannot_tell_says_so(every_tier: FlightRecord, tiers: tuple[str, ...]) -> None:
+    """Magnitudes without the command have no sign."""
+    assessment = judge_records(data for _, data in packed(carrying(every_tier, *tiers)))
+    for verdict in assessment.verdicts:
+        assert verdict.condition == "undecided"
+        assert verdict.reason
+        assert verdict.remedy
+
+
+@given(data=st.data())
+@settings(max_examples=8, deadline=None)
+def test_blocks_do_not_matter_when_every_tier_speaks(
+    data: st.DataObject, every_tier: FlightRecord, models: tuple[Model, ...]
+) -> None:
+    content = b"".join(record for _, record in packed(carrying(every_tier, "esc-unsigned", "pwm", "named")))
+    whole = judge([content], model=models)
+    parts = blocks(content, data.draw(cuts(len(content))))
+    assert judge(parts, model=models).to_json() == whole.to_json()
+    assert whole.model is not None
+
+
+@pytest.mark.parametrize(
+    ("tiers", "name"),
+    [
+        (("instrumented",), "paper-instrumented"),
+        (("named",), "paper-instrumented"),
+        (("esc-signed", "pwm"), "paper-esc"),
+        (("esc-unsigned", "pwm"), "paper-esc"),
+        (("pwm",), None),
+    ],
+)
+def test_each_telemetry_gets_the_network_for_what_it_carries(
+    every_tier: FlightRecord, models: tuple[Model, ...], tiers: tuple[str, ...], name: str | None
+) -> None:
+    records = [data for _, data in packed(carrying(every_tier, *tiers))]
+    assessment = judge_records(records, model=models)
+    assert (assessment.model and assessment.model.name) == name
+    elevator, rudder = of(assessment, "elevator"), of(assessment, "rudder")
+    assert (elevator.model and elevator.model.name) == name
+    if name is None:
+        assert elevator.p_emergency is None
+    else:
+        assert elevator.p_emergency is not None
+        assert rudder.p_emergency is not None
+        assert elevator.p_emergency > 0.9
+        assert rudder.p_emergency < 0.1
+    if name == "paper-esc":
+        assert of(judge_records(records, model=models[0]), "elevator").p_emergency is None
+
+
+def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
+    models: tuple[Model, ...],
+) -> None:
+    """The rudder alone has a load sensor; all have a position sensor."""
+    record = fly(Flight(seed=25, duration_s=20.0, friction_nm={"elevator": (1.0, 1.0)}))
+    for surface, actuator in record.actuators.items():
+        if surface != "rudder":
+            actuator.values[:, 10:] = float("nan")
+    assessment = judge_records((data for _, data in packed(record)), model=models)
+    said = {verdict.actuator: verdict.model.name for verdict in assessment.verdicts if verdict.model}
+    assert said.pop("rudder") == "paper-instrumented"
+    assert set(said.values()) == {"paper-without-load"}
+    assert len(said) == 3
+    assert assessment.model is not None
+    assert assessment.model.name == "paper-instrumented"
+    elevator = of(assessment, "elevator").p_emergency
+    assert elevator is not None
+    assert elevator > 0.9
+
+
+def test_a_bus_side_esc_is_undecided_with_its_reason() -> None:
+    flight = Flight(seed=24, duration_s=15.0, rate_hz=25.0, tiers=("esc-signed", "pwm"), esc_side="bus")
+    paper = load_airframe("paper")
+    sides = [actuator.model_copy(update={"esc_side": "bus"}) for actuator in paper.actuators]
+    airframe = paper.model_copy(update={"actuators": tuple(sides)})
+    elevator = of(judge_records((data for _, data in packed(fly(flight))), airframe=airframe), "elevator")
+    assert elevator.condition == "undecided"
+    assert "supply bus" in str(elevator.reason)
+    assert "V6" in elevator.provenance
+    assert "V5" not in elevator.provenance
+
+
+def servo_log(
+    path: Path, shaft: Callable[[float], float], *, seconds: float = 40.0, rate_hz: float = 10.0
+) -> Path:
+    """A servo that is commanded ±20° and reports command and angle as NAMED_VALUE_FLOAT; nothing else."""
+    sent: list[Any] = [v2.MAVLink_attitude_message(0, *[0.0] * 6)]
+    for k in range(round(seconds * rate_hz)):
+        command = 20.0 * math.sin(0.9 * k / rate_hz)
+        for name, value in ((b"S1Cmd", command), (b"S1Pos", shaft(k / rate_hz))):
+            sent.append(v2.MAVLink_named_value_float_message(round(1000 * k / rate_hz), name, value))
+    return write_log(path, sent, step_us=round(1e6 / rate_hz / 2))
+
+
+CSRV = Path(__file__).parents[2] / "examples" / "profiles" / "csrv.toml"
+
+
+def test_a_servo_of_unknown_constants_that_follows_is_undecided(tmp_path: Path) -> None:
+    log = servo_log(tmp_path / "follows.tlog", lambda s: 20.0 * math.sin(0.9 * (s - 0.2)))
+    aileron = of(mavhums.analyse(log, airframe=CSRV), "aileron_1")
+    assert (aileron.condition, aileron.worst, aileron.evidence) == ("undecided", "undecided", ())
+    assert "the profile has no [actuators.ema], no [actuators.limits]" in str(aileron.reason)
+    assert aileron.remedy
+
+
+def test_a_jam_is_found_although_the_servos_constants_are_unknown(tmp_path: Path) -> None:
+    """It jams at 20 s: from then on three quarters of a period and more pass at the same angle."""
+    log = servo_log(tmp_path / "jams.tlog", lambda s: 20.0 * math.sin(0.9 * (min(s, 20.0) - 0.2)))
+    assessment = mavhums.analyse(log, airframe=CSRV)
+    aileron = of(assessment, "aileron_1")
+    assert (aileron.condition, aileron.worst) == ("emergency", "emergency")
+    assert [suspect.fault for suspect in aileron.suspects] == ["jam"]
+    assert aileron.since is not None
+    assert aileron.since.flight_time_s == pytest.approx(20.0, abs=4.0)
+    assert assessment.exit_code == ExitCode.EMERGENCY
+    assert {v.worst for v in assessment.verdicts if v.actuator != "aileron_1"} == {"undecided"}
+
+
+def test_the_supplys_sag_is_seen_by_an_esc_at_the_bus() -> None:
+    sag = {"elevator": (Condition.constant("supply_sag", 6.0),)}
+    flight = Flight(
+        seed=25, duration_s=30.0, rate_hz=25.0, tiers=("esc-signed", "pwm"), esc_side="bus", conditions=sag
+    )
+    paper = load_airframe("paper")
+    sides = [actuator.model_copy(update={"esc_side": "bus"}) for actuator in paper.actuators]
+    airframe = paper.model_copy(update={"actuators": tuple(sides)})
+    assessment = judge_records((data for _, data in packed(fly(flight))), airframe=airframe)
+    elevator = of(assessment, "elevator")
+    assert (elevator.condition, [s.fault for s in elevator.suspects]) == ("degraded", ["supply_sag"])
+    (indicator,) = [i for i in elevator.indicators if i.fault == "supply_sag"]
+    assert indicator.value.estimate == pytest.approx(6.0, abs=0.3)
+    assert of(assessment, "rudder").worst == "undecided"
+
+
+def test_baselines_reach_the_actuator_that_they_are_of(growing_record: FlightRecord) -> None:
+    own = Baseline(mean=0.10, error=0.001, flights=10, between=0.002, spread=0.003)
+    baselines = {(1, "rudder", "friction"): own, (2, "aileron_left", "friction"): own}
+    assessment = judge_records((data for _, data in packed(growing_record)), baselines=baselines)
+    rudder = of(assessment, "rudder")
+    assert rudder.condition == "degraded"
+    assert "friction_drift" in [e.kind for e in rudder.evidence]
+    assert next(i for i in rudder.indicators if i.fault == "friction").baseline is not None
+    assert of(assessment, "aileron_left").condition == "normal"

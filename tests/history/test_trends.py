@@ -1,0 +1,384 @@
+"""The trend over flights as a user meets it: the table, the frame, the JSON, and the exit code."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import mavhums
+from mavhums.cli import options
+from mavhums.core.errors import ExitCode
+from mavhums.health.baseline import Baseline
+from mavhums.health.monitor import Monitor
+from mavhums.history.files import keep_assessment, read_history
+from mavhums.history.flights import FlightHistory, PastFlight
+from mavhums.history.trends import trend_report
+from mavhums.report.assessment import Assessment, Condition, Interval
+from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.link import Link
+from tests.conftest import Run
+from tests.flights import START, flown, shown, verdict, write_wear
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Forty flights in which the elevator wears by 0.005 N·m each, and the rudder does not."""
+    folder = tmp_path_factory.mktemp("worn")
+    write_wear(folder)
+    return folder
+
+
+def test_the_wearing_actuator_comes_first_with_its_flights_left(run: Run, worn: Path) -> None:
+    outcome = run("trend", worn)
+    assert outcome.code == ExitCode.DEGRADED
+    assert outcome.err == ""
+    lines = outcome.out.splitlines()
+    assert lines[0] == "elevator: DEGRADED in the last flight (40 flights)"
+    rows = [line.strip() for line in lines if line.strip().startswith(("elevator ", "rudder "))]
+    assert [row.split()[0] for row in rows] == ["elevator", "rudder"]
+    assert "▁▂▃▄▅▆▇█" in rows[0]
+    assert "(" in rows[0]
+    assert rows[1].rstrip().endswith("—")
+    assert "rudder: no flights left are told: it does not grow" in outcome.out
+    assert max(map(len, lines)) <= 80
+
+
+def test_json_tells_the_truth_within_its_interval(run: Run, worn: Path) -> None:
+    report = json.loads(run("trend", worn, "--json").out)
+    assert report["schema"] == "mavhums.trend/1"
+    elevator, rudder = report["trends"]
+    # From 0.225 N·m in the first of 40 flights it grows by 0.005 each: 0.42 in the last, 0.875 after 91 more.
+    left = elevator["flights_left"]
+    assert left["low"] <= 91 <= left["high"] < 100
+    assert elevator["per_flight"]["low"] < 0.005 < elevator["per_flight"]["high"]
+    assert elevator["level"]["low"] < 0.225 + 39 * 0.005 < elevator["level"]["high"]
+    assert elevator["change"]["low"] > 0
+    assert rudder["flights_left"] is None
+    assert rudder["change"]["low"] < 0 < rudder["change"]["high"]
+    assert len(rudder["points"]) == rudder["flights"] == report["flights"] == 40
+
+
+def test_the_table_has_a_row_for_each_flight(run: Run, worn: Path, tmp_path: Path) -> None:
+    frame = mavhums.trend(worn)
+    assert list(frame.columns) == [
+        *("vehicle", "actuator", "airframe", "fault", "quantity", "unit", "flight", "start_utc", "log"),
+        *("estimate", "low", "high", "condition", "limit", "emergency"),
+    ]
+    assert len(frame) == 80
+    elevator = frame[frame["actuator"] == "elevator"]
+    assert elevator["start_utc"].is_monotonic_increasing
+    assert elevator["start_utc"].iloc[0] == START
+    assert (elevator["flight"] == np.arange(1, 41)).all()
+    assert (elevator["emergency"] == 0.875).all()
+    csv, parquet = tmp_path / "t.csv", tmp_path / "t.parquet"
+    for output in (csv, parquet):
+        assert run("trend", worn, "--actuator", "elevator", "-o", output).code == ExitCode.DEGRADED
+    read = pd.read_csv(csv, parse_dates=["start_utc"])
+    pd.testing.assert_frame_equal(read, elevator.reset_index(drop=True), check_dtype=False)
+    pd.testing.assert_frame_equal(pd.read_parquet(parquet), read, check_dtype=False)
+    bad = run("trend", worn, "-o", tmp_path / "t.xlsx")
+    assert bad.code == ExitCode.ERROR
+    assert "end it in .parquet or .csv" in bad.err
+
+
+def test_flights_that_could_not_be_judged_count(tmp_path: Path) -> None:
+    """Wear goes on while nobody looks: every other flight shows nothing, and counts."""
+    for day in range(40):
+        value = 0.225 + 0.01 * day + 0.003 * np.cos(2.4 * day)
+        indicators = () if day % 2 else (shown(value),)
+        keep_assessment(flown(verdict(*indicators), day=day), tmp_path)
+    (one,) = trend_report(read_history(tmp_path)).trends
+    assert one.flights == 40
+    assert [point.flight for point in one.points] == list(range(1, 40, 2))
+    assert one.per_flight is not None
+    assert one.per_flight.estimate == pytest.approx(0.01, rel=0.02)
+
+
+def test_what_all_flights_share_makes_no_line_uncertain() -> None:
+    """The torque scale widens every interval alike, and bends no line."""
+
+    def wear(half: float) -> float:
+        flights = []
+        for day in range(20):
+            one = shown(0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day))
+            value = one.value
+            wide = Interval(estimate=value.estimate, low=value.estimate - half, high=value.estimate + half)
+            flights.append(flown(verdict(one.model_copy(update={"value": wide})), day=day))
+        history = FlightHistory(tuple(PastFlight.of(flight) for flight in flights))
+        left = trend_report(history).trends[0].flights_left
+        assert left is not None
+        return left.high - left.low
+
+    assert wear(0.1) == wear(0.004)
+
+
+def test_flights_of_one_window_are_weighted_by_their_interval() -> None:
+    def level(error: float) -> float:
+        flights = []
+        for day in range(20):
+            one = shown(0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day), error=error if day == 9 else 0.002)
+            alone = one.model_copy(update={"windows": 1, "scatter": None})
+            flights.append(PastFlight.of(flown(verdict(alone), day=day)))
+        (one_trend,) = trend_report(FlightHistory(tuple(flights))).trends
+        assert one_trend.baseline is None
+        assert one_trend.change is None
+        assert one_trend.level is not None
+        return one_trend.level.estimate
+
+    assert level(0.002) != level(0.02)
+
+
+def test_a_repair_is_told_by_its_date(run: Run, tmp_path: Path) -> None:
+    for day in range(40):
+        value = 0.3 + 0.01 * day if day < 20 else 0.21 + 0.01 * (day - 20)
+        jitter = 0.003 * np.cos(2.4 * day)
+        both = (verdict(shown(value + jitter)), verdict(shown(0.2 + jitter), actuator="rudder"))
+        keep_assessment(flown(*both, day=day), tmp_path)
+    before = json.loads(run("trend", tmp_path, "--json").out)["trends"]
+    assert all(one["flights_left"] is None for one in before)
+    date = (START + timedelta(days=20)).date().isoformat()
+    outcome = run("trend", tmp_path, "--json", "--baseline-from", f"elevator={date}")
+    assert outcome.code == ExitCode.DEGRADED
+    elevator, rudder = json.loads(outcome.out)["trends"]
+    assert elevator["flights"] == 20
+    assert elevator["flights_left"]["low"] <= (0.875 - 0.41) / 0.01 + 1 <= elevator["flights_left"]["high"]
+    assert rudder["flights"] == 40
+
+
+def test_one_odd_flight_is_named(run: Run, tmp_path: Path) -> None:
+    for day in range(20):
+        value = 0.225 + 0.01 * day + 0.003 * np.cos(2.4 * day) + 0.2 * (day == 7)
+        keep_assessment(flown(verdict(shown(value)), day=day), tmp_path)
+    outcome = run("trend", tmp_path)
+    assert outcome.code == ExitCode.DEGRADED
+    assert "elevator: left out of the line, too far off it: 2026-03-08 09:00 UTC." in outcome.out
+    assert "flights left until the emergency limit" in outcome.out.splitlines()[0]
+
+
+def test_aircraft_and_profiles_are_kept_apart(run: Run, tmp_path: Path) -> None:
+    for day in range(9):
+        two = (verdict(shown(0.2)), verdict(shown(0.3), vehicle=2))
+        keep_assessment(flown(*two, day=day), tmp_path)
+        keep_assessment(flown(verdict(shown(0.4)), day=day, airframe="other"), tmp_path / "x")
+    for path in (tmp_path / "x").iterdir():
+        path.rename(tmp_path / f"other-{path.name}")
+    report = trend_report(read_history(tmp_path))
+    flights = {(one.vehicle, one.airframe): {p.value.estimate for p in one.points} for one in report.trends}
+    assert flights == {(1, "paper"): {0.2}, (2, "paper"): {0.3}, (1, "other"): {0.4}}
+    printed = run("trend", tmp_path).out
+    assert "2: elevator [paper]" in printed
+    assert "1: elevator [other]" in printed
+
+
+@pytest.mark.parametrize(
+    ("last", "indicator", "code"),
+    [
+        ("normal", True, ExitCode.OK),
+        ("degraded", True, ExitCode.DEGRADED),
+        ("emergency", True, ExitCode.EMERGENCY),
+        ("undecided", True, ExitCode.UNDECIDED),
+        ("normal", False, ExitCode.UNDECIDED),
+    ],
+)
+def test_the_exit_code_is_of_the_last_flight(
+    run: Run, tmp_path: Path, last: Condition, indicator: bool, code: ExitCode
+) -> None:
+    for day in range(3):
+        indicators = (shown(0.2),) if indicator else ()
+        condition: Condition = last if day == 2 else "normal"
+        keep_assessment(flown(verdict(*indicators, condition=condition), day=day), tmp_path)
+    outcome = run("trend", tmp_path)
+    assert outcome.code == code
+    if indicator:
+        assert "3 flights show it; a trend needs 8" in outcome.out
+    else:
+        assert outcome.out.startswith("No flight in this folder shows the size of a fault (3 flights)")
+        assert "1: elevator: no flight shows" in outcome.out
+
+
+def test_an_empty_folder_says_how_to_fill_it(run: Run, tmp_path: Path) -> None:
+    outcome = run("trend", tmp_path)
+    assert outcome.code == ExitCode.UNDECIDED
+    assert outcome.out.startswith("No flights in this folder")
+    assert "--keep" in outcome.out
+    frame = mavhums.trend(tmp_path)
+    assert frame.empty
+    assert "start_utc" in frame.columns
+
+
+def test_a_broken_file_is_told_and_the_rest_is_shown(run: Run, tmp_path: Path) -> None:
+    for day in range(3):
+        keep_assessment(flown(verdict(shown(0.2)), day=day), tmp_path)
+    (tmp_path / "cut.json").write_text('{"schema": "mavhums', encoding="utf-8")
+    for k in range(9):
+        (tmp_path / f"foreign{k}.json").write_text("{}", encoding="utf-8")
+    outcome = run("trend", tmp_path)
+    assert outcome.code == ExitCode.READ_WITH_LOSSES
+    assert f"mavhums: {tmp_path}/cut.json: is no whole JSON file" in outcome.err
+    assert "remedy: if it was an assessment" in outcome.err
+    assert "and 4 more notices" in outcome.err
+    assert "elevator" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["trend"], ExitCode.USAGE, "Missing argument 'DIR'"),
+        (["trend", "/nowhere"], ExitCode.ERROR, "/nowhere: no such file"),
+        (["trend", "WORN", "--actuator", "flap"], ExitCode.ERROR, "the flights show: elevator, rudder"),
+        (["trend", "WORN", "--fault", "frictoin"], ExitCode.ERROR, "the flights show: friction"),
+        (
+            ["trend", "WORN", "--baseline-from", "flap=2026-03-01"],
+            ExitCode.ERROR,
+            "no flight has the actuator 'flap'",
+        ),
+        (["trend", "WORN", "--baseline-from", "March"], ExitCode.USAGE, "write 2026-03-01"),
+        (["analyse", "x.tlog", "--keep"], ExitCode.USAGE, "--keep needs --history"),
+        (["analyse", "x.tlog", "--baseline-from", "2026-03-01"], ExitCode.USAGE, "needs --history"),
+        (["analyse", "x.tlog", "--history", "/nowhere"], ExitCode.ERROR, "--history /nowhere --keep"),
+    ],
+)
+def test_mistakes_are_one_line_and_a_remedy(
+    run: Run, worn: Path, arguments: list[str], code: ExitCode, message: str
+) -> None:
+    outcome = run(*(str(worn) if argument == "WORN" else argument for argument in arguments))
+    assert outcome.code == code
+    assert message in outcome.err
+    assert "Traceback" not in outcome.err
+
+
+def test_dates_are_of_utc_unless_they_say_otherwise() -> None:
+    option = options._NamedDate()
+    assert option.convert("rudder=2026-03-01", None, None) == ("rudder", datetime(2026, 3, 1, tzinfo=UTC))
+    name, at = option.convert("2026-03-01T02:00+02:00", None, None)
+    assert name is None
+    assert at == datetime(2026, 3, 1, tzinfo=UTC)
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Three short healthy flights, a day apart."""
+    folder = tmp_path_factory.mktemp("logs")
+    paths = []
+    for day in range(3):
+        paths.append(folder / f"flight-{day}.tlog")
+        record = fly(Flight(seed=40 + day, duration_s=15.0, rate_hz=25.0))
+        write_tlog(record, paths[-1], Link(day=59.0 + day))  # the first of March
+    return paths
+
+
+def test_one_command_after_each_landing_keeps_the_history(run: Run, logs: list[Path], tmp_path: Path) -> None:
+    folder = tmp_path / "flights"
+    for count, log in enumerate(logs, 1):
+        outcome = run("analyse", log, "--history", folder, "--keep")
+        assert outcome.code == ExitCode.OK
+        assert outcome.err == ""
+        assert len(list(folder.iterdir())) == count
+    assert run("analyse", logs[0], "--history", folder, "--keep").code == ExitCode.OK
+    history = read_history(folder)
+    assert [flight.assessment.log.path for flight in history.flights] == [str(log) for log in logs]
+    whole = run("analyse", *logs, "--history", tmp_path / "at-once", "--keep", "--json")
+    assert whole.code == ExitCode.OK
+    at_once = read_history(tmp_path / "at-once")
+    assert [f.assessment for f in at_once.flights] == [f.assessment for f in history.flights]
+    (folder / "cut.json").write_text("{", encoding="utf-8")
+    torn = run("analyse", logs[0], "--history", folder)
+    assert torn.code == ExitCode.READ_WITH_LOSSES
+    assert "cut.json" in torn.err
+
+
+def test_what_cannot_be_kept_is_shown_all_the_same(run: Run, logs: list[Path], tmp_path: Path) -> None:
+    sha256 = hashlib.sha256(logs[0].read_bytes()).hexdigest()
+    (tmp_path / "folder" / f"flight-0-{sha256[:16]}.json").mkdir(parents=True)
+    outcome = run("analyse", logs[0], "--history", tmp_path / "folder", "--keep")
+    assert outcome.code == ExitCode.ERROR
+    assert "cannot write" in outcome.err
+    assert "elevator" in outcome.out
+
+
+def test_of_several_logs_each_is_held_against_those_before(
+    run: Run, logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known: list[int] = []
+
+    def judge(log: Path, *, history: FlightHistory, **_: Any) -> Assessment:
+        known.append(len(history.flights))
+        return flown(verdict(), day=len(known), name=log.stem)
+
+    monkeypatch.setattr("mavhums.app.analysis.analyse", judge)
+    assert run("analyse", *logs, "--history", tmp_path / "kept", "--keep").code == ExitCode.OK
+    assert known == [0, 1, 2]
+    known.clear()
+    run("analyse", *logs, "--history", tmp_path / "kept")
+    assert known == [3, 3, 3]
+
+
+def test_each_monitor_gets_the_baselines_of_its_own_actuator(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for day in (-4, -3, -2, 0.5, 5):
+        wear = (verdict(shown(0.2)), verdict(shown(0.3), actuator="rudder"))
+        keep_assessment(flown(*wear, day=day), tmp_path)
+    given: dict[str, Any] = {}
+
+    class Spy(Monitor):
+        def __init__(self, vehicle: int, actuator: Any, *rest: Any, **named: Any) -> None:
+            given[actuator.name] = named["baselines"]
+            super().__init__(vehicle, actuator, *rest, **named)
+
+    monkeypatch.setattr("mavhums.engine.engine.Monitor", Spy)
+    mavhums.analyse(logs[0], history=tmp_path)
+    expected = Baseline.of([shown(0.2)] * 3)
+    assert given["elevator"] == {"friction": expected}
+    assert given["rudder"]["friction"].mean == pytest.approx(0.3)
+    assert given["aileron_left"] == {}
+    mavhums.analyse(logs[0], history=tmp_path, since={"elevator": START - timedelta(days=3, hours=1)})
+    assert given["elevator"]["friction"].flights == 2
+    assert given["rudder"]["friction"].flights == 3
+    mavhums.analyse(logs[0])
+    assert given["elevator"] == {}
+
+
+def test_a_log_without_a_date_has_no_baseline(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, datetime | None]] = []
+
+    def baselines(airframe: str, before: datetime | None) -> dict[tuple[int, str, str], Baseline]:
+        asked.append((airframe, before))
+        return {}
+
+    for log, undated in ((logs[0], False), (tmp_path / "flight.raw", True)):
+        if undated:
+            log.write_bytes(_without_times(logs[0].read_bytes()))
+        engine = mavhums.Engine(baselines=baselines)
+        engine.feed(log.read_bytes())
+        engine.finish()
+        assert {name for name, _ in asked} == {"paper"}
+        said = engine.assessment().log.start_utc
+        assert {before.isoformat() if before else None for _, before in asked} == {said}
+        assert (said is None) == undated
+        asked.clear()
+
+
+def _without_times(data: bytes) -> bytes:
+    """Return a log's frames back to back, as some programs record them."""
+    frames, position = [], 0
+    while position < len(data):
+        size = 12 + data[position + 9]
+        frames.append(data[position + 8 : position + 8 + size])
+        position += 8 + size
+    return b"".join(frames)
+
+
+def test_reading_many_flights_shows_progress(run: Run, worn: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    assert run("trend", worn).code == ExitCode.DEGRADED

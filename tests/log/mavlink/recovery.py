@@ -1,0 +1,131 @@
+"""Count what is recovered of a damaged log, beside pymavlink.
+
+    python -m tests.log.mavlink.recovery [--records 40000] [--seed 1]
+
+A frame counts as undamaged if all its bytes are in the stream, unchanged and together. A frame that
+is accepted counts as false if it is not one that was written, whatever its flags.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mavhums.log.mavlink.dialect import load_dialect
+from tests.log.mavlink.kernel_check import scan
+from tests.log.mavlink.reference import Frame
+from tests.log.mavlink.synthetic import Damaged, damage, stream
+
+KINDS = ("flips", "cuts", "insertions", "deletions")
+SPACINGS = (100_000, 10_000, 1_000)
+
+
+class Recovery(NamedTuple):
+    """Frames of known messages: undamaged ones, those found of them, and accepted ones never written."""
+
+    undamaged: int
+    found: int
+    false: int
+    false_but_flagged: int
+    by_pymavlink: int
+    written_frames_found: int
+
+
+def recover(seed: int, count: int, kind: str, spacing: int, *, pymavlink: bool = True) -> Recovery:
+    """Damage a log and read what is left of it."""
+    records = stream(seed, count)
+    damaged = damage(b"".join(records), kind, spacing, seed)
+    data = damaged.data.tobytes()
+    known = load_dialect().definitions
+    found = [frame for frame in scan(data)[0] if frame.id in known]
+    ends = np.cumsum([len(record) for record in records])
+    starts = ends - [len(record) for record in records]
+    by_start = {int(start) + 8: record for start, record in zip(starts, records, strict=True)}
+    true = [frame for frame in found if _written(frame, damaged, by_start)]
+    false = [frame for frame in found if not _written(frame, damaged, by_start)]
+    intact = _undamaged(damaged, by_start, known)
+    return Recovery(
+        len(intact),
+        len(intact & {frame.offset + 8 for frame in found}),
+        sum(not frame.padded for frame in false),
+        sum(frame.padded for frame in false),
+        _by_pymavlink(data, records) if pymavlink else 0,
+        len(true),
+    )
+
+
+def _undamaged(damaged: Damaged, by_start: dict[int, bytes], known: dict[int, Any]) -> set[int]:
+    """Return where in the stream the undamaged frames of known messages begin."""
+    out = set()
+    origin = damaged.origin
+    for place in np.flatnonzero(np.isin(origin, list(by_start))).tolist():
+        start = int(origin[place])
+        frame = by_start[start][8:]
+        same = np.array_equal(origin[place : place + len(frame)], np.arange(start, start + len(frame)))
+        number = int.from_bytes(frame[7:10], "little") if frame[0] == 0xFD else frame[5]
+        if same and number in known:
+            out.add(place)
+    return out
+
+
+def _written(frame: Frame, damaged: Damaged, by_start: dict[int, bytes]) -> bool:
+    """Whether a frame with this head and payload was written where its bytes come from."""
+    start = int(damaged.origin[frame.offset + 8]) if frame.offset + 8 < damaged.origin.size else -1
+    record = by_start.get(start)
+    if record is None:
+        return False
+    head = 10 if record[8] == 0xFD else 6
+    payload = record[8 + head : 8 + head + record[9]]
+    number = int.from_bytes(record[15:18], "little") if head == 10 else record[13]
+    sequence = record[12] if head == 10 else record[10]
+    return (number, sequence, payload) == (frame.id, frame.sequence, frame.payload)
+
+
+def _by_pymavlink(data: bytes, records: list[bytes]) -> int:
+    """Return how many written frames pymavlink finds."""
+    os.environ["MAVLINK20"] = "1"
+    from pymavlink import mavutil
+
+    left = Counter(record[8 : 8 + (12 if record[8] == 0xFD else 8) + record[9]] for record in records)
+    found = 0
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "damaged.tlog"
+        path.write_bytes(data)
+        connection = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
+        while (message := connection.recv_msg()) is not None:
+            if message.get_type().startswith(("BAD_DATA", "UNKNOWN_")):
+                continue
+            buffer = bytes(message.get_msgbuf())
+            frame = buffer[: (12 if buffer[0] == 0xFD else 8) + buffer[1]]
+            if left[frame]:
+                left[frame] -= 1
+                found += 1
+        connection.close()
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--records", type=int, default=40_000)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    print("damage      one in    undamaged    found     share  false  flagged  true in all  by pymavlink")
+    for kind in KINDS:
+        for spacing in SPACINGS:
+            row = recover(options.seed, options.records, kind, spacing)
+            share = 100 * row.found / row.undamaged
+            print(
+                f"{kind:10}{spacing:9,}{row.undamaged:12,}{row.found:10,}{share:9.4f}%{row.false:6}"
+                f"{row.false_but_flagged:8}{row.written_frames_found:13,}{row.by_pymavlink:14,}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

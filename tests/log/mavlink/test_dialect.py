@@ -1,0 +1,150 @@
+"""Every message of the dialects, in both protocol versions, against pymavlink's own classes."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import struct
+from contextlib import redirect_stdout
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v10 import ardupilotmega as ardupilotmega_v1
+from pymavlink.dialects.v10 import development as development_v1
+from pymavlink.dialects.v20 import ardupilotmega, development
+from pymavlink.generator import mavgen
+
+import mavhums.log
+from mavhums.log import Decoder, read_log
+from mavhums.log.mavlink.dialect import DialectError, load_dialect
+from tests.strategies import START_US, contents
+
+OURS = sorted(Path(mavhums.log.__file__).parent.joinpath("messages").glob("*.xml"))
+SHIPPED = {
+    2: {**development.mavlink_map, **ardupilotmega.mavlink_map},
+    1: {n: m for n, m in {**development_v1.mavlink_map, **ardupilotmega_v1.mavlink_map}.items() if n < 256},
+}
+CASES = [(version, number) for version, kinds in SHIPPED.items() for number in sorted(kinds)]
+
+
+@cache
+def generated(xml: Path, folder: Path) -> Any:
+    """The module that pymavlink's generator makes of an XML file."""
+    path = folder / f"{xml.stem}.py"
+    with redirect_stdout(io.StringIO()):
+        mavgen.mavgen(mavgen.Opts(str(path), "2.0", "Python3", validate=False), [str(xml)])
+    spec = importlib.util.spec_from_file_location(xml.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def assert_decodes(message: Any, link: Any) -> None:
+    data = struct.pack(">Q", START_US) + bytes(message.pack(link))
+    decoder = Decoder()
+    table = decoder.feed(data, final=True)[message.get_type()]
+    assert not decoder.losses.any
+    for field in message.fieldnames:
+        ours = table[field][0]
+        raw = getattr(message, f"_{field}_raw", None)
+        if raw is not None:
+            assert bytes(ours) == bytes(raw).rstrip(b"\0"), field
+        elif isinstance(ours, bytes):
+            assert ours == bytes(getattr(message, field)).rstrip(b"\0"), field
+        else:
+            assert np.array_equal(ours, np.asarray(getattr(message, field), dtype=ours.dtype)), field
+
+
+@pytest.mark.parametrize(("version", "number"), CASES)
+@given(data=st.data())
+@settings(max_examples=3, deadline=None, suppress_health_check=list(HealthCheck), database=None)
+def test_every_message_is_decoded_as_pymavlink_packed_it(
+    version: int, number: int, data: st.DataObject
+) -> None:
+    kind = SHIPPED[version][number]
+    dialect = ardupilotmega if version == 2 else ardupilotmega_v1
+    assert_decodes(data.draw(contents(kind)), dialect.MAVLink(None, srcSystem=1, srcComponent=1))
+
+
+def test_no_message_of_the_dialects_is_missing() -> None:
+    definitions = load_dialect().definitions
+    assert set(SHIPPED[2]) <= set(definitions)
+    for number, kind in SHIPPED[2].items():
+        definition = definitions[number]
+        assert (definition.name, definition.crc_extra) == (kind.msgname, kind.crc_extra)
+        assert definition.wire.itemsize == kind.unpacker.size
+        assert list(definition.wire.names or ()) == kind.ordered_fieldnames
+
+
+@pytest.mark.parametrize("xml", OURS, ids=lambda path: path.name)
+@given(data=st.data())
+@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck), database=None)
+def test_messages_of_our_own_xml_are_as_pymavlinks_generator_makes_them(
+    xml: Path, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    module = generated(xml, tmp_path_factory.getbasetemp())
+    for kind in module.mavlink_map.values():
+        assert_decodes(data.draw(contents(kind)), module.MAVLink(None, srcSystem=1, srcComponent=1))
+
+
+def test_units_enums_and_array_sizes_are_kept() -> None:
+    dialect = load_dialect()
+    info = {field.name: field for field in dialect.definitions[290].fields}
+    assert (info["temperature"].units, info["temperature"].elements) == ("cdegC", 4)
+    heartbeat = dialect.definitions[0]
+    state = next(field for field in heartbeat.fields if field.name == "system_status")
+    assert dialect.enums[state.enum][4] == "MAV_STATE_ACTIVE"
+    servo = dialect.definitions[36]
+    assert [f.name for f in servo.fields if f.extension] == [f"servo{k}_raw" for k in range(9, 17)]
+    assert servo.base_size == 21
+
+
+OWN = """<?xml version="1.0"?>
+<mavlink><include>{include}</include><messages>
+  <message id="{number}" name="WING_LOAD"><description/>
+    <field type="float[2]" name="bending" units="N.m">Left, right.</field>
+    <field type="uint8_t" name="side">Side.</field>
+  </message>
+</messages></mavlink>
+"""
+
+
+@pytest.mark.parametrize("number", [43_000, 16_000_000, 30])
+def test_a_users_dialect_goes_before_the_shipped_ones(number: int, tmp_path: Path) -> None:
+    xml = tmp_path / "own.xml"
+    xml.write_text(OWN.format(number=number, include="minimal.xml"))
+    alone = tmp_path / "alone.xml"
+    alone.write_text(xml.read_text().replace("<include>minimal.xml</include>", ""))
+    module = generated(alone, tmp_path)
+    link = module.MAVLink(None, srcSystem=1, srcComponent=1)
+    message = module.MAVLink_wing_load_message([1.5, -2.5], 7)
+    log = tmp_path / "flight.tlog"
+    log.write_bytes(struct.pack(">Q", START_US) + bytes(message.pack(link)))
+    table = read_log(log, dialect=xml).tables["WING_LOAD"]
+    assert table["bending"].tolist() == [[1.5, -2.5]]
+    if number != 30:
+        assert read_log(log).unknown == {number: 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (None, "No such file"),
+        ("<mavlink>", "not MAVLink XML"),
+        (OWN.format(number=1, include="none.xml"), "No such"),
+    ],
+)
+def test_a_dialect_that_cannot_be_used_is_named(text: str | None, problem: str, tmp_path: Path) -> None:
+    xml = tmp_path / "own.xml"
+    if text is not None:
+        xml.write_text(text)
+    with pytest.raises(DialectError, match=problem) as caught:
+        Decoder(dialect=xml)
+    assert caught.value.remedy

@@ -1,0 +1,40 @@
+"""A small part of the hostile input of ``tests/log/hostile.py``."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mavhums.log import Decoder
+from tests.log.mavlink.hostile import check
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_mutated_records_are_read_as_the_reference_reads_them(seed: int) -> None:
+    size, frames = check(3000, seed)
+    assert size > 100_000
+    assert frames > 1000
+
+
+def test_no_access_outside_the_arrays(tmp_path: Path) -> None:
+    environment = os.environ | {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "tests.log.mavlink.hostile", "--mutations", "2000", "--seed", "4"]
+    folder = Path(__file__).parents[3]
+    done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=True)
+    assert "no difference" in done.stdout
+
+
+@pytest.mark.parametrize("pattern", [b"\xfd", b"\xfe", b"\xfd\x00", b"\x00\xfe\xff", b"\xff"])
+def test_the_worst_patterns_take_no_more_than_linear_time(pattern: bytes) -> None:
+    data = pattern * (300_000 // len(pattern))
+    begin = time.perf_counter()
+    decoder = Decoder()
+    decoder.feed(data, final=True)
+    assert time.perf_counter() - begin < 5
+    losses = decoder.losses
+    assert losses.bytes_skipped + losses.cut_end_bytes + losses.trailing_zeros <= len(data)

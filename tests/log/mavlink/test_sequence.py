@@ -1,0 +1,109 @@
+"""What the sequence numbers of a sender say, whatever the link did to them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mavhums.log.mavlink._kernel import ROW
+from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.log.mavlink.ledger import Ledger
+from mavhums.report.assessment import SequenceLoss
+
+
+def follow(frames: list[tuple[int, int]], *, system: int = 1, cut: int | None = None) -> SequenceLoss | None:
+    """Return the account of one sender's frames, given as (sequence number, CRC)."""
+    rows = np.zeros(len(frames), dtype=ROW)
+    rows["system"], rows["component"] = system, 1
+    rows["sequence"] = [sequence % 256 for sequence, _ in frames]
+    rows["crc"] = [crc for _, crc in frames]
+    ledger = Ledger(load_dialect())
+    for part in np.split(rows, [cut or 0]):
+        ledger.add(part)
+    return next(ledger.sequence_losses(), None)
+
+
+def numbered(sent: range, lost: Collection[int] = ()) -> list[tuple[int, int]]:
+    return [(n, n * 40_503 % 65_536) for n in sent if n not in lost]
+
+
+def figures(loss: SequenceLoss | None) -> tuple[int, int, int]:
+    return (loss.missing, loss.reordered, loss.duplicated) if loss else (0, 0, 0)
+
+
+@given(st.integers(0, 255), st.sets(st.integers(40, 900), max_size=29), st.integers(0, 900))
+@settings(max_examples=60, deadline=None)
+def test_lost_frames_are_counted(first: int, lost: set[int], cut: int) -> None:
+    runs = [n for n in lost if n - 1 not in lost]
+    frames = numbered(range(first, first + 1000), {first + n for n in lost})
+    loss = follow(frames, cut=min(cut, len(frames)))
+    assert figures(loss) == (len(lost), 0, 0)
+    assert (loss.gaps if loss else 0) == len(runs)
+
+
+@given(st.lists(st.integers(0, 8), min_size=200, max_size=400))
+@settings(max_examples=60, deadline=None)
+def test_frames_out_of_order_are_not_lost(delays: list[int]) -> None:
+    frames = numbered(range(40, 40 + len(delays)))
+    arrival = sorted(range(len(delays)), key=lambda k: k + delays[k] if k > 20 else k)
+    loss = follow([frames[k] for k in arrival])
+    assert figures(loss)[0] == 0
+    assert figures(loss)[2] == 0
+    assert figures(loss)[1] == sum(n < max(arrival[:k]) for k, n in enumerate(arrival) if k)
+
+
+@given(st.integers(0, 6), st.integers(100, 400))
+@settings(max_examples=30, deadline=None)
+def test_a_link_that_is_logged_twice_is_told(lag: int, count: int) -> None:
+    frames = numbered(range(count))
+    twice = sorted(
+        [*((k, f) for k, f in enumerate(frames)), *((k + lag + 0.5, f) for k, f in enumerate(frames))]
+    )
+    assert figures(follow([frame for _, frame in twice])) == (0, 0, count)
+
+
+@given(st.integers(60, 190), st.integers(200, 500))
+@settings(max_examples=30, deadline=None)
+def test_two_links_with_counters_of_their_own_lose_nothing(offset: int, count: int) -> None:
+    one, other = numbered(range(count)), numbered(range(offset, offset + count))
+    mixed = [frame for pair in zip(one, other, strict=True) for frame in pair]
+    assert figures(follow(mixed)) == (0, 0, 0)
+
+
+def test_a_long_silence_is_one_gap_modulo_256() -> None:
+    loss = follow(numbered(range(1000), set(range(300, 450))))
+    assert loss is not None
+    assert (loss.missing, loss.gaps, loss.frames) == (150, 1, 850)
+    loss = follow(numbered(range(1000), set(range(300, 300 + 256 + 90))))
+    assert loss is not None
+    assert loss.missing == 90
+
+
+def test_senders_do_not_disturb_each_other() -> None:
+    ledger = Ledger(load_dialect())
+    rows = np.zeros(20_000, dtype=ROW)
+    senders = np.arange(rows.size) % 200
+    rows["system"], rows["component"] = senders % 20, senders // 20
+    rows["sequence"] = (np.arange(rows.size) // 200 + senders) % 256
+    rows["message"] = senders % 3
+    rows["time_us"] = np.arange(rows.size)
+    ledger.add(rows)
+    assert list(ledger.sequence_losses()) == []
+    assert len(ledger.counts) == 200
+    assert set(ledger.counts.values()) == {100}
+    assert (ledger.first_time_us, ledger.last_time_us) == (0, rows.size - 1)
+
+
+def test_any_number_of_unknown_ids_fills_no_memory() -> None:
+    rows = np.zeros(5000, dtype=ROW)
+    rows["message"], rows["id"] = -1, np.arange(5000) + 60_000
+    ledger = Ledger(load_dialect())
+    for part in np.split(rows, 10):
+        ledger.add(part)
+        ledger.add(part)
+    assert len(ledger.unknown) == 1001
+    assert ledger.unknown[60_000] == 2
+    assert sum(ledger.unknown.values()) == 10_000

@@ -1,0 +1,181 @@
+"""Signatures: pymavlink signs, and is the oracle of what a sound receiver accepts."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+import mavhums
+from mavhums.log import Decoder
+from mavhums.log.mavlink.signing import TICKS_PER_MINUTE, KeyFileError, load_key
+from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.link import Link
+from tests.conftest import REAL_LOGS, Run
+from tests.strategies import START_US, blocks, cuts
+
+KEY = bytes(range(32))
+NOW = 10**9
+
+
+class Signer:
+    """One link of one component."""
+
+    def __init__(self, key: bytes = KEY, *, system: int = 1, component: int = 1, link: int = 0) -> None:
+        self._mav = v2.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._mav.signing.secret_key, self._mav.signing.sign_outgoing = key, True
+        self._mav.signing.link_id = link
+
+    def frame(self, ticks: int) -> bytes:
+        self._mav.signing.timestamp = ticks
+        return bytes(v2.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0).pack(self._mav))
+
+
+def log_of(frames: list[bytes]) -> bytes:
+    return b"".join((START_US + k).to_bytes(8, "big") + frame for k, frame in enumerate(frames))
+
+
+def read(data: bytes, places: tuple[int, ...] = ()) -> tuple[int, int, int, int]:
+    """Frames accepted, unsigned, wrongly signed, replayed."""
+    decoder = Decoder(key=KEY)
+    for block in blocks(data, list(places)):
+        decoder.feed(block)
+    decoder.feed(b"", final=True)
+    losses = decoder.losses
+    accepted = sum(decoder.counts.values())
+    return accepted, losses.unsigned_frames, losses.bad_signatures, losses.replayed_frames
+
+
+def test_a_signed_frame_counts_and_others_do_not() -> None:
+    ours, theirs = Signer(), Signer(bytes(32))
+    plain = bytes(v2.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0).pack(v2.MAVLink(None, 1, 1)))
+    data = log_of([ours.frame(NOW), theirs.frame(NOW + 1), plain, ours.frame(NOW + 2)])
+    assert read(data) == (2, 1, 1, 0)
+
+
+@pytest.mark.parametrize("place", [4, 10, -13, -10, -3])
+def test_a_changed_bit_spoils_the_signature(place: int) -> None:
+    """In sequence number, payload, link number, time stamp or signature; the CRC is made good again."""
+    from fastcrc import crc16
+
+    frame = bytearray(Signer().frame(NOW))
+    frame[place] ^= 1
+    extra = v2.MAVLink_attitude_message.crc_extra
+    frame[-15:-13] = crc16.mcrf4xx(bytes(frame[1:-15]) + bytes([extra])).to_bytes(2, "little")
+    assert read(log_of([bytes(frame)])) == (0, 0, 1, 0)
+
+
+def test_a_forged_time_stamp_does_not_block_the_true_sender() -> None:
+    ours, theirs = Signer(), Signer(bytes(32))
+    data = log_of([ours.frame(NOW), theirs.frame(2**47), ours.frame(NOW + 1)])
+    assert read(data) == (2, 0, 1, 0)
+
+
+def test_old_and_equal_time_stamps_are_replays() -> None:
+    ours = Signer()
+    assert read(log_of([ours.frame(NOW), ours.frame(NOW), ours.frame(NOW - 1)])) == (1, 0, 0, 2)
+
+
+def test_each_link_and_component_counts_for_itself() -> None:
+    signers = [Signer(), Signer(link=1), Signer(component=2), Signer(system=2)]
+    frames = [signer.frame(NOW + 5 - k) for k, signer in enumerate(signers)]
+    assert read(log_of(frames + frames)) == (4, 0, 0, 4)
+
+
+@pytest.mark.parametrize(("behind", "accepted"), [(TICKS_PER_MINUTE, 2), (TICKS_PER_MINUTE + 1, 1)])
+def test_a_new_stream_may_be_a_minute_behind(behind: int, accepted: int) -> None:
+    data = log_of([Signer().frame(NOW), Signer(system=2).frame(NOW - behind)])
+    assert read(data)[0] == accepted
+
+
+@given(
+    sent=st.lists(
+        st.tuples(st.integers(1, 2), st.integers(0, 1), st.integers(-(10**7), 10**7)), min_size=1, max_size=12
+    ),
+    data=st.data(),
+)
+@settings(max_examples=60, deadline=None)
+def test_pymavlink_accepts_the_same(sent: list[tuple[int, int, int]], data: st.DataObject) -> None:
+    """Honest senders in any order; wherever the log is cut."""
+    signers = {(system, link): Signer(system=system, link=link) for system in (1, 2) for link in (0, 1)}
+    frames = [signers[system, link].frame(NOW + ticks) for system, link, ticks in sent]
+    receiver = v2.MAVLink(None)
+    receiver.signing.secret_key = KEY
+    receiver.robust_parsing = True
+    receiver.signing.timestamp = 0
+    oracle = 0
+    for frame in frames:
+        message = receiver.parse_char(frame)
+        oracle += message.get_type() == "ATTITUDE"
+        ticks = int.from_bytes(frame[-12:-6], "little")
+        if message.get_type() == "ATTITUDE":
+            receiver.signing.timestamp = max(receiver.signing.timestamp, ticks)
+    content = log_of(frames)
+    found = read(content, tuple(data.draw(cuts(len(content)))))
+    assert found == (oracle, 0, 0, len(frames) - oracle)
+
+
+def test_reading_twice_takes_nothing_away() -> None:
+    """What was accepted is accepted again: so a recording of accepted frames reads as the session did."""
+    signers = [Signer(), Signer(link=1)]
+    frames = [signers[k % 2].frame(NOW + k * k % 17) for k in range(40)]
+    decoder = Decoder(key=KEY)
+    accepted = [
+        frame for k, frame in enumerate(frames) if decoder.feed((START_US + k).to_bytes(8, "big") + frame)
+    ]
+    assert 2 < len(accepted) < 40
+    assert read(log_of(accepted)) == (len(accepted), 0, 0, 0)
+
+
+def test_keys_come_raw_or_in_hexadecimal(tmp_path: Path) -> None:
+    path = tmp_path / "key"
+    for content in (KEY, KEY.hex().encode(), KEY.hex().upper().encode() + b"\n"):
+        path.write_bytes(content)
+        assert load_key(path) == KEY
+
+
+@pytest.mark.parametrize("content", [b"", b"secret", KEY[:31], KEY.hex().encode()[:-1], b"\xff" * 64])
+def test_what_is_no_key_is_refused_with_the_remedy(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "key"
+    path.write_bytes(content)
+    with pytest.raises(KeyFileError, match="sha256sum"):
+        load_key(path)
+
+
+def test_the_remedy_makes_the_key_of_a_passphrase() -> None:
+    """Ground stations take a passphrase and hash it."""
+    assert len(hashlib.sha256(b"PASSPHRASE").hexdigest()) == 64
+
+
+@pytest.mark.skipif(not REAL_LOGS.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+def test_a_real_signed_link() -> None:
+    """The autopilot signs all; the ground station's first frames came before it was told the key."""
+    log = REAL_LOGS / "sitl" / "plane_signed.link1.tlog"
+    decoder, plain = Decoder(key=KEY), Decoder()
+    data = log.read_bytes()
+    decoder.feed(data, final=True)
+    plain.feed(data, final=True)
+    losses = decoder.losses
+    assert (losses.unsigned_frames, losses.bad_signatures, losses.replayed_frames) == (67, 0, 0)
+    assert sum(decoder.counts.values()) == sum(plain.counts.values()) - 67
+
+
+def test_analyse_takes_a_key(run: Run, tmp_path: Path) -> None:
+    record = fly(Flight(seed=5, duration_s=16.0, rate_hz=25.0, friction_nm={"rudder": (1.0, 1.0)}))
+    signed, key, other = tmp_path / "signed.tlog", tmp_path / "key", tmp_path / "other"
+    write_tlog(record, signed, Link(key=KEY))
+    key.write_text(KEY.hex())
+    other.write_bytes(bytes(32))
+    assert mavhums.analyse(signed, key=key).exit_code == mavhums.core.errors.ExitCode.EMERGENCY
+    assert run("analyse", signed, "--key", key).code == 11
+    refused = run("analyse", signed, "--key", other)
+    assert refused.code == 12
+    assert "frames with a wrong signature" in refused.out
+    pytest.importorskip("rerun")
+    assessment = mavhums.analyse(signed, key=key)
+    mavhums.record(assessment, tmp_path / "signed.rrd", key=KEY)
+    assert (tmp_path / "signed.rrd").read_bytes().startswith(b"RRF")

@@ -1,0 +1,97 @@
+"""The public surface and the contracts that users build on."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mavhums
+import mavhums.report.assessment
+from mavhums.core.errors import ExitCode, MissingExtraError
+from mavhums.report.assessment import json_schema
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_public_surface_is_what_it_says() -> None:
+    assert set(mavhums.__all__) <= set(dir(mavhums))
+    assert mavhums.__all__ == sorted(mavhums.__all__)
+    for name in mavhums.__all__:
+        assert ">>>" in str(getattr(mavhums, name).__doc__), f"{name} has no example"
+    with pytest.raises(AttributeError, match="nonesuch"):
+        mavhums.nonesuch  # noqa: B018
+
+
+def modules() -> list[str]:
+    found = []
+    for base, package in ((ROOT, "mavhums"), (ROOT / "sim", "mavhums_sim")):
+        for path in (base / package).rglob("*.py"):
+            if path.stem != "__main__":
+                parts = path.relative_to(base).with_suffix("").parts
+                found.append(".".join(parts).removesuffix(".__init__"))
+    return sorted(found)
+
+
+@pytest.mark.parametrize("name", modules())
+def test_every_module_exports_documented_names(name: str) -> None:
+    module = importlib.import_module(name)
+    assert module.__doc__
+    for export in getattr(module, "__all__", []):
+        thing = getattr(module, export)
+        if callable(thing) and getattr(thing, "__module__", "").startswith("mavhums"):
+            assert thing.__doc__, f"{name}.{export}"
+
+
+def test_the_schema_file_is_generated_from_the_classes() -> None:
+    assert mavhums.report.assessment._generate_schema() == json_schema()
+
+
+def test_importing_the_package_is_light() -> None:
+    code = "import mavhums, sys; print({'numpy', 'torch', 'rerun', 'pymavlink'} & sys.modules.keys())"
+    outcome = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert outcome.stdout.strip() == "set()"
+
+
+def test_the_simulator_knows_nothing_of_the_monitor() -> None:
+    for path in (ROOT / "sim" / "mavhums_sim").rglob("*.py"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            assert not line.strip().startswith(
+                ("import mavhums.", "from mavhums ", "from mavhums.", "import mavhums ")
+            )
+
+
+ROOMS = ("log", "actuator", "learn", "health", "show")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_data_flows_one_way(room: str) -> None:
+    """A room imports only rooms to its left, and only training joins simulator and package."""
+    forbidden = [f"mavhums.{other}" for other in ROOMS[ROOMS.index(room) + 1 :]] + [
+        "mavhums_sim",
+        "mavhums.engine.engine",
+    ]
+    for path in (ROOT / "mavhums" / room).rglob("*.py"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            words = line.split()
+            if words[:1] in (["import"], ["from"]):
+                assert not words[1].startswith(tuple(forbidden)), f"{path}: {line}"
+
+
+def test_exit_codes_are_those_of_the_documentation() -> None:
+    assert {code.name: int(code) for code in ExitCode} == {
+        "OK": 0,
+        "ERROR": 1,
+        "USAGE": 2,
+        "READ_WITH_LOSSES": 3,
+        "DEGRADED": 10,
+        "EMERGENCY": 11,
+        "UNDECIDED": 12,
+    }
+
+
+def test_a_missing_extra_names_the_command() -> None:
+    assert str(MissingExtraError("training", "train")).endswith("pip install 'mavhums[train]'")

@@ -1,0 +1,146 @@
+"""The flights that models learn from, and the models that come of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mavhums
+from mavhums.actuator import load_airframe
+from mavhums.core.errors import MavhumsError
+from mavhums.core.quantities import KEYS, column
+from mavhums.learn import load_model, packaged_models, save_model
+from mavhums.training.flights import TELEMETRY, fly_fleet, moving_samples, windows
+from mavhums.training.train import friction_range, train_model
+from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.individuals import Individual
+from tests.conftest import Run
+
+AIRFRAME = load_airframe("paper")
+ACTUATOR = AIRFRAME.actuators[2]
+
+
+def shorter(flight: Flight) -> object:
+    return fly(replace(flight, duration_s=20.0))
+
+
+@pytest.mark.parametrize("tier", ["esc-signed", "esc-unsigned"])
+def test_esc_telemetry_is_what_mapping_a_log_makes_of_it(tier: str, tmp_path: Path) -> None:
+    """The same flight through messages and through memory; the samples' times differ by milliseconds."""
+    frictions = np.full((1, 4), 0.3)
+    found = [*fly_fleet(ACTUATOR, TELEMETRY["esc"], frictions, seed=5, cyclograms=["takeoff"])]
+    k = 0 if tier == "esc-signed" else 1
+    flight = Flight(
+        seed=5,
+        friction_nm=dict.fromkeys(("aileron_left", "aileron_right", "elevator", "rudder"), (0.3, 0.3)),
+        individuals=5,
+        tiers=(tier, "pwm"),
+    )
+    flight = replace(
+        flight, parameters=flight.parameters.two_masses(), rates=replace(flight.rates, esc=100.0)
+    )
+    write_tlog(fly(flight), tmp_path / "esc.tlog")
+    history = mavhums.actuators(mavhums.read_log(tmp_path / "esc.tlog"), "paper")[AIRFRAME.actuators[k].name]
+    mapped = history.frame.to_numpy()
+    columns = [column(key) for key in TELEMETRY["esc"].keys]
+    for column_ in columns:
+        ours, theirs = found[k].values[:, column_], mapped[:, column_]
+        assert np.isfinite(ours).mean() == pytest.approx(np.isfinite(theirs).mean(), abs=0.02)
+        for quantile in (0.05, 0.25, 0.75, 0.95):
+            scale = np.nanstd(theirs)
+            assert np.nanquantile(ours, quantile) == pytest.approx(
+                np.nanquantile(theirs, quantile), abs=0.05 * scale
+            )
+    assert np.isnan(found[k].values[:, [column("V11"), column("V12")]]).all()
+
+
+def test_the_fleet_is_of_individuals_with_the_frictions_asked_for() -> None:
+    frictions = np.array([[0.2, 0.3, 0.4, 0.5], [1.0, 1.1, 0.9, 0.8]])
+    flown = [
+        *fly_fleet(
+            ACTUATOR,
+            TELEMETRY["without-load"],
+            frictions,
+            seed=3,
+            cyclograms=["takeoff", "preflight"],
+            rates_hz=[25.0],
+        )
+    ]
+    assert [each.friction_nm for each in flown] == frictions.ravel().tolist()
+    assert [each.flight for each in flown] == [0] * 4 + [1] * 4
+    assert {each.cyclogram for each in flown[4:]} == {"preflight"}
+    assert all(len(each.time_s) == 2500 for each in flown)
+    first = flown[0].values
+    assert np.isnan(first[:, 10:]).all()
+    assert np.isfinite(first[:, :10]).all()
+    assert Individual.draw(3, 0) != Individual()
+    # A gear that gives way: the output's speed is not the rotor's over N.
+    assert not np.allclose(first[:, 9], first[:, 6] / 300, atol=1e-3)
+
+
+def test_windows_are_the_monitors() -> None:
+    """The same votes as those that the engine counts slot by slot."""
+    from mavhums.engine.events import Window
+    from mavhums.health import Monitor
+
+    models = packaged_models()
+    frictions = np.array([[0.3, 0.95, 0.3, 0.95]])
+    for flown in fly_fleet(ACTUATOR, TELEMETRY["instrumented"], frictions, seed=9, cyclograms=["turns"]):
+        monitor = Monitor(1, ACTUATOR, models)
+        events = [*monitor.feed(flown.time_s, flown.values), *monitor.finish()]
+        seen = {e.start_s: e.p_emergency for e in events if isinstance(e, Window)}
+        ours = [vote.p_emergency if vote else None for vote, _ in windows(ACTUATOR, models, flown)]
+        assert ours == [seen[10.0 * k] for k in range(10)]
+        assert all((p is not None) and (p > 0.5) == (flown.friction_nm > 0.6) for p in ours)
+        moving, seconds = moving_samples(ACTUATOR, flown)
+        assert len(moving) == len(seconds)
+        assert (np.diff(seconds) >= 0).all()
+
+
+@pytest.mark.parametrize("tier", ["without-load", "esc"])
+def test_a_model_for_less_is_trained_calibrated_and_repeatable(
+    run: Run, tier: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mavhums.training.flights.fly", shorter)
+    seen: list[tuple[int, int]] = []
+    network, card = train_model(
+        AIRFRAME, tier=tier, flights=1, networks=1, progress=lambda *step: seen.append(step)
+    )
+    assert seen == [(k, 11) for k in range(1, 12)]
+    assert card.features == network.keys == TELEMETRY[tier].features
+    assert card.name == f"paper-{tier}"
+    assert card.calibration is not None
+    assert card.calibration.slope > 0
+    assert card.calibration.metrics["windows_measured"] > 10
+    assert run(*card.command.replace("MODEL", str(tmp_path / "again")).split()[1:]).code == 0
+    save_model(tmp_path / "first", network, card)
+    assert (tmp_path / "again").read_bytes() == (tmp_path / "first").read_bytes()
+
+
+def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mavhums.training.flights.fly", shorter)
+    monkeypatch.setattr("mavhums.training.train.windows", lambda *_: iter([(None, 0)]))
+    _, card = train_model(AIRFRAME, flights=1, networks=1)
+    assert card.calibration is None
+
+
+def test_the_frictions_flown_are_the_papers_and_scale_with_the_limits() -> None:
+    assert friction_range(ACTUATOR.known_limits()) == pytest.approx((0.225, 1.025))
+
+
+def test_a_telemetry_that_is_none_is_refused() -> None:
+    with pytest.raises(MavhumsError, match="no model is for telemetry 'pwm'"):
+        train_model(AIRFRAME, tier="pwm")
+
+
+def test_packaged_models_say_how_they_were_made() -> None:
+    for model, telemetry in zip(packaged_models(), TELEMETRY.values(), strict=True):
+        command = (
+            f"mavhums train --airframe paper --tier {telemetry.name} --flights 12 --networks 10 --seed 1"
+        )
+        assert model.card.command == f"{command} -o MODEL"
+        assert set(model.keys) <= set(telemetry.keys) < set(KEYS)
+    assert load_model(Path(mavhums.__file__).parent / "learn/models/paper-esc.safetensors").keys

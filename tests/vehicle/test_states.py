@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import Attitude, Event, FlightMode, Position
+from tests.conftest import real_logs
+from tests.strategies import START_US
+
+PLANE, COPTER, GCS = 1, 2, 6
+ARDUPILOT, PX4, NONE = 3, 12, 8
+
+
+def told(data: bytes, *, step: int | None = None, wanted: bool = True) -> list[Event]:
+    engine = Engine(vehicle_states=wanted)
+    step = step or len(data)
+    events = [event for k in range(0, len(data), step) for event in engine.feed(data[k : k + step])]
+    return [e for e in [*events, *engine.finish()] if isinstance(e, Attitude | Position | FlightMode)]
+
+
+def log(*messages: Any, component: int = 1) -> bytes:
+    """Frames 100 ms apart."""
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=component)
+    return b"".join(
+        struct.pack(">Q", START_US + 100_000 * k) + bytes(message.pack(link))
+        for k, message in enumerate(messages)
+    )
+
+
+def attitude(ms: int, roll: float) -> Any:
+    return v2.MAVLink_attitude_message(ms, roll, 0.2, -1.0, 0, 0, 0)
+
+
+def position(ms: int, lat: float, lon: float) -> Any:
+    return v2.MAVLink_global_position_int_message(
+        ms, round(lat * 1e7), round(lon * 1e7), 120_000, 20_000, 0, 0, 0, 0
+    )
+
+
+def heartbeat(kind: int, autopilot: int, base: int, custom: int) -> Any:
+    return v2.MAVLink_heartbeat_message(kind, autopilot, base, custom, 4, 3)
+
+
+def test_attitudes_on_the_senders_clock() -> None:
+    data = log(attitude(1000, 0.1), attitude(1040, 0.2), attitude(1040, 9.0), attitude(1120, np.nan))
+    (found,) = told(data)
+    assert isinstance(found, Attitude)
+    np.testing.assert_allclose(found.time_s, [0.0, 0.04])
+    np.testing.assert_allclose(found.roll_pitch_yaw_rad, [[0.1, 0.2, -1.0], [0.2, 0.2, -1.0]], rtol=1e-6)
+
+
+def test_a_position_before_the_first_fix_is_none() -> None:
+    data = log(position(0, 0.001, -0.0003), position(100, 51.5, -0.1), position(200, 51.6, 179.0))
+    (found,) = told(data)
+    assert isinstance(found, Position)
+    np.testing.assert_allclose(found.latitude_longitude_deg, [[51.5, -0.1], [51.6, 179.0]])
+    assert found.altitude_m.tolist() == [120.0, 120.0]
+    assert found.time_s.tolist() == [pytest.approx(0.1), pytest.approx(0.2)]
+
+
+def test_flight_modes_by_autopilot_and_vehicle() -> None:
+    beats = [
+        heartbeat(PLANE, ARDUPILOT, 89, 10),
+        heartbeat(PLANE, ARDUPILOT, 217, 10),  # armed, the same mode
+        heartbeat(GCS, NONE, 0, 0),
+        heartbeat(COPTER, ARDUPILOT, 89, 6),
+        heartbeat(PLANE, PX4, 81, 3 << 16),
+        heartbeat(PLANE, ARDUPILOT, 89, 99),
+    ]
+    modes = [(event.time_s, event.mode) for event in told(log(*beats)) if isinstance(event, FlightMode)]
+    assert modes == [(0.0, "AUTO"), (0.3, "RTL"), (0.4, "POSCTL"), (0.5, "Mode(99)")]
+
+
+def test_one_component_speaks_for_the_vehicle() -> None:
+    still = heartbeat(PLANE, NONE, 0, 0)
+    other = log(still, still, attitude(5000, 3.0), component=154)
+    (found,) = told(log(attitude(1000, 0.1)) + other)
+    assert isinstance(found, Attitude)
+    np.testing.assert_allclose(found.roll_pitch_yaw_rad[:, 0], [0.1], rtol=1e-6)
+
+
+def test_it_costs_nothing_where_it_is_not_wanted() -> None:
+    assert told(log(attitude(1000, 0.1), heartbeat(PLANE, ARDUPILOT, 89, 10)), wanted=False) == []
+
+
+SHOWN = ("UAVLogViewer__vtol.tlog", "Jordinaa-supervisor__mav.tlog", "plane_normal.mavproxy.tlog")
+
+
+@pytest.mark.parametrize("path", [p for p in real_logs() if p.name in SHOWN], ids=lambda path: path.name)
+def test_modes_of_real_logs_are_pymavlinks_own(path: Path) -> None:
+    expected: list[tuple[int, str]] = []
+    last: dict[int, str] = {}
+    link = mavutil.mavlogfile(str(path), robust_parsing=True)
+    while (message := link.recv_match(type="HEARTBEAT")) is not None:
+        system, mode = message.get_srcSystem(), mavutil.mode_string_v10(message)
+        if message.autopilot != NONE and last.get(system) != mode:
+            last[system] = mode
+            expected.append((system, mode))
+    link.f.close()
+    found = told(path.read_bytes(), step=4096)
+    modes = [(event.vehicle, event.mode) for event in found if isinstance(event, FlightMode)]
+    assert modes == expected
+    for kind in (Attitude, Position):
+        times = [event.time_s for event in found if isinstance(event, kind) and event.vehicle == 1]
+        assert not times or (np.diff(np.concatenate(times)) > 0).all()
