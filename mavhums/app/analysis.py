@@ -129,6 +129,7 @@ def analyse(
         profile,
         model=models,
         baselines=baselines,
+        past=partial(history.past, since=since),
         false_alarms=false_alarms,
         dialect=dialect,
         key=key,

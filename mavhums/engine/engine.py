@@ -18,11 +18,14 @@ from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.health.baseline import Baseline, BaselineSource
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.monitor import Monitor
+from mavhums.health.own.past import PastSource
+from mavhums.health.own.verdict import held_against
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
+from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 
 __all__ = ["Engine"]
@@ -40,6 +43,8 @@ class Engine:
         that is for its airframe and whose quantities its samples carry.
     baselines
         What the flights before say of each actuator, or what gives it of an airframe and a time.
+    past
+        What gives each actuator's flights before, for one without a known limit, of an airframe and a time.
     false_alarms
         How many false alarms 100 hours of an actuator may bring.
     dialect
@@ -63,18 +68,21 @@ class Engine:
         *,
         model: Model | Sequence[Model] | None = None,
         baselines: BaselineSource | None = None,
+        past: PastSource | None = None,
         false_alarms: float = FALSE_ALARMS,
         dialect: str | os.PathLike[str] | None = None,
         key: bytes | None = None,
         vehicle_states: bool = False,
     ) -> None:
-        wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"}
+        wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"} | AIRSPEED_MESSAGES
         wanted |= STATE_MESSAGES if vehicle_states else set()
         self._states = VehicleStates() if vehicle_states else None
         self._decoder = Decoder(wanted, dialect=dialect, key=key)
         self._fleet = VehicleMappers(airframe)
         self._models = () if model is None else (model,) if isinstance(model, Model) else tuple(model)
         self._baselines = baselines or {}
+        self._past = past
+        self._airspeeds = Airspeeds()
         self._false_alarms = false_alarms
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
@@ -112,7 +120,7 @@ class Engine:
             log=LogSummary(
                 path=path,
                 sha256=sha256,
-                start_utc=None if first is None or decoder.sender_clock else _utc(first).isoformat(),
+                start_utc=begun.isoformat() if (begun := self._begun()) else None,
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=decoder.losses,
@@ -126,6 +134,7 @@ class Engine:
         if not tables and not final:
             return
         yield from self._listen(tables)
+        self._airspeeds.feed(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         for mapper, mapped in self._fleet.feed(tables, final=final):
@@ -168,7 +177,8 @@ class Engine:
                 baselines=self._baselines_of(key, mapper.airframe.name),
                 false_alarms=self._false_alarms,
             )
-        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
+        airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
+        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v, airspeed)
 
     def _serving(self, airframe: Airframe) -> list[Model]:
         return [model for model in self._models if model.card.airframe == airframe.name]
@@ -177,10 +187,13 @@ class Engine:
         """Return what an actuator's own flights say, by fault."""
         baselines = self._baselines
         if callable(baselines):
-            first = self._decoder.first_time_us
-            undated = first is None or self._decoder.sender_clock
-            baselines = baselines(airframe, None if undated else _utc(first or 0))
+            baselines = baselines(airframe, self._begun())
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
+
+    def _begun(self) -> datetime | None:
+        """Return when the flight began; None if no clock tells."""
+        first = self._decoder.first_time_us
+        return None if first is None or self._decoder.sender_clock else _utc(first)
 
     def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
         tier = self._fleet.tier(vehicle, self._decoder.counts)
@@ -188,18 +201,20 @@ class Engine:
         if vehicle is None or mapper is None:
             yield unjudged_vehicle(vehicle, tier, packaged_airframes())
             return
+        past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))
             own = mapper.tier(vehicle, actuator)
             provenance = mapper.provenance(vehicle, actuator)
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
-            elif actuator.blanks and monitor.worst == "undecided":
+                continue
+            findings = monitor.findings(indicators=indicators)
+            if actuator.blanks and monitor.worst == "undecided" and not findings.own:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance)
             else:
-                findings = monitor.findings(indicators=indicators)
                 voted = findings.network
-                yield judged(
+                verdict = judged(
                     vehicle,
                     actuator,
                     findings,
@@ -210,6 +225,8 @@ class Engine:
                     tier=tier_named(own),
                     model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),
                 )
+                flown = past.get((vehicle, actuator.name), ())
+                yield held_against(verdict, flown, self._false_alarms)
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6

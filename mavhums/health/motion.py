@@ -94,4 +94,5 @@ def lasting(time_s: Array, speed: Array, moving_speed: float, longest_gap_s: flo
     begin = time_s[np.concatenate([[0], turns + 1])[run]]
     end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
     fast[1:-1] &= fast[2:] & fast[:-2]
-    return fast & (time_s - begin >= GUARD_S) & (end - time_s >= GUARD_S)
+    lasts: NDArray[np.bool_] = (time_s - begin >= GUARD_S) & (end - time_s >= GUARD_S)
+    return fast & lasts

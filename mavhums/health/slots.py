@@ -14,7 +14,18 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import KEYS, column
 
-__all__ = ["AIRSPEED", "APART", "BUS", "COLUMNS", "GUARD_S", "SENSED", "SHAFT", "SlotCutter", "Slots", "widen"]
+__all__ = [
+    "AIRSPEED",
+    "APART",
+    "BUS",
+    "COLUMNS",
+    "GUARD_S",
+    "SENSED",
+    "SHAFT",
+    "SlotCutter",
+    "Slots",
+    "widen",
+]
 
 BUS, SHAFT, SENSED, APART, AIRSPEED = (len(KEYS) + k for k in range(5))
 COLUMNS = len(KEYS) + 5

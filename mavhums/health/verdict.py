@@ -69,6 +69,7 @@ def judged(
         provenance=provenance,
         evidence=tuple(_rounded_evidence(evidence) for evidence in findings.evidence),
         indicators=tuple(_rounded_indicator(indicator) for indicator in findings.indicators),
+        own=() if silent else findings.own,
         reason=reason,
         remedy=remedy,
     )

@@ -115,6 +115,7 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
             profile,
             model=models,
             baselines=partial(history.baselines, since=dict(options.dates)),
+            past=partial(history.past, since=dict(options.dates)),
             false_alarms=options.false_alarms,
             dialect=options.dialect,
             vehicle_states=vehicle_states,

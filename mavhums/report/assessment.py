@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ALL",
+    "GRAVITY",
     "NOTICE",
     "SCHEMA",
     "Assessment",
@@ -46,8 +47,17 @@ NOTICE = "not an airworthiness decision; validated in simulation only"
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
 
-Condition = Literal["normal", "degraded", "emergency", "undecided"]
-_GRAVITY: tuple[Condition, ...] = ("normal", "undecided", "degraded", "emergency")
+Condition = Literal["normal", "unchanged", "learning", "undecided", "changed", "degraded", "emergency"]
+GRAVITY: tuple[Condition, ...] = (
+    "normal",
+    "unchanged",
+    "learning",
+    "undecided",
+    "changed",
+    "degraded",
+    "emergency",
+)
+"""Conditions in the order in which they concern a maintainer, the gravest last."""
 
 
 class _Contract(BaseModel):
@@ -121,6 +131,10 @@ class Indicator(_Contract):
         Value from which it is an emergency; None where the fault alone is none. A fault grows upwards.
     baseline
         What the actuator's own history says it is, as a 95 % prediction interval of one flight.
+    baseline_flights, needed_flights
+        How many flights that baseline rests on, and how many it takes; None where limits alone decide.
+    least_rise
+        Share of the baseline by which the quantity must rise to be found with 95 % probability.
     """
 
     fault: str
@@ -132,6 +146,9 @@ class Indicator(_Contract):
     limit: float | None = None
     emergency: float | None = None
     baseline: Interval | None = None
+    baseline_flights: int | None = Field(default=None, ge=0)
+    needed_flights: int | None = Field(default=None, ge=1)
+    least_rise: float | None = Field(default=None, ge=0)
 
 
 class OwnRecord(_Contract):
@@ -143,8 +160,8 @@ class OwnRecord(_Contract):
         That the sums belong to.
     setup
         How it was measured, in words; flights that were measured in another way are not compared.
-    rate_hz
-        Of the samples.
+    rate_hz, duration_s
+        Of the samples, and the time that they cover.
     temperature_c
         Median over the flight; None where the log carries none.
     groups
@@ -155,6 +172,7 @@ class OwnRecord(_Contract):
     equation: str
     setup: str
     rate_hz: float = Field(gt=0)
+    duration_s: float = Field(gt=0)
     temperature_c: float | None = None
     groups: tuple[tuple[float, ...], ...]
 
@@ -169,9 +187,11 @@ class ModelSummary(_Contract):
 class Verdict(_Contract):
     """What the log says of one actuator.
 
-    ``condition`` is the last decidable state, ``worst`` the worst one reached.
-    ``undecided`` always carries ``reason`` and ``remedy``. ``model`` is the network that
-    ``p_emergency`` is of, the probability that its friction lies nearer to an emergency than to normal.
+    ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
+    ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``model``
+    is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an emergency
+    than to normal.
 
     Examples
     --------
@@ -200,7 +220,7 @@ class Verdict(_Contract):
     @property
     def gravest(self) -> Condition:
         """What the maintainer must act on: a fault that was seen, else that nothing is known, else normal."""
-        return max(self.worst, self.condition, key=_GRAVITY.index)
+        return max(self.worst, self.condition, key=GRAVITY.index)
 
 
 class Region(_Contract):
@@ -333,15 +353,25 @@ class Assessment(_Contract):
 
     def ranked(self) -> list[Verdict]:
         """Return the verdicts, the worst first."""
-        return sorted(self.verdicts, key=lambda verdict: -_GRAVITY.index(verdict.gravest))
+        return sorted(self.verdicts, key=lambda verdict: -GRAVITY.index(verdict.gravest))
 
     @property
     def exit_code(self) -> ExitCode:
         """The exit code that tells a script the worst of it."""
-        gravest = max((verdict.gravest for verdict in self.verdicts), key=_GRAVITY.index, default="normal")
-        if gravest == "normal":
+        conditions = [verdict.gravest for verdict in self.verdicts]
+        gravest = max(conditions, key=GRAVITY.index, default=GRAVITY[0])
+        if gravest in ("normal", "unchanged"):
             return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
-        return ExitCode[gravest.upper()]
+        return _EXIT_CODES[gravest]
+
+
+_EXIT_CODES: dict[Condition, ExitCode] = {
+    "learning": ExitCode.UNDECIDED,
+    "undecided": ExitCode.UNDECIDED,
+    "changed": ExitCode.DEGRADED,
+    "degraded": ExitCode.DEGRADED,
+    "emergency": ExitCode.EMERGENCY,
+}
 
 
 def _line(verdict: Verdict) -> str:
@@ -353,7 +383,7 @@ def _line(verdict: Verdict) -> str:
     if verdict.since:
         text += f", since {verdict.since.flight_time_s:.1f} s"
     if verdict.reason:
-        text += f": {verdict.reason}; {verdict.remedy}"
+        text += f": {'; '.join(filter(None, (verdict.reason, verdict.remedy)))}"
     return text
 
 

@@ -1,6 +1,6 @@
 """Friction in units of the motor's current, from V5 and V7: no constant of the servo is needed.
 
-    V5 = I_c·sgn(w) + b·w + J·dw/dt + h·q·d + o        I_c = T_c/(N·k_t), A
+V5 = I_c·sgn(w) + b·w + J·dw/dt + h·q·d + o        I_c = T_c/(N·k_t), A
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import column
 from mavhums.health.own.equation import OwnEquation, Speed
 from mavhums.health.slots import Slots
-from mavhums.quantities import column
 
 __all__ = ["EQUATION", "rotor_speed"]
 

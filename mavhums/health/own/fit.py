@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.assessment import OwnRecord
 from mavhums.health.own.grams import eliminated, unpacked
 from mavhums.health.own.record import KEPT
+from mavhums.report.assessment import OwnRecord
 
 __all__ = ["Nuisances", "Wear", "learned", "wear"]
 

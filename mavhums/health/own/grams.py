@@ -44,8 +44,8 @@ def eliminated(gram: Array, columns: Sequence[int]) -> Array:
 
 
 def packed(gram: Array) -> list[float]:
-    """Return the upper triangle, row by row, in twelve significant digits."""
-    return [float(f"{number:.12g}") for number in gram[np.triu_indices(len(gram))]]
+    """Return the upper triangle, row by row, in nine significant digits."""
+    return [float(f"{number:.9g}") for number in gram[np.triu_indices(len(gram))]]
 
 
 def unpacked(numbers: Sequence[float], size: int) -> Array:

@@ -1,4 +1,4 @@
-"""What one flight leaves for the comparison with others: sums of its windows, in memory that does not grow."""
+"""What one flight leaves for the comparison with others: sums of its windows, in bounded memory."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.assessment import OwnRecord
 from mavhums.health.normal_equations import row_length, sums_of_slots
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.grams import eliminated, full, packed
 from mavhums.health.own.terms import ANGLE, LOAD, ONE, PRESSURE, TERMS, Turned, terms
 from mavhums.health.slots import Slots
 from mavhums.health.windows import WINDOW_SLOTS
+from mavhums.report.assessment import OwnRecord
 
 __all__ = ["KEPT", "OwnSums"]
 
@@ -76,6 +76,7 @@ class OwnSums:
             equation=self._equation.name,
             setup=self._setup(),
             rate_hz=float(f"{self.rate_hz:.3g}"),
+            duration_s=round(self._span, 1),
             groups=tuple((float(count), *packed(gram)) for count, gram in groups),
         )
 

@@ -11,6 +11,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.health.motion import lasting
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.slots import AIRSPEED, SENSED, SHAFT, Slots
+
 __all__ = ["LOAD", "ONE", "PRESSURE", "TERMS", "Terms", "Turned", "terms"]
 
 TERMS = ("sign", "speed", "acceleration", "load", "angle", "pressure", "one")
