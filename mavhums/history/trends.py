@@ -14,7 +14,7 @@ from mavhums.health.baseline import Baseline
 from mavhums.health.trend import MIN_FLIGHTS, fit_trend
 from mavhums.history.files import read_history
 from mavhums.history.flights import FlightHistory, PastFlight, Since
-from mavhums.report.assessment import ALL, Condition, Indicator, Interval, Verdict
+from mavhums.report.assessment import ALL, GRAVITY, Indicator, Interval, Verdict
 from mavhums.report.trend import ActuatorTrend, FlightPoint, TrendReport, to_frame
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["trend", "trend_report"]
 
-_GRAVITY: tuple[Condition, ...] = ("normal", "undecided", "degraded", "emergency")
 _NORMAL_95 = 1.96
 
 
@@ -190,4 +189,4 @@ def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
     """Put first what is worst now, then what has the fewest flights left, then what is nearest its limit."""
     left = one.flights_left.low if one.flights_left else float("inf")
     share = one.points[-1].value.estimate / one.emergency if one.emergency else 0.0
-    return -_GRAVITY.index(one.condition), left, -share, one.vehicle, one.actuator
+    return -GRAVITY.index(one.condition), left, -share, one.vehicle, one.actuator

@@ -22,7 +22,7 @@ from mavhums.engine.events import (
     Window,
 )
 from mavhums.health.detector import detectors_for
-from mavhums.report.assessment import Assessment, Condition
+from mavhums.report.assessment import GRAVITY, Assessment, Condition
 from mavhums.show._craft import craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track
@@ -111,6 +111,9 @@ class Scene:
             self._track(verdict.vehicle, verdict.actuator)
         for track in self._tracks.values():
             track.now(assessment.log.duration_s)
+        for verdict in assessment.verdicts:
+            self._track(verdict.vehicle, verdict.actuator).conclude(verdict.condition)
+        for track in self._tracks.values():
             track.finish()
         for vehicle in self._vehicles.values():
             vehicle.finish()
@@ -151,8 +154,7 @@ class Scene:
 
     def ranked(self) -> list[Track]:
         """Return the tracks, the worst first."""
-        order: tuple[Condition, ...] = ("emergency", "degraded", "undecided", "normal")
-        return sorted(self._tracks.values(), key=lambda track: order.index(track.held))
+        return sorted(self._tracks.values(), key=lambda track: -GRAVITY.index(track.held))
 
     def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
         faults = tuple(

@@ -18,6 +18,7 @@ __all__ = [
     "STALE_COLOUR",
     "advice",
     "clock",
+    "explained",
     "finding",
     "friction",
     "headline",
@@ -26,7 +27,6 @@ __all__ = [
     "name",
     "percent",
     "printable",
-    "undecided",
 ]
 
 COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
@@ -34,6 +34,9 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "degraded": (230, 159, 0),
     "emergency": (213, 94, 0),
     "undecided": (153, 153, 153),
+    "unchanged": (86, 180, 233),
+    "changed": (240, 228, 66),
+    "learning": (204, 121, 167),
 }
 """One colour per condition, of Okabe and Ito's palette, told apart by the colour-blind too."""
 
@@ -47,8 +50,14 @@ ADVICE: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log, so that the trend over flights can be followed",
     "degraded": "inspect {parts} before the next flight, and follow the trend over flights",
     "emergency": "do not fly; inspect {parts}; mend or replace the actuator and check it on the ground",
+    "unchanged": "nothing to do; keep the log, for the flights after are compared with it",
+    "changed": "inspect {parts} before the next flight, and follow the trend over flights",
+    "learning": "keep the log: the baseline grows with every flight",
     "undecided": "no finding is not a good finding: judge it by other means, or make the log tell",
 }
+
+
+_EXPLAINED: Final[tuple[Condition, ...]] = ("undecided", "learning", "unchanged", "changed")
 
 
 def name(verdict: Verdict, assessment: Assessment) -> str:
@@ -119,13 +128,13 @@ def headline(assessment: Assessment) -> str:
         return "No actuator was found in this log"
     word = ranked[0].gravest
     worst = [verdict for verdict in ranked if verdict.gravest == word]
-    if word == "normal":
-        return f"{_all(worst, ranked)} normal"
-    if word == "undecided":
-        reasons = list(undecided(assessment))
+    if word in ("normal", "unchanged"):
+        return f"{_all(worst, ranked)} {word}"
+    if word in ("undecided", "learning"):
+        reasons = [why for condition, why, _ in explained(assessment) if condition == word]
         if ranked[0].actuator == ALL:
-            return f"Undecided: {reasons[0][0]}"
-        return f"{_all(worst, ranked)} undecided" + (f": {reasons[0][0]}" if len(reasons) == 1 else "")
+            return f"Undecided: {reasons[0]}"
+        return f"{_all(worst, ranked)} {word}" + (f": {reasons[0]}" if len(reasons) == 1 else "")
     text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
     if len(worst) > 1:
         return text
@@ -165,13 +174,18 @@ def finding(item: Evidence) -> str:
     return f"{clock(item.start_s)} to {clock(item.end_s)}: {value}, {item.rule}"
 
 
-def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
-    """Return the undecided actuators by reason and remedy, so that neither is said twice."""
-    groups: dict[tuple[str, str], list[Verdict]] = {}
-    for verdict in assessment.verdicts:
-        if verdict.condition == "undecided":
-            reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE["undecided"]
-            groups.setdefault((reason.rstrip("."), remedy.rstrip(".")), []).append(verdict)
+def explained(assessment: Assessment) -> dict[tuple[Condition, str, str], list[Verdict]]:
+    """Return the actuators whose condition has a reason by condition, reason and remedy.
+
+    So none is said twice. They are those that are undecided, and those without a known limit.
+    """
+    groups: dict[tuple[Condition, str, str], list[Verdict]] = {}
+    for verdict in assessment.ranked():
+        if verdict.condition in _EXPLAINED:
+            reason = verdict.reason or "no reason was given"
+            remedy = verdict.remedy or ADVICE[verdict.condition]
+            key = (verdict.condition, reason.rstrip("."), remedy.rstrip("."))
+            groups.setdefault(key, []).append(verdict)
     return groups
 
 

@@ -12,6 +12,7 @@ from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, V
 from mavhums.show._words import (
     advice,
     clock,
+    explained,
     finding,
     friction,
     headline,
@@ -20,7 +21,6 @@ from mavhums.show._words import (
     name,
     percent,
     printable,
-    undecided,
 )
 
 __all__ = ["markdown", "so_far"]
@@ -49,9 +49,9 @@ def markdown(assessment: Assessment) -> str:
     if assessment.verdicts:
         sections.append(_table(assessment))
     ranked = assessment.ranked()
-    told = [verdict for verdict in ranked if verdict.worst not in ("normal", "undecided")]
+    told = [verdict for verdict in ranked if verdict.worst in ("degraded", "emergency")]
     sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
-    sections += _undecided(assessment)
+    sections += _explained(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
     return "\n\n".join(sections) + "\n"
@@ -165,10 +165,11 @@ def _figure(value: float, interval: Interval) -> str:
     return f"{value:z.{digits}f}"
 
 
-def _undecided(assessment: Assessment) -> Iterator[str]:
-    for (reason, remedy), verdicts in undecided(assessment).items():
+def _explained(assessment: Assessment) -> Iterator[str]:
+    for (condition, reason, remedy), verdicts in explained(assessment).items():
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
-        yield f"## {names}: undecided\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
+        why, what = _literal(reason), _literal(remedy)
+        yield f"## {names}: {condition}\n\n**Why:** {why}.\n\n**What to do:** {what}."
 
 
 def _provenance(assessment: Assessment) -> Iterator[str]:

@@ -15,6 +15,7 @@ from mavhums.show._words import (
     COLOURS,
     advice,
     clock,
+    explained,
     finding,
     friction,
     headline,
@@ -23,7 +24,6 @@ from mavhums.show._words import (
     name,
     percent,
     printable,
-    undecided,
 )
 
 __all__ = ["render"]
@@ -82,7 +82,7 @@ def _condition(verdict: Verdict) -> Text:
 
 def _word(condition: Condition) -> Text:
     red, green, blue = COLOURS[condition]
-    word = condition.upper() if condition in ("degraded", "emergency") else condition
+    word = condition.upper() if condition in ("changed", "degraded", "emergency") else condition
     return Text(word, style=f"bold rgb({red},{green},{blue})")
 
 
@@ -94,6 +94,6 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
             if len(verdict.evidence) > len(shown):
                 lines.append(f"and {len(verdict.evidence) - len(shown)} more findings (--json has them all)")
             yield (printable(name(verdict, assessment)), [*lines, f"what to do: {advice(verdict)}"])
-    for (reason, remedy), verdicts in undecided(assessment).items():
+    for (condition, reason, remedy), verdicts in explained(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
-        yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])
+        yield (printable(f"{names}: {condition}"), [f"why: {reason}", f"what to do: {remedy}"])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.core.files import written_whole
+from mavhums.report.assessment import GRAVITY
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["record_trend"]
 
 _TIMELINE = "utc"
-_WORST_FIRST = ("emergency", "degraded", "undecided", "normal")
 
 
 def record_trend(trend: pd.DataFrame, path: str | os.PathLike[str], *, report: str = "") -> None:
@@ -68,7 +68,7 @@ def record_trend(trend: pd.DataFrame, path: str | os.PathLike[str], *, report: s
         for names, flights in known.sort_values("start_utc").groupby(groups, sort=False):
             *vehicle, actuator = names if isinstance(names, tuple) else (names,)
             root = _draw(stream, [*(f"vehicle_{number}" for number in vehicle), str(actuator)], flights)
-            roots.append((_WORST_FIRST.index(flights["condition"].iloc[-1]), root))
+            roots.append((-GRAVITY.index(flights["condition"].iloc[-1]), root))
         if report:
             import rerun as rr
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from mavhums.health.equations import own_current
+from mavhums.health.equations import own_current, own_tracking
 from mavhums.health.own.equation import OwnEquation
 
 __all__ = ["EQUATIONS", "equation_named", "inspected"]
 
-EQUATIONS: tuple[OwnEquation, ...] = (own_current.EQUATION,)
+EQUATIONS: tuple[OwnEquation, ...] = (own_current.EQUATION, own_tracking.EQUATION)
 
 
 def equation_named(name: str) -> OwnEquation | None:
