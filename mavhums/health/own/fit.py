@@ -12,7 +12,7 @@ from mavhums.health.own.grams import eliminated, unpacked
 from mavhums.health.own.record import KEPT
 from mavhums.report.assessment import OwnRecord
 
-__all__ = ["Nuisances", "Wear", "learned", "wear"]
+__all__ = ["Nuisances", "Wear", "grams_of", "learned", "shows", "wear"]
 
 _SIGN, _LEFT = KEPT.index("sign"), KEPT.index("left")
 _SPEED, _ACCELERATION = KEPT.index("speed"), KEPT.index("acceleration")
@@ -61,6 +61,13 @@ def _columns(record: OwnRecord) -> tuple[tuple[int, ...], tuple[int, ...]]:
     return (_SPEED, _ACCELERATION, _LOAD), ()
 
 
+def shows(record: OwnRecord) -> bool:
+    """Return whether a flight moved enough, both ways, to show its wear."""
+    information = 1 + KEPT.index("sign")
+    enough = sum(row[information] for row in record.groups) >= _LEAST_INFORMATION
+    return enough and len(record.groups) >= _LEAST_GROUPS
+
+
 def learned(records: Sequence[OwnRecord]) -> Nuisances | None:
     """Return the nuisances that flights, measured alike, show together; None if they do not.
 
@@ -96,16 +103,14 @@ def wear(record: OwnRecord, nuisances: Nuisances | None) -> Wear | None:
         for column, coefficient in nuisances.held.items():
             grams[:, _LEFT, :] -= coefficient * grams[:, column, :]
             grams[:, :, _LEFT] -= coefficient * grams[:, :, column]
-    total = grams.sum(axis=0)
-    if len(grams) < _LEAST_GROUPS:
+    if not shows(record):
         return None
+    total = grams.sum(axis=0)
     whole = eliminated(total, free)
     information = whole[_SIGN, _SIGN]
-    if information < _LEAST_INFORMATION:
-        return None
     value = whole[_SIGN, _LEFT] / information
     without = [eliminated(total - gram, free) for gram in grams]
-    if min(rest[_SIGN, _SIGN] for rest in without) <= 1e-9 * information:
+    if min(rest[_SIGN, _SIGN] for rest in without) <= 1e-9 * total[_SIGN, _SIGN]:
         return None
     others = np.array([rest[_SIGN, _LEFT] / rest[_SIGN, _SIGN] for rest in without])
     shares = grams[:, _SIGN, _SIGN]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ _MOST_TAIL = 0.01
 _WARMTH_K = 5.0  # of difference among the flights, from which on the slope can be told
 _BEYOND_K = 3.0
 _TRAILING = 100
+_LEAST_FLIGHTS = 4
 
 Array = NDArray[np.float64]
 
@@ -85,29 +87,28 @@ def compare(
     false_alarms
         Per 100 hours of the actuator.
     """
+    needed = equation.min_flights
     reference, after = compared(equation, own, past)
-    records = [record for _, _, record in reference]
-    alone = wear(own, None)
-    nuisances = learned(records) if len(records) >= equation.min_flights else None
-    shown = [(w, r) for r in records if (w := wear(r, nuisances))]
-    if nuisances is None or len(shown) < equation.min_flights:
+    records = tuple(record for _, _, record in reference)
+    healthy = _Healthy.of(records, own.temperature_c is not None) if len(records) >= needed else None
+    if healthy is None or healthy.shown < needed:
+        flights = sum(wear(record, None) is not None for record in records)
+        alone = wear(own, None)
         if alone is None:
-            return _still(equation, len(shown))
-        flights = min(len(shown) + 1, equation.min_flights)
-        return Comparison("learning", _interval(alone), flights, equation.min_flights)
-    held = wear(own, nuisances)
+            return _still(equation, flights)
+        return Comparison("learning", _interval(alone), min(flights + 1, needed), needed)
+    held = wear(own, healthy.nuisances)
     if held is None:
-        return _still(equation, len(shown))
-    healthy = _Healthy.of(nuisances, shown, own)
+        return _still(equation, healthy.shown)
     if healthy.beyond(own):
-        why = f"{healthy.beyond(own)} than any flight of its baseline"
-        return Comparison("undecided", _interval(held), len(shown), equation.min_flights, why=why)
+        why = f"its flight was {healthy.beyond(own)} than any of its baseline"
+        return Comparison("undecided", _interval(held), healthy.shown, needed, why=why)
     rise, bound, found = healthy.rise(held, own, false_alarms)
-    trailing = [(number, date, record) for number, date, record in after[-_TRAILING:]]
+    trailing = after[-_TRAILING:]
     return Comparison(
         condition="changed" if rise > bound else "unchanged",
         value=_interval(held),
-        flights=len(shown),
+        flights=healthy.shown,
         needed=equation.min_flights,
         baseline=healthy.prediction(own),
         change=healthy.relative(held, own),
@@ -124,19 +125,26 @@ class _Healthy:
     flights: Population
     warmth: tuple[float, float, float] | None
     sign: float
+    shown: int
 
     @classmethod
-    def of(cls, nuisances: Nuisances, shown: list[tuple[Wear, OwnRecord]], own: OwnRecord) -> _Healthy:
+    @lru_cache(maxsize=1024)
+    def of(cls, records: tuple[OwnRecord, ...], warm: bool) -> _Healthy | None:
+        """Learn from reference flights; ``warm`` says that the flight's temperature is known."""
+        nuisances = learned(records)
+        shown = [(w, r) for r in records if (w := wear(r, nuisances))]
+        if nuisances is None or len(shown) < _LEAST_FLIGHTS:
+            return None
         values = np.array([w.value for w, _ in shown])
         errors = np.array([w.error for w, _ in shown])
         told = [r.temperature_c for _, r in shown if r.temperature_c is not None]
         design = np.ones((len(values), 1))
         warmth = None
-        if len(told) == len(shown) and own.temperature_c is not None and np.ptp(told) >= _WARMTH_K:
+        if warm and len(told) == len(shown) and np.ptp(told) >= _WARMTH_K:
             warmth = (float(np.mean(told)), min(told), max(told))
             design = np.column_stack([design, np.array(told) - warmth[0]])
         flights = population(design, values, errors)
-        return cls(nuisances, flights, warmth, float(np.sign(flights.coefficients[0])) or 1.0)
+        return cls(nuisances, flights, warmth, float(np.sign(flights.coefficients[0])) or 1.0, len(shown))
 
     def _row(self, record: OwnRecord) -> Array:
         if self.warmth is None or record.temperature_c is None:

@@ -7,6 +7,7 @@ from datetime import datetime
 from typing import NamedTuple
 
 from mavhums.health.own.equation import OwnEquation
+from mavhums.health.own.fit import shows
 from mavhums.report.assessment import OwnRecord
 
 __all__ = ["REFERENCE_FLIGHTS", "PastRecord", "PastSource", "compared", "record_of"]
@@ -54,7 +55,7 @@ def compared(
     alike = [
         (number, flight.date, flight.healthy, record)
         for number, flight in enumerate(past, 1)
-        if (record := record_of(flight.records, equation.name)) and _alike(own, record)
+        if (record := record_of(flight.records, equation.name)) and _alike(own, record) and shows(record)
     ]
     healthy = [number for number, _, sound, _ in alike if sound]
     last = healthy[:REFERENCE_FLIGHTS][-1] if healthy else 0

@@ -1,0 +1,166 @@
+"""What a servo's own past shows without a data sheet: ``python benchmarks/own_history.py [--first 10]``.
+
+Flights of 100 s by two-mass individuals with dispersion, five flight modes in turn. Everything was tuned on
+aircraft 0–2; the figures are of aircraft from ``--first`` on, whose seeds tuning never used.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from _own_flights import TIERS, Row, Task, flown, scattered
+from scipy.stats import chi2
+
+from mavhums.health.own.fit import learned, wear
+from mavhums.health.own.judge import compare
+from mavhums.health.own.past import PastRecord
+from mavhums.report.assessment import OwnRecord
+
+BASELINES = (5, 10, 20)
+SCATTERS = (0.0, 0.05, 0.10)
+SCATTERED = "motor, 50 Hz"
+FRICTIONS = (0.02, 0.05, 0.1, 0.2)
+OTHERS = {
+    "resistance": 0.3,
+    "torque_constant": 0.15,
+    "backlash": 1.5,
+    "supply_sag": 10.0,
+    "sensor_bias": 0.5,
+}
+Counts = dict[tuple[str, int, float, str], Counter[str]]
+
+
+class Fleet:
+    """The baselines of all actuators, and what their flights were found to be."""
+
+    def __init__(self) -> None:
+        self.reference: dict[tuple[tuple[int, str], str], list[OwnRecord]] = defaultdict(list)
+        self.counts: Counts = defaultdict(Counter)
+        self._level: dict[tuple[tuple[int, str], str], float] = {}
+
+    def learn(self, row: Row) -> None:
+        if row.record is not None:
+            self.reference[row.actuator, row.tier].append(row.record)
+
+    def take(self, row: Row) -> None:
+        """Compare a flight with its baselines of 5, 10 and 20 flights, with and without natural scatter."""
+        scatters = SCATTERS if row.tier == SCATTERED else SCATTERS[:1]
+        for flights in BASELINES:
+            for scatter in scatters:
+                found = self._compared(row, flights, scatter)
+                self.counts[row.tier, flights, scatter, row.kind][found] += 1
+
+    def _compared(self, row: Row, flights: int, scatter: float) -> str:
+        if row.record is None:
+            return "undecided"
+        equation = TIERS[row.tier].equation
+        equation = replace(equation, min_flights=min(flights, equation.min_flights))
+        past = [
+            PastRecord((self._with(record, row, scatter, k),), "2026-01-01", True)
+            for k, record in enumerate(self.reference[row.actuator, row.tier][:flights])
+        ]
+        own = self._with(row.record, row, scatter, 10_000 + row.number)
+        return compare(equation, own, past).condition
+
+    def _with(self, record: OwnRecord, row: Row, scatter: float, number: int) -> OwnRecord:
+        if not scatter:
+            return record
+        aircraft, surface = row.actuator
+        rng = np.random.default_rng([aircraft, len(surface), ord(surface[0]), ord(surface[-1]), number])
+        return scattered(record, scatter * self.level(row) * rng.standard_normal())
+
+    def level(self, row: Row) -> float:
+        """Return the healthy level of an actuator in a tier."""
+        key = row.actuator, row.tier
+        if key not in self._level:
+            nuisances = learned(self.reference[key])
+            shown = [w.value for record in self.reference[key] if (w := wear(record, nuisances))]
+            self._level[key] = float(np.mean(shown))
+        return self._level[key]
+
+
+def tasks_of(args: argparse.Namespace) -> tuple[list[Task], list[Task]]:
+    aircraft = tuple(range(args.first, args.first + args.aircraft))
+    every, scanned = tuple(TIERS), ("motor, 50 Hz", "motor, 25 Hz", "position, 50 Hz")
+    base = [Task("base", k, "friction", 0.0, aircraft, every) for k in range(20)]
+    worn = [
+        Task(f"+{severity:g} N·m", 2000 + 100 * n + k, "friction", severity, aircraft, every)
+        for n, severity in enumerate(FRICTIONS)
+        for k in range(args.each)
+    ]
+    others = [
+        Task(fault, 3000 + 100 * n + k, fault, severity, aircraft, scanned)
+        for n, (fault, severity) in enumerate(OTHERS.items())
+        for k in range(args.each)
+    ]
+    healthy = [
+        Task("healthy", 5000 + k, "friction", 0.0, aircraft, every if k < 40 else scanned)
+        for k in range(args.healthy)
+    ]
+    return base, [*worn, *others, *healthy]
+
+
+def found_table(counts: Counts) -> Iterator[str]:
+    kinds = [f"+{severity:g} N·m" for severity in FRICTIONS]
+    yield f"| measured | flights before | scatter | {' | '.join(kinds)} | false, of | per 100 h, 95 % bound |"
+    yield "|---" * (len(kinds) + 5) + "|"
+    for tier, flights, scatter in dict.fromkeys(key[:3] for key in counts):
+        cells = [_share(counts[tier, flights, scatter, kind]) for kind in kinds]
+        healthy = counts[tier, flights, scatter, "healthy"]
+        hours = healthy.total() * 100.0 / 3600.0
+        bound = chi2.ppf(0.95, 2 * healthy["changed"] + 2) / 2 / max(hours, 1e-9) * 100
+        yield (
+            f"| {tier} | {flights} | {scatter:.0%} | {' | '.join(cells)} | "
+            f"{healthy['changed']} of {healthy.total()} ({hours:.0f} h) | {bound:.2g} |"
+        )
+
+
+def _share(counter: Counter[str]) -> str:
+    return f"{counter['changed'] / counter.total():.0%}" if counter.total() else "–"
+
+
+def confusion_table(counts: Counts) -> Iterator[str]:
+    tiers = [key[0] for key in counts if key[3] == next(iter(OTHERS))]
+    yield "| truth | " + " | ".join(dict.fromkeys(tiers)) + " |"
+    yield "|---" * (len(set(tiers)) + 1) + "|"
+    for kind in ("healthy", "+0.1 N·m", *OTHERS):
+        severity = f" {OTHERS[kind]:g}" if kind in OTHERS else ""
+        cells = [_share(counts[tier, 20, 0.0, kind]) for tier in dict.fromkeys(tiers)]
+        yield f"| {kind}{severity} | {' | '.join(cells)} |"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--first", type=int, default=10, help="first aircraft")
+    parser.add_argument("--aircraft", type=int, default=6, help="number of aircraft, of four actuators each")
+    parser.add_argument("--each", type=int, default=10, help="flights of each fault")
+    parser.add_argument("--healthy", type=int, default=450, help="healthy flights of each aircraft")
+    parser.add_argument("--workers", type=int, default=2)
+    args = parser.parse_args()
+    start = time.perf_counter()
+    base, later = tasks_of(args)
+    fleet = Fleet()
+    for row in flown(base, args.workers):
+        fleet.learn(row)
+    for row in flown(later, args.workers):
+        fleet.take(row)
+    sections = {
+        "Found in one flight; share of actuator-flights": found_table(fleet.counts),
+        "Said to be changed, 20 flights before": confusion_table(fleet.counts),
+    }
+    for title, rows in sections.items():
+        print(f"\n## {title}\n")
+        print("\n".join(rows))
+    print(f"\n({time.perf_counter() - start:.0f} s)", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
