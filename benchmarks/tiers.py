@@ -19,6 +19,7 @@ from rich.table import Table
 
 from mavhums import analyse
 from mavhums.actuator import load_airframe
+from mavhums.app.options import Options
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.campaign import PAPER_FRICTION_NM
 from mavhums_sim.link import Link
@@ -76,7 +77,7 @@ def measure(name: str, rate_hz: float, seed: int, all_surfaces: bool) -> list[st
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "flight.tlog"
             write_tlog(record, path, Link(mavlink=1) if "MAVLink 1" in name else None)
-            assessment = analyse(path, airframe=airframe)
+            assessment = analyse(path, Options(airframe=airframe))
         for verdict in assessment.verdicts:
             truth = friction if verdict.actuator in surfaces else 0.225
             wanted = "normal" if truth < 0.6 else "emergency"

@@ -14,7 +14,7 @@ import mavhums
 
 def main(path: str, airframe: str | None = None) -> int:
     """Print the verdicts of a log, the worst first; return how many actuators need work."""
-    assessment = mavhums.analyse(path, airframe=airframe)
+    assessment = mavhums.analyse(path, mavhums.Options(airframe=airframe))
     to_do = 0
     for verdict in assessment.ranked():
         print(f"{verdict.actuator}: {verdict.condition}")

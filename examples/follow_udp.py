@@ -32,7 +32,7 @@ def follow(
     link: socket.socket, airframe: str | None = None, clock_ns: Callable[[], int] = time.time_ns
 ) -> mavhums.Assessment:
     """Feed the engine from a socket until it is silent for its time-out."""
-    engine = mavhums.Engine(mavhums.load_airframe(airframe) if airframe else None)
+    engine = mavhums.Engine(mavhums.Options(airframe=airframe).resolved())
     while True:
         try:
             datagram = link.recv(65535)

@@ -21,7 +21,7 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega
 
 from examples.picture import save
-from mavhums import Engine, analyse
+from mavhums import Engine, EngineOptions, analyse
 from mavhums.learn import default_model
 from mavhums.log import read_blocks
 from mavhums.show import LiveViewer
@@ -107,7 +107,7 @@ def write_ten_hours(path: Path, hour_s: float = HOUR_S) -> None:
 
 def _live(demo: Path, picture: Path) -> None:
     """Draw a flight in the middle, as a viewer sees it that has followed it."""
-    engine = Engine(model=default_model(), vehicle_states=True)
+    engine = Engine(EngineOptions(models=[default_model()], vehicle_states=True))
     with LiveViewer("serve", recording_id="live") as viewer:
         blocks = list(read_blocks(demo / "friction-growing.tlog", size=4096))
         for block in blocks[: len(blocks) * 2 // 3]:

@@ -36,7 +36,7 @@ def main(folder: str, flights: int = 20) -> TrendReport:
         worn = START_NM + WEAR_NM * day
         flight = Flight(seed=500 + day, duration_s=40.0, rate_hz=50.0, friction_nm={"elevator": (worn, worn)})
         write_tlog(fly(flight), log, Link(day=float(day)))
-        keep_assessment(mavhums.analyse(log, history=kept), kept)
+        keep_assessment(mavhums.analyse(log, mavhums.Options(history=kept)), kept)
     report = trend_report(read_history(kept), faults=["friction"])
     render_trends(report, Console())
     return report

@@ -9,14 +9,17 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.actuator import actuators, load_airframe
     from mavhums.app.analysis import analyse, record
+    from mavhums.app.options import Options
     from mavhums.core.errors import MavhumsError
     from mavhums.engine.engine import Engine
+    from mavhums.engine.options import EngineOptions
     from mavhums.history.trends import trend
     from mavhums.log import read_log
     from mavhums.report.assessment import Assessment, Verdict
@@ -26,7 +29,9 @@ __version__ = "0.1.0"
 __all__ = [
     "Assessment",
     "Engine",
+    "EngineOptions",
     "MavhumsError",
+    "Options",
     "Verdict",
     "actuators",
     "analyse",
@@ -36,25 +41,20 @@ __all__ = [
     "trend",
 ]
 
-_HOMES = {
-    "Assessment": "report.assessment",
-    "Engine": "engine.engine",
-    "MavhumsError": "core.errors",
-    "Verdict": "report.assessment",
-    "actuators": "actuator",
-    "analyse": "app.analysis",
-    "load_airframe": "actuator",
-    "read_log": "log",
-    "record": "app.analysis",
-    "trend": "history.trends",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"mavhums.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_exports(
+    __name__,
+    {
+        "Assessment": "report.assessment",
+        "Engine": "engine.engine",
+        "EngineOptions": "engine.options",
+        "MavhumsError": "core.errors",
+        "Options": "app.options",
+        "Verdict": "report.assessment",
+        "actuators": "actuator",
+        "analyse": "app.analysis",
+        "load_airframe": "actuator",
+        "read_log": "log",
+        "record": "app.analysis",
+        "trend": "history.trends",
+    },
+)

@@ -9,17 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from mavhums.core.conditions import Condition
 from mavhums.history.files import keep_assessment
-from mavhums.report.assessment import (
-    Assessment,
-    Condition,
-    Indicator,
-    Interval,
-    LogSummary,
-    Losses,
-    Suspect,
-    Verdict,
-)
+from mavhums.log.losses import Losses
+from mavhums.report.assessment import Assessment, Indicator, Interval, LogSummary, Suspect, Verdict
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, Airframe
-from mavhums.actuator.readings import Clocks, Reading
+from mavhums.actuator.readings import Reading
 from mavhums.actuator.sources import SOURCES
 from mavhums.actuator.tiers import TIERS
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["Mapped", "Mapper", "messages_for"]
 

@@ -8,13 +8,14 @@ from math import pi
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from mavhums.actuator.field_check import field_mistake
 from mavhums.actuator.profile_errors import explain_syntax, explain_values
 from mavhums.actuator.toml_lines import Place
 from mavhums.core.errors import MavhumsError
+from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
 
 __all__ = ["Actuator", "Airframe", "Ema", "Limits", "ProfileError", "load_airframe", "packaged_airframes"]
@@ -29,11 +30,7 @@ class ProfileError(MavhumsError):
     """An airframe profile is missing or does not say what it must."""
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Ema(_Section):
+class Ema(Contract):
     """The actuator's constants, from its data sheet or identified; torques at the output shaft.
 
     Attributes
@@ -70,7 +67,7 @@ class Ema(_Section):
     supply_voltage: _Positive | None = None
 
 
-class Limits(_Section):
+class Limits(Contract):
     """From where on the actuator is degraded, or an emergency.
 
     Attributes
@@ -100,7 +97,7 @@ class Limits(_Section):
         return self
 
 
-class FieldMapping(_Section):
+class FieldMapping(Contract):
     """Which message field is a quantity: value = field · scale + offset, in the quantity's unit.
 
     Attributes
@@ -127,7 +124,7 @@ class FieldMapping(_Section):
         return self
 
 
-class Actuator(_Section):
+class Actuator(Contract):
     """One servo actuator and the control surface it moves.
 
     Attributes
@@ -225,7 +222,7 @@ class Actuator(_Section):
         return rotor_rev_min * 2 * pi / 60 / self.known_ema().gear_ratio
 
 
-class Airframe(_Section):
+class Airframe(Contract):
     """An airframe profile: its name and its actuators."""
 
     name: Annotated[str, Field(min_length=1)]

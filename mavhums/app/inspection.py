@@ -7,8 +7,6 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
-
 from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
@@ -16,65 +14,9 @@ from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
 from mavhums.log import Decoder, decode_blocks
 from mavhums.log.mavlink.vehicles import vehicles_of
-from mavhums.report.assessment import Losses
+from mavhums.report.inspection import ActuatorTelemetry, Inspection, MessageRate, VehicleTelemetry
 
-__all__ = ["ActuatorTelemetry", "Inspection", "MessageRate", "VehicleTelemetry", "inspect_log"]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class MessageRate(_Section):
-    """How often one sender sent one message."""
-
-    system: int
-    component: int
-    name: str
-    count: int
-    rate_hz: float
-
-
-class ActuatorTelemetry(_Section):
-    """Where each quantity of an actuator comes from; ``missing`` names those that come from nowhere."""
-
-    actuator: str
-    servo: int
-    provenance: dict[str, str]
-    missing: tuple[str, ...]
-
-
-class VehicleTelemetry(_Section):
-    """What the log carries of one vehicle's actuators, and how to get more."""
-
-    vehicle: int
-    airframe: str | None
-    tier: str | None
-    gives: str
-    judged: bool
-    remedy: str | None
-    actuators: tuple[ActuatorTelemetry, ...]
-
-
-class Inspection(_Section):
-    """What a log holds.
-
-    ``sender_clock`` says that the log has no time stamps and that times count from the sender's boot.
-    """
-
-    path: str
-    size_bytes: int
-    start_utc: str | None
-    duration_s: float
-    vehicles: tuple[VehicleTelemetry, ...]
-    messages: tuple[MessageRate, ...]
-    sender_clock: bool
-    unknown_ids: dict[int, int]
-    losses: Losses
-
-    def to_json(self, *, indent: int | None = 2) -> str:
-        """Return the inspection as JSON."""
-        return self.model_dump_json(indent=indent)
+__all__ = ["inspect_log"]
 
 
 def inspect_log(

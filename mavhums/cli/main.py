@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,6 +100,7 @@ def analyse(
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.app.analysis import analyse as judge
+    from mavhums.app.options import Options
     from mavhums.history.files import keep_assessment
     from mavhums.learn import load_model, packaged_models
     from mavhums.log.mavlink.signing import load_key
@@ -107,10 +109,15 @@ def analyse(
         raise click.UsageError("--open needs --rrd OUT")
     if (keep or dates) and history is None:
         raise click.UsageError(f"{'--keep' if keep else '--baseline-from'} needs --history DIR")
-    flown = opened_history(history, may_be_new=keep)
-    profile = load_airframe(airframe) if airframe else None
-    networks = (load_model(model),) if model else packaged_models()
-    secret = load_key(key) if key else None
+    options = Options(
+        airframe=load_airframe(airframe) if airframe else None,
+        model=(load_model(model),) if model else packaged_models(),
+        history=opened_history(history, may_be_new=keep),
+        since=dict(dates),
+        false_alarms=false_alarms,
+        dialect=dialect,
+        key=load_key(key) if key else None,
+    )
     recordings = _recordings(logs, rrd)
     assessments: list[Assessment] = []
     failed = False
@@ -118,24 +125,14 @@ def analyse(
         try:
             with reading(log) as progress:
                 assessment = judge(
-                    log,
-                    airframe=profile,
-                    model=networks,
-                    false_alarms=false_alarms,
-                    history=flown,
-                    since=dict(dates),
-                    dialect=dialect,
-                    key=secret,
-                    recording=recordings.get(log),
-                    position=not no_position,
-                    progress=progress,
+                    log, options, recording=recordings.get(log), position=not no_position, progress=progress
                 )
             assessments.append(assessment)
             if not as_json:
                 _show(assessment, recordings.get(log))
             if keep and history is not None:
                 keep_assessment(assessment, history)
-                flown = flown.with_flight(assessment)
+                options = replace(options, history=options.flights().with_flight(assessment))
         except MavhumsError as error:
             complain(error)
             failed = True
@@ -143,7 +140,8 @@ def analyse(
         click.echo(_json(assessments, many=len(logs) > 1))
     if open_viewer and assessments:
         _open([recordings[log] for log in logs if recordings[log].exists()])
-    raise SystemExit(ExitCode.ERROR if failed else _exit_code(assessments, losses=bool(flown.errors)))
+    unread = bool(options.flights().errors)
+    raise SystemExit(ExitCode.ERROR if failed else _exit_code(assessments, losses=unread))
 
 
 @cli.command()

@@ -6,8 +6,7 @@ of its own. However its input is cut into blocks, the verdicts are the same.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
@@ -15,10 +14,9 @@ from mavhums.actuator.profile import Airframe, packaged_airframes
 from mavhums.actuator.tiers import tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
-from mavhums.health.baseline import Baseline, BaselineSource
-from mavhums.health.decision import FALSE_ALARMS
+from mavhums.engine.options import EngineOptions
+from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
-from mavhums.health.own.past import PastSource
 from mavhums.health.own.verdict import held_against
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
@@ -36,23 +34,8 @@ class Engine:
 
     Parameters
     ----------
-    airframe
-        The profile for every vehicle; if None, each vehicle is judged by the one that it names.
-    model
-        One or several, whose networks' votes are shown beside the friction. An actuator gets the first
-        that is for its airframe and whose quantities its samples carry.
-    baselines
-        What the flights before say of each actuator, or what gives it of an airframe and a time.
-    past
-        What gives each actuator's flights before, for one without a known limit, of an airframe and a time.
-    false_alarms
-        How many false alarms 100 hours of an actuator may bring.
-    dialect
-        A MAVLink XML file whose definitions go before the shipped ones.
-    key
-        32 bytes; only frames signed with it count. If None, signatures are not looked at.
-    vehicle_states
-        Whether to report attitude, position and flight mode as well, for a recording.
+    options
+        Profile, models, baselines and the like; the defaults if None.
 
     Examples
     --------
@@ -62,28 +45,19 @@ class Engine:
     'no vehicle speaks in this log'
     """
 
-    def __init__(
-        self,
-        airframe: Airframe | None = None,
-        *,
-        model: Model | Sequence[Model] | None = None,
-        baselines: BaselineSource | None = None,
-        past: PastSource | None = None,
-        false_alarms: float = FALSE_ALARMS,
-        dialect: str | os.PathLike[str] | None = None,
-        key: bytes | None = None,
-        vehicle_states: bool = False,
-    ) -> None:
+    def __init__(self, options: EngineOptions | None = None) -> None:
+        options = options or EngineOptions()
+        airframe = options.airframe
         wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"} | AIRSPEED_MESSAGES
-        wanted |= STATE_MESSAGES if vehicle_states else set()
-        self._states = VehicleStates() if vehicle_states else None
-        self._decoder = Decoder(wanted, dialect=dialect, key=key)
-        self._fleet = VehicleMappers(airframe)
-        self._models = () if model is None else (model,) if isinstance(model, Model) else tuple(model)
-        self._baselines = baselines or {}
-        self._past = past
+        wanted |= STATE_MESSAGES if options.vehicle_states else set()
+        self._states = VehicleStates() if options.vehicle_states else None
+        self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
+        self._mappers = VehicleMappers(airframe)
+        self._models = tuple(options.models)
+        self._baselines = options.baselines
+        self._past = options.past
         self._airspeeds = Airspeeds()
-        self._false_alarms = false_alarms
+        self._false_alarms = options.false_alarms
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._segments: dict[int, int] = {}
@@ -111,7 +85,7 @@ class Engine:
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
         vehicles = vehicles_of(decoder.counts)
-        names = self._fleet.airframes
+        names = self._mappers.airframes
         verdicts = tuple(
             verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
         )
@@ -137,14 +111,14 @@ class Engine:
         self._airspeeds.feed(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
-        for mapper, mapped in self._fleet.feed(tables, final=final):
+        for mapper, mapped in self._mappers.feed(tables, final=final):
             if mapped.utc_us.size:
                 yield from self._notice_clock(mapper, mapped)
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
         """Heed what vehicles say, and take the profile of each that names one."""
-        for said, airframe in self._fleet.listen(tables):
+        for said, airframe in self._mappers.listen(tables):
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
                 yield AirframeNamed(time_s, said.vehicle, airframe)
@@ -196,8 +170,8 @@ class Engine:
         return None if first is None or self._decoder.sender_clock else _utc(first)
 
     def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
-        tier = self._fleet.tier(vehicle, self._decoder.counts)
-        mapper = self._fleet.mapper(vehicle)
+        tier = self._mappers.tier(vehicle, self._decoder.counts)
+        mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
             yield unjudged_vehicle(vehicle, tier, packaged_airframes())
             return

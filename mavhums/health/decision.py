@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.detector import Estimates, Levels
-from mavhums.report.assessment import Condition
 
 __all__ = [
     "CONFIRM",
     "FALSE_ALARMS",
     "LASTING",
-    "SEVERITY",
     "Decision",
     "bounds",
     "half_width",
@@ -33,8 +32,7 @@ LASTING = 20
 FALSE_ALARMS = 1.0
 """How many false alarms 100 hours of an actuator may bring, by default."""
 
-SEVERITY: dict[Condition, int] = {"undecided": -1, "normal": 0, "degraded": 1, "emergency": 2}
-_CONDITIONS: dict[int, Condition] = {severity: condition for condition, severity in SEVERITY.items()}
+_CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
 _WINDOWS_OF_100_H = 36_000.0
 
 Array = NDArray[np.float64]

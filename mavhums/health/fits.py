@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from importlib import import_module
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.health.equations import brief, gear, supply, torque, voltage
+from mavhums.health import equations
 from mavhums.health.least_squares import Fit
 from mavhums.health.motion import Motion
 from mavhums.health.normal_equations import row_length, sums_of_slots
@@ -18,16 +19,13 @@ from mavhums.health.windows import Windows
 
 __all__ = ["Fits"]
 
-_EQUATIONS: dict[str, ModuleType] = {
-    "torque": torque,
-    "brief": brief,
-    "voltage": voltage,
-    "gear": gear,
-    "supply": supply,
-}
 _GROUPS = 32
 
 Array = NDArray[np.float64]
+
+
+def _equation(name: str) -> ModuleType:
+    return import_module(f"{equations.__name__}.{name}")
 
 
 class Fits:
@@ -46,7 +44,7 @@ class Fits:
 
     def __init__(self, actuator: Actuator, names: Collection[str]) -> None:
         self._actuator = actuator
-        self._equations = {name: _EQUATIONS[name] for name in sorted(names)}
+        self._equations = {name: _equation(name) for name in sorted(names)}
         self._priors = {name: equation.prior(actuator) for name, equation in self._equations.items()}
         ends = np.cumsum([0, *(row_length(prior.mean.size) for prior in self._priors.values())]).tolist()
         self._columns = dict(zip(self._equations, map(slice, ends, ends[1:]), strict=False))
@@ -73,7 +71,10 @@ class Fits:
         return self._fit(self._groups[None].copy())
 
     def _fit(self, sums: Array) -> dict[str, Fit]:
-        return {name: Fit(sums[:, :, self._columns[name]], prior) for name, prior in self._priors.items()}
+        return {
+            name: Fit(sums[:, :, self._columns[name]], self._priors[name], equation.TERMS)
+            for name, equation in self._equations.items()
+        }
 
     def _add(self, row: Array) -> None:
         if self._slots == _GROUPS * self._of_group:

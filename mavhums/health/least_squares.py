@@ -10,15 +10,17 @@ the residuals within a slot as it is, and that of independent residuals.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.health.normal_equations import solve
 
-__all__ = ["Fit", "Prior"]
+__all__ = ["Coefficient", "Fit", "Prior"]
 
 _LEAST = 1e-8
 _MIN_SLOTS = 4
@@ -34,6 +36,13 @@ class Prior:
     deviation: Array
 
 
+class Coefficient(NamedTuple):
+    """One coefficient in W windows, and its standard error; shapes (W,)."""
+
+    value: Array
+    std_error: Array
+
+
 class Fit:
     """The coefficients of windows, each of S slots.
 
@@ -43,11 +52,19 @@ class Fit:
         Of :func:`~mavhums.health.normal_equations.sums_of_slots`, shape (W, S, m).
     prior
         Of the p coefficients.
+    terms
+        Names of the p coefficients.
     """
 
-    def __init__(self, sums: Array, prior: Prior) -> None:
+    def __init__(self, sums: Array, prior: Prior, terms: Sequence[str]) -> None:
         self._sums = sums
         self._prior = prior
+        self._places = {term: place for place, term in enumerate(terms)}
+
+    def __getitem__(self, term: str) -> Coefficient:
+        """Return the coefficient of a term, and its standard error."""
+        place = self._places[term]
+        return Coefficient(self.coefficients[:, place], self.errors[:, place])
 
     @cached_property
     def count(self) -> Array:
@@ -86,29 +103,31 @@ class Fit:
         """Of a residual, shape (W,)."""
         return self._solution[2]
 
-    def both_ways(self, term: int, constant: int) -> NDArray[np.int64]:
+    def both_ways(self, term: str, constant: str) -> NDArray[np.int64]:
         """Return in how many slots a term of ±1 had its rarer sign, shape (W,).
 
         ``constant`` is the term that is 1 in every sample.
         """
         p = self._prior.mean.size
-        first, last = sorted((term, constant))
+        first, last = sorted((self._places[term], self._places[constant]))
         balance = self._sums[:, :, 2 + p + first * p - first * (first - 1) // 2 + last - first]
         count = self._sums[:, :, 0]
         slots = [np.count_nonzero(count + signed > 0.5, axis=1) for signed in (balance, -balance)]
         return np.asarray(np.minimum(*slots))
 
-    def corrected(self, term: int) -> tuple[Array, Array]:
-        """Return coefficients and standard errors that allow for errors in a term, shapes (W, p).
+    def corrected(self, term: str, *, noisy: str) -> Coefficient:
+        """Return the coefficient of a term, and a standard error that allows for noise in a ``noisy`` term.
 
         Noise in a term pulls its coefficient towards zero, and the others with it: what is true of its own
         lies between what is seen and 1/r² of that, r being the term's partial correlation with the left
         side. The middle is returned, and errors that hold either end.
         """
         coefficients, errors, variance, inverse = self._solution
-        own = np.copysign(np.maximum(np.abs(coefficients[:, term]), _LEAST), coefficients[:, term])
-        most = (self.count * variance / own)[:, None] * inverse[:, :, term]
-        return coefficients + most / 2, np.hypot(errors, most / np.sqrt(12.0))
+        noise, place = self._places[noisy], self._places[term]
+        own = np.copysign(np.maximum(np.abs(coefficients[:, noise]), _LEAST), coefficients[:, noise])
+        most = self.count * variance / own * inverse[:, place, noise]
+        std_error = np.hypot(errors[:, place], most / np.sqrt(12.0))
+        return Coefficient(coefficients[:, place] + most / 2, std_error)
 
     @cached_property
     def _solution(self) -> tuple[Array, Array, Array, Array]:

@@ -9,20 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.engine.events import ConditionChanged, Indication, Window
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.baseline import Baseline
-from mavhums.health.course import Change, Course
-from mavhums.health.decision import FALSE_ALARMS, SEVERITY
+from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.detector import Seen, detectors_for
+from mavhums.health.events import ConditionChanged, Indication, Window
 from mavhums.health.fits import Fits
+from mavhums.health.indicator_tracker import Change, IndicatorTracker
 from mavhums.health.motion import Motion, motion
 from mavhums.health.own.record import OwnSums
 from mavhums.health.own.registry import EQUATIONS
 from mavhums.health.panel import Look, Panel
 from mavhums.health.slots import SlotCutter, Slots, widen
+from mavhums.health.tracker_report import evidence_of, indicator_of, suspect_of
 from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcome
 from mavhums.health.windows import WINDOW_SLOTS, Windows
-from mavhums.report.assessment import Condition, Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
+from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 
@@ -95,8 +97,8 @@ class Monitor:
         self._own = [OwnSums(equation, actuator) for equation in EQUATIONS if open_limits]
         self._latest_s = -np.inf
         detectors = detectors_for(actuator)
-        self._courses = {
-            detector.fault: Course(
+        self._trackers = {
+            detector.fault: IndicatorTracker(
                 detector,
                 (baselines or {}).get(detector.fault),
                 window_s=window_s,
@@ -151,10 +153,10 @@ class Monitor:
             return
         whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
         concluded = [
-            (fault, course.conclude(whole, start_s, end_s)) for fault, course in self._courses.items()
+            (fault, tracker.conclude(whole, start_s, end_s)) for fault, tracker in self._trackers.items()
         ]
         yield from self._changed([(fault, change) for fault, change in concluded if change], end_s)
-        friction = self._courses.get("friction")
+        friction = self._trackers.get("friction")
         self._friction = (friction and friction.concluded) or self._friction
 
     @property
@@ -165,10 +167,10 @@ class Monitor:
     def findings(self, *, indicators: bool = True) -> Findings:
         """Return what was found so far; the ``indicators`` look at all of the flight again."""
         whole = self._fits.whole() if indicators else {}
-        courses = self._courses.values()
-        suspects = [suspect for course in courses if (suspect := course.suspect())]
-        shown = [indicator for course in courses if whole and (indicator := course.indicator(whole))]
-        evidence = sorted((e for course in courses for e in course.evidence()), key=lambda e: e.start_s)
+        trackers = self._trackers.values()
+        suspects = [suspect for tracker in trackers if (suspect := suspect_of(tracker))]
+        shown = [indicator for tracker in trackers if whole and (indicator := indicator_of(tracker, whole))]
+        evidence = sorted((e for tracker in trackers for e in evidence_of(tracker)), key=lambda e: e.start_s)
         return Findings(
             condition=self._condition,
             worst=self._worst,
@@ -203,16 +205,16 @@ class Monitor:
         moved = motion(self.actuator, slots) if self.actuator.ema else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = Seen(slots, moved, windows, flight)
-        found = [course.detector.feed(seen) for course in self._courses.values()]
+        found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
         moving, votes = self._count(slots, moved)
         self._first = int(slots.index[0]) if self._first is None else self._first
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
         end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
-        looks = dict(zip(self._courses, self._panel.feed(found, whole), strict=True))
+        looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
         changes: dict[int, list[tuple[str, Change]]] = {}
         for fault, look in looks.items():
             yield from self._indicate(fault, look, end_s)
-            for change in self._courses[fault].feed(look, end_s):
+            for change in self._trackers[fault].feed(look, end_s):
                 changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
         for k, (end, fraction, ballots) in enumerate(

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.decision import SEVERITY, bounds, half_width, shown_by, tail_of
+from mavhums.core.conditions import SEVERITY
+from mavhums.health.decision import bounds, half_width, shown_by, tail_of
 from mavhums.health.detector import Detector, Estimates
 from mavhums.health.pooled import PooledErrors
 

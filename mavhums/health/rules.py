@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from mavhums.core.conditions import Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.detector import Detector
 from mavhums.health.drift import Shift
-from mavhums.report.assessment import Condition
 
 __all__ = ["drift_rule", "limit_rule"]
 

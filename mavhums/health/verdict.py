@@ -6,10 +6,10 @@ from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
+from mavhums.core.conditions import Condition
 from mavhums.health.monitor import WINDOW_S, Findings
 from mavhums.report.assessment import (
     ALL,
-    Condition,
     Coverage,
     Evidence,
     Indicator,

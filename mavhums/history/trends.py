@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mavhums.core.conditions import URGENCY
 from mavhums.health.baseline import Baseline
 from mavhums.health.trend import MIN_FLIGHTS, fit_trend
 from mavhums.history.files import read_history
 from mavhums.history.flights import FlightHistory, PastFlight, Since
-from mavhums.report.assessment import ALL, GRAVITY, Indicator, Interval, Verdict
+from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
 from mavhums.report.trend import ActuatorTrend, FlightPoint, TrendReport, to_frame
 
 if TYPE_CHECKING:
@@ -189,4 +190,4 @@ def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
     """Put first what is worst now, then what has the fewest flights left, then what is nearest its limit."""
     left = one.flights_left.low if one.flights_left else float("inf")
     share = one.points[-1].value.estimate / one.emergency if one.emergency else 0.0
-    return -GRAVITY.index(one.condition), left, -share, one.vehicle, one.actuator
+    return -URGENCY[one.condition], left, -share, one.vehicle, one.actuator

@@ -6,10 +6,9 @@ needs neither scikit-learn nor torch.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mavhums.core.errors import MissingExtraError
+from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.learn.calibration import brier_score, calibrate, expected_calibration_error
@@ -88,22 +87,8 @@ _MODULES = {
     "training": ("Candidate", "TrainingResult", "select_features", "train_network"),
     "wrapper": ("NetworkSubsetSelector", "network_objective"),
 }
-_HOME = {name: module for module, names in _MODULES.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    try:
-        module = import_module(f"{__name__}.{_HOME[name]}")
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "sklearn":
-            raise
-        raise MissingExtraError("training", "train") from error
-    value = getattr(module, name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazy_exports(
+    __name__,
+    {name: module for module, names in _MODULES.items() for name in names},
+    missing={"sklearn": ("training", "train")},
+)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from math import tanh
 from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import Field, JsonValue
+
+from mavhums.core.models import Contract
 
 __all__ = ["FORMAT", "Calibration", "Card", "Selection"]
 
@@ -14,11 +16,7 @@ FORMAT: Final = "mavhums.model/1"
 _Text = Annotated[str, Field(min_length=1)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Selection(_Section):
+class Selection(Contract):
     """What the two stages of feature selection found (paper, section 3, figure 15).
 
     Attributes
@@ -39,7 +37,7 @@ class Selection(_Section):
     selected: tuple[str, ...]
 
 
-class Calibration(_Section):
+class Calibration(Contract):
     """The probability of an emergency as a logistic function of a window's share of votes for one.
 
     Attributes
@@ -69,7 +67,7 @@ class Calibration(_Section):
         return 0.5 + 0.5 * tanh((self.slope * share + self.intercept) / 2)
 
 
-class Card(_Section):
+class Card(Contract):
     """Everything about a model but its weights.
 
     Attributes

@@ -6,8 +6,9 @@ takes and the recorder keeps, so a session and its recording give the same verdi
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.live.address import Address
@@ -16,14 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Address", "Options", "Session", "prepare"]
 
-_HOMES = {"Address": "address", "Options": "setup", "Session": "session", "prepare": "setup"}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_exports(
+    __name__,
+    {"Address": "address", "Options": "setup", "Session": "session", "prepare": "setup"},
+)

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final
 
+from mavhums.core.conditions import Condition
 from mavhums.engine.events import ConditionChanged, Event
 from mavhums.live.watch import utc
 from mavhums.log.mavlink.signing import signing_ticks
-from mavhums.report.assessment import Condition
 from mavhums.report.live import ActuatorStatus, AlertObject
 
 __all__ = ["COMPONENT", "Alerts", "health_name", "text_of"]

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from mavhums.actuator.profile import load_airframe
+from mavhums.app import options as judging
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
+from mavhums.engine.options import EngineOptions
 from mavhums.health import Monitor
 from mavhums.health.decision import FALSE_ALARMS
-from mavhums.history.files import read_history
-from mavhums.history.flights import FlightHistory
-from mavhums.learn import Model, load_model, packaged_models
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
 from mavhums.live.clock import ReceiveClock
@@ -61,6 +59,18 @@ class Options:
     alerts_to: str | None = None
     component: int = COMPONENT
 
+    @property
+    def judging(self) -> judging.Options:
+        """How the links are judged; signatures are checked before the engine sees a frame."""
+        return judging.Options(
+            airframe=self.airframe,
+            model=self.model,
+            history=self.history,
+            since=dict(self.dates),
+            false_alarms=self.false_alarms,
+            dialect=self.dialect,
+        )
+
     def __post_init__(self) -> None:
         for url in (*self.urls, *filter(None, [self.alerts_to])):
             Address.parse(url)
@@ -76,15 +86,14 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
     """
     addresses = [Address.parse(url) for url in options.urls]
     ground = [Address.parse(options.alerts_to)] if options.alerts_to else []
-    profile = load_airframe(options.airframe) if options.airframe else None
-    models = (load_model(options.model),) if options.model else packaged_models()
     key = load_key(options.key) if options.key else None
-    history = read_history(options.history) if options.history else FlightHistory()
+    history = options.judging.flights()
     for error in history.errors:
         _LOG.warning("%s", error)
+    judged_by = replace(options.judging, history=history, vehicle_states=vehicle_states).resolved()
     seen = Seen(options.key) if options.key else None
     guard = Guard(key, latest=seen.load()) if key and seen else None
-    _warm_up(options.dialect, models)
+    _warm_up(judged_by)
     recorder = TlogRecorder(options.record) if options.record else None
     clock = ReceiveClock()
     links = _open(addresses, clock, signed_only=key is not None)
@@ -111,15 +120,7 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
     alerts = voice(ground_links, _UNKNOWN_VEHICLE if callers and not ground else None) if speaks else None
     greeter = voice(callers, None) if callers and (ground or not speaks) else None
     return Session(
-        Engine(
-            profile,
-            model=models,
-            baselines=partial(history.baselines, since=dict(options.dates)),
-            past=partial(history.past, since=dict(options.dates)),
-            false_alarms=options.false_alarms,
-            dialect=options.dialect,
-            vehicle_states=vehicle_states,
-        ),
+        Engine(judged_by),
         stamper,
         links,
         recorder=recorder,
@@ -146,14 +147,15 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
     return links
 
 
-def _warm_up(dialect: Path | None, models: Sequence[Model]) -> None:
+def _warm_up(options: EngineOptions) -> None:
     """Compile what is compiled at its first use, before anything is missed for it."""
+    dialect = None if options.dialect is None else Path(options.dialect)
     stamper, airframe = Stamper(load_dialect(dialect)), load_airframe("paper")
     records = stamper.feed([Piece(None, 0, _SERVO_OUTPUT_RAW)])
-    engine = Engine(airframe, model=models, dialect=dialect)
+    engine = Engine(EngineOptions(airframe, options.models, dialect=dialect))
     engine.feed(records)
     engine.finish()
     samples = np.arange(0.0, 20.0, 0.1)
     list(Monitor(0, airframe.actuators[0]).feed(samples, np.zeros((samples.size, len(KEYS)))))
-    for model in models:
+    for model in options.models:
         model.votes(np.zeros((1, len(KEYS))))

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log.foreign import refuse_foreign
+from mavhums.log.losses import Losses
 from mavhums.log.mavlink.decoder import Decoder
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.log.tables import Table
-from mavhums.report.assessment import Losses
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,31 +10,29 @@ import json
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode
+from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
+from mavhums.log.losses import Losses
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
     "ALL",
-    "GRAVITY",
     "NOTICE",
     "SCHEMA",
     "Assessment",
-    "Condition",
     "Coverage",
     "Evidence",
     "Indicator",
     "Interval",
     "LogSummary",
-    "Losses",
     "ModelSummary",
     "OwnRecord",
-    "Region",
-    "SequenceLoss",
     "Since",
     "Suspect",
     "Verdict",
@@ -47,26 +45,8 @@ NOTICE = "not an airworthiness decision; validated in simulation only"
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
 
-Condition = Literal["normal", "unchanged", "learning", "undecided", "changed", "degraded", "emergency"]
-GRAVITY: tuple[Condition, ...] = (
-    "normal",
-    "unchanged",
-    "learning",
-    "undecided",
-    "changed",
-    "degraded",
-    "emergency",
-)
-"""Conditions in the order in which they concern a maintainer, the gravest last."""
 
-
-class _Contract(BaseModel):
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, json_schema_serialization_defaults_required=True
-    )
-
-
-class Interval(_Contract):
+class Interval(Contract):
     """An estimate with its 95 % interval."""
 
     estimate: float
@@ -74,21 +54,21 @@ class Interval(_Contract):
     high: float
 
 
-class Suspect(_Contract):
+class Suspect(Contract):
     """A fault that the evidence points at."""
 
     fault: str
     confidence: float = Field(ge=0, le=1)
 
 
-class Since(_Contract):
+class Since(Contract):
     """When the actuator was first found in its present state."""
 
     flight_time_s: float
     utc: str
 
 
-class Coverage(_Contract):
+class Coverage(Contract):
     """How much of the flight could be judged: windows of 10 s, one each second.
 
     ``late`` counts samples that came too late to be judged.
@@ -100,7 +80,7 @@ class Coverage(_Contract):
     late: int = Field(default=0, ge=0)
 
 
-class Evidence(_Contract):
+class Evidence(Contract):
     """One finding, with the rule that made it one."""
 
     kind: str
@@ -111,7 +91,7 @@ class Evidence(_Contract):
     rule: str
 
 
-class Indicator(_Contract):
+class Indicator(Contract):
     """A physical quantity that shows a fault, as the whole flight has it.
 
     Attributes
@@ -151,7 +131,7 @@ class Indicator(_Contract):
     least_rise: float | None = Field(default=None, ge=0)
 
 
-class OwnRecord(_Contract):
+class OwnRecord(Contract):
     """What a flight leaves of one own-scale equation, for the comparison with the actuator's other flights.
 
     Attributes
@@ -177,14 +157,14 @@ class OwnRecord(_Contract):
     groups: tuple[tuple[float, ...], ...]
 
 
-class ModelSummary(_Contract):
+class ModelSummary(Contract):
     """A network whose votes are among the evidence."""
 
     name: str
     hash: str
 
 
-class Verdict(_Contract):
+class Verdict(Contract):
     """What the log says of one actuator.
 
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
@@ -220,77 +200,10 @@ class Verdict(_Contract):
     @property
     def gravest(self) -> Condition:
         """What the maintainer must act on: a fault that was seen, else that nothing is known, else normal."""
-        return max(self.worst, self.condition, key=GRAVITY.index)
+        return max(self.worst, self.condition, key=URGENCY.__getitem__)
 
 
-class Region(_Contract):
-    """Damaged bytes between two frames: where they begin in the log, and how many they are."""
-
-    offset: int
-    size: int
-
-
-class SequenceLoss(_Contract):
-    """What the sequence numbers of one sender say: frames that never reached the log.
-
-    ``missing`` counts modulo 256 where a link was silent for long, so it is a lower bound.
-    """
-
-    system: int
-    component: int
-    frames: int
-    missing: int
-    gaps: int
-    reordered: int
-    duplicated: int
-
-
-class Losses(_Contract):
-    """What could not be read, and what was odd.
-
-    ``regions`` lists the first hundred of ``damaged_regions``. ``padded_frames`` had their zeros
-    trimmed after the CRC was computed and were accepted with the zeros put back; at most
-    ``padded_false_bound`` of them are expected to be accepted by chance. ``line_ends_restored``
-    counts the carriage returns that a conversion to text had put in. Where only frames signed with a
-    key are read, those without a signature, with a wrong one and with an old one were left out.
-    """
-
-    bytes_skipped: int = 0
-    damaged_regions: int = 0
-    bad_crc_frames: int = 0
-    unknown_frames: int = 0
-    implausible_times: int = 0
-    cut_end_bytes: int = 0
-    regions: tuple[Region, ...] = ()
-    bad_crc_by_message: dict[str, int] = {}
-    padded_frames: int = 0
-    padded_false_bound: float = 0.0
-    trailing_zeros: int = 0
-    line_ends_restored: int = 0
-    time_jumps: int = 0
-    time_rewinds: int = 0
-    sequence: tuple[SequenceLoss, ...] = ()
-    unsigned_frames: int = 0
-    bad_signatures: int = 0
-    replayed_frames: int = 0
-
-    @property
-    def any(self) -> bool:
-        """Whether anything that the log held is gone or in doubt.
-
-        Frames of a foreign dialect and frames that never reached the log are not.
-        """
-        return bool(
-            self.bytes_skipped
-            or self.bad_crc_frames
-            or self.implausible_times
-            or self.cut_end_bytes
-            or self.padded_frames
-            or self.bad_signatures
-        )
-
-
-class LogSummary(_Contract):
+class LogSummary(Contract):
     """The log that was judged."""
 
     path: str | None
@@ -301,7 +214,7 @@ class LogSummary(_Contract):
     losses: Losses
 
 
-class Assessment(_Contract):
+class Assessment(Contract):
     """Every verdict that a log supports.
 
     ``model`` is the richest network among those of the verdicts.
@@ -353,13 +266,13 @@ class Assessment(_Contract):
 
     def ranked(self) -> list[Verdict]:
         """Return the verdicts, the worst first."""
-        return sorted(self.verdicts, key=lambda verdict: -GRAVITY.index(verdict.gravest))
+        return sorted(self.verdicts, key=lambda verdict: -URGENCY[verdict.gravest])
 
     @property
     def exit_code(self) -> ExitCode:
         """The exit code that tells a script the worst of it."""
-        conditions = [verdict.gravest for verdict in self.verdicts]
-        gravest = max(conditions, key=GRAVITY.index, default=GRAVITY[0])
+        ranked = self.ranked()
+        gravest = ranked[0].gravest if ranked else "normal"
         if gravest in ("normal", "unchanged"):
             return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
         return _EXIT_CODES[gravest]

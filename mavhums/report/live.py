@@ -10,9 +10,11 @@ import json
 from importlib import resources
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import Field, TypeAdapter
 
-from mavhums.report.assessment import Assessment, Condition, Interval, Suspect
+from mavhums.core.conditions import Condition
+from mavhums.core.models import Contract
+from mavhums.report.assessment import Assessment, Interval, Suspect
 
 __all__ = [
     "SCHEMA",
@@ -35,13 +37,7 @@ __all__ = [
 SCHEMA = "mavhums.live/1"
 
 
-class _Contract(BaseModel):
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, json_schema_serialization_defaults_required=True
-    )
-
-
-class _Event(_Contract):
+class _Event(Contract):
     """``utc`` is when the line was written."""
 
     utc: str
@@ -125,7 +121,7 @@ class AlertObject(_Event):
     text: str
 
 
-class ActuatorStatus(_Contract):
+class ActuatorStatus(Contract):
     """One actuator now.
 
     ``condition`` is ``undecided`` while ``stale``; ``held`` is what it was found to be when data
@@ -148,7 +144,7 @@ class ActuatorStatus(_Contract):
     reason: str | None
 
 
-class LinkStatus(_Contract):
+class LinkStatus(Contract):
     """Everything that came over the links, and what of it did not count.
 
     ``frames`` were accepted. ``missing_frames``, ``reordered_frames`` and ``duplicated_frames`` are
@@ -174,7 +170,7 @@ class LinkStatus(_Contract):
     dropped_datagrams: int
 
 
-class RecordStatus(_Contract):
+class RecordStatus(Contract):
     """The recording; ``lost_frames`` could not be written, ``error`` says why while that lasts."""
 
     path: str

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
-from mavhums.report.assessment import NOTICE, Condition, Interval
+from mavhums.core.models import Contract
+from mavhums.report.assessment import NOTICE, Interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,11 +20,7 @@ __all__ = ["ActuatorTrend", "FlightPoint", "TrendReport", "to_frame"]
 _COLUMNS = "vehicle actuator airframe fault quantity unit flight start_utc log estimate low high condition"
 
 
-class _Contract(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class FlightPoint(_Contract):
+class FlightPoint(Contract):
     """An indicator in one flight; ``flight`` counts the actuator's flights from 1, judged or not."""
 
     flight: int
@@ -32,7 +30,7 @@ class FlightPoint(_Contract):
     condition: Condition
 
 
-class ActuatorTrend(_Contract):
+class ActuatorTrend(Contract):
     """One indicator of one actuator over its flights.
 
     Attributes
@@ -76,7 +74,7 @@ class ActuatorTrend(_Contract):
     points: tuple[FlightPoint, ...]
 
 
-class TrendReport(_Contract):
+class TrendReport(Contract):
     """The trends of a folder, the worst first, and what could not be read of it.
 
     Attributes

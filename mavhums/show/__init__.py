@@ -5,8 +5,9 @@ Nothing here judges. Importing the room loads neither rerun nor rich; each name 
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.show.blueprint import layout
@@ -18,21 +19,14 @@ if TYPE_CHECKING:
 
 __all__ = ["LiveViewer", "Recorder", "layout", "markdown", "record_trend", "render"]
 
-_HOMES = {
-    "LiveViewer": "live",
-    "Recorder": "recording",
-    "layout": "blueprint",
-    "markdown": "report",
-    "record_trend": "trend_recording",
-    "render": "terminal",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_exports(
+    __name__,
+    {
+        "LiveViewer": "live",
+        "Recorder": "recording",
+        "layout": "blueprint",
+        "markdown": "report",
+        "record_trend": "trend_recording",
+        "render": "terminal",
+    },
+)

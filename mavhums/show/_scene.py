@@ -9,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from mavhums.actuator.profile import Airframe
+from mavhums.core.conditions import URGENCY, Condition
 from mavhums.engine.events import (
     AirframeNamed,
     Attitude,
@@ -22,7 +23,7 @@ from mavhums.engine.events import (
     Window,
 )
 from mavhums.health.detector import detectors_for
-from mavhums.report.assessment import GRAVITY, Assessment, Condition
+from mavhums.report.assessment import Assessment
 from mavhums.show._craft import craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track
@@ -154,7 +155,7 @@ class Scene:
 
     def ranked(self) -> list[Track]:
         """Return the tracks, the worst first."""
-        return sorted(self._tracks.values(), key=lambda track: -GRAVITY.index(track.held))
+        return sorted(self._tracks.values(), key=lambda track: -URGENCY[track.held])
 
     def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
         faults = tuple(

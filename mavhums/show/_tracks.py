@@ -9,9 +9,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import ConditionChanged, Indication, Samples, Window
 from mavhums.health.detector import Detector
-from mavhums.report.assessment import GRAVITY, Condition
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
@@ -22,7 +22,6 @@ __all__ = ["STALE_S", "Track", "actuator_path"]
 STALE_S: Final = 3.0
 """An actuator that is silent for longer is stale: what was held of it is no longer shown as true."""
 
-_REACHED: Final[tuple[Condition, ...]] = ("undecided", *(c for c in GRAVITY if c != "undecided"))
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
 _ROWS_PER_CHUNK: Final = 4096
@@ -153,9 +152,9 @@ class Track:
         self._state(event.since_s, event.after)
         self._signals.mark(event.since_s - _BEFORE_S, event.time_s + _AFTER_S)
         self.held, self.since_s = event.after, event.since_s
-        if _REACHED.index(event.after) >= _REACHED.index(self.worst):
+        if SEVERITY[event.after] >= SEVERITY[self.worst]:
             self.cause = event.fault
-        self.worst = max(self.worst, event.after, key=_REACHED.index)
+        self.worst = max(self.worst, event.after, key=SEVERITY.__getitem__)
 
     def conclude(self, condition: Condition) -> None:
         """Show over the whole flight what only its comparison with the flights before told."""

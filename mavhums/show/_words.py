@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
+from mavhums.core.conditions import Condition
 from mavhums.health.detector import to_inspect
-from mavhums.report.assessment import ALL, Assessment, Condition, Evidence, Interval, Losses, Verdict
+from mavhums.log.losses import Losses
+from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, Verdict
 
 __all__ = [
     "ADVICE",

@@ -10,8 +10,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
+from mavhums.core.conditions import Condition
 from mavhums.core.quantities import QUANTITIES
-from mavhums.report.assessment import Condition
 from mavhums.show._signals import ARCHETYPE
 from mavhums.show._stream import TIMELINE
 from mavhums.show._words import SERIES

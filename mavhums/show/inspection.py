@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from mavhums.app.inspection import Inspection, VehicleTelemetry
+from mavhums.report.inspection import Inspection, VehicleTelemetry
 
 __all__ = ["render_inspection"]
 

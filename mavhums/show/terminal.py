@@ -10,7 +10,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from mavhums.report.assessment import Assessment, Condition, Verdict
+from mavhums.core.conditions import Condition
+from mavhums.report.assessment import Assessment, Verdict
 from mavhums.show._words import (
     COLOURS,
     advice,

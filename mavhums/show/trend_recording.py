@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.core.files import written_whole
-from mavhums.report.assessment import GRAVITY
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,7 +68,7 @@ def record_trend(trend: pd.DataFrame, path: str | os.PathLike[str], *, report: s
         for names, flights in known.sort_values("start_utc").groupby(groups, sort=False):
             *vehicle, actuator = names if isinstance(names, tuple) else (names,)
             root = _draw(stream, [*(f"vehicle_{number}" for number in vehicle), str(actuator)], flights)
-            roots.append((-GRAVITY.index(flights["condition"].iloc[-1]), root))
+            roots.append((-URGENCY[flights["condition"].iloc[-1]], root))
         if report:
             import rerun as rr
 

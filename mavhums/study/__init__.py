@@ -6,18 +6,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+from mavhums.core.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from mavhums.study.run import write_study
 
 __all__ = ["write_study"]
 
+_OPTIONAL = ("matplotlib", "pygad", "rerun", "sklearn", "torch")
 
-def __getattr__(name: str) -> Any:
-    if name != "write_study":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from mavhums.core.errors import MissingExtraError
-
-    try:
-        from mavhums.study.run import write_study
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("the study", "all") from error
-    return write_study
+__getattr__, __dir__ = lazy_exports(
+    __name__, {"write_study": "run"}, missing=dict.fromkeys(_OPTIONAL, ("the study", "all"))
+)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
 from mavhums.app.analysis import analyse
+from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event, Samples
 from mavhums.learn.precedents import Label, Origin, Precedent, PrecedentBase, Provenance
@@ -63,7 +64,7 @@ def add_log(
             if isinstance(event, Samples):
                 found.setdefault((event.vehicle, event.actuator), []).append(event)
 
-    assessment = analyse(log, airframe=airframe, consume=collect, progress=progress)
+    assessment = analyse(log, Options(airframe=airframe), consume=collect, progress=progress)
     carried = sorted({actuator for _, actuator in found})
     absent = sorted(set(actuators) - set(carried))
     if not carried or absent:

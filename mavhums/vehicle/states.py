@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.readings import Clocks
-from mavhums.engine.events import Attitude, FlightMode, Position
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.events import Attitude, FlightMode, Position
 
 __all__ = ["STATE_MESSAGES", "VehicleStates"]
 

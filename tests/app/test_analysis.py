@@ -58,11 +58,11 @@ def test_a_model_of_ones_own_is_given_by_path(growing_log: Path, tmp_path: Path)
 
     packaged = default_model()
     saved = save_model(tmp_path / "mine.safetensors", packaged.network, packaged.card)
-    assessment = mavhums.analyse(growing_log, model=tmp_path / "mine.safetensors")
+    assessment = mavhums.analyse(growing_log, mavhums.Options(model=tmp_path / "mine.safetensors"))
     assert assessment.model is not None
     assert assessment.model.hash == saved.hash
     with pytest.raises(ModelError, match="nonesuch"):
-        mavhums.analyse(growing_log, model="nonesuch")
+        mavhums.analyse(growing_log, mavhums.Options(model="nonesuch"))
 
 
 def test_the_packaged_model_is_the_papers_actuators() -> None:
@@ -80,7 +80,7 @@ def test_fewer_false_alarms_are_bought_with_a_later_verdict(tmp_path: Path) -> N
     write_tlog(fly(Flight(seed=3, duration_s=60.0, friction_nm={"elevator": (0.225, 0.7)})), log)
     told = []
     for false_alarms in (0.001, 1.0, 100.0):
-        assessment = mavhums.analyse(log, false_alarms=false_alarms)
+        assessment = mavhums.analyse(log, mavhums.Options(false_alarms=false_alarms))
         elevator = next(verdict for verdict in assessment.verdicts if verdict.actuator == "elevator")
         assert elevator.since is not None
         told.append(elevator.since.flight_time_s)

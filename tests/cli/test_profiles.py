@@ -194,7 +194,7 @@ def test_a_draft_shows_the_quantities_and_leaves_the_verdict_open(
 ) -> None:
     mine = tmp_path / "mine.toml"
     assert run("profile", "new", growing_log, "-o", mine).code == 0
-    assessment = mavhums.analyse(growing_log, airframe=mine)
+    assessment = mavhums.analyse(growing_log, mavhums.Options(airframe=mine))
     assert len(assessment.verdicts) == 4
     for verdict in assessment.verdicts:
         assert verdict.condition == verdict.worst == "undecided"
@@ -226,7 +226,9 @@ def test_without_constants_what_an_esc_says_is_shown_as_it_is(tmp_path: Path) ->
     assert left.frame[["V3", "V8", "V10"]].isna().all(axis=None)
     assert "ESC_TELEMETRY_1_TO_4[1].current" in right.provenance["V5"]
     limits_only = whole.actuators[0].model_copy(update={"limits": None})
-    [verdict] = mavhums.analyse(log, airframe=whole.model_copy(update={"actuators": (limits_only,)})).verdicts
+    [verdict] = mavhums.analyse(
+        log, mavhums.Options(airframe=whole.model_copy(update={"actuators": (limits_only,)}))
+    ).verdicts
     assert verdict.reason is not None
     assert verdict.reason.startswith("the profile has no [actuators.limits]")
 

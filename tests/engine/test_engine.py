@@ -20,6 +20,7 @@ from mavhums.actuator import load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples, Window
+from mavhums.engine.options import EngineOptions
 from mavhums.health.baseline import Baseline
 from mavhums.learn import Model, default_model, packaged_models
 from mavhums.report.assessment import Assessment, Verdict, json_schema
@@ -37,7 +38,7 @@ def model() -> Model:
 
 
 def judge(data: Iterable[bytes], **options: Any) -> Assessment:
-    engine = Engine(**options)
+    engine = Engine(EngineOptions(**options))
     for block in data:
         engine.feed(block)
     engine.finish()
@@ -69,7 +70,7 @@ def models() -> tuple[Model, ...]:
 
 @pytest.fixture(scope="module")
 def short_verdicts(short_log: Path, models: tuple[Model, ...]) -> str:
-    return judge([short_log.read_bytes()], model=models).to_json()
+    return judge([short_log.read_bytes()], models=models).to_json()
 
 
 @given(data=st.data())
@@ -80,17 +81,17 @@ def test_the_verdicts_do_not_depend_on_the_blocks(
     content = short_log.read_bytes()
     places = data.draw(cuts(len(content)))
     assert '"paper-instrumented"' in short_verdicts
-    assert judge(blocks(content, places), model=models).to_json() == short_verdicts
+    assert judge(blocks(content, places), models=models).to_json() == short_verdicts
 
 
 def test_even_one_byte_at_a_time(short_log: Path, short_verdicts: str, models: tuple[Model, ...]) -> None:
     content = short_log.read_bytes()
     parts = (content[k : k + 7] for k in range(0, len(content), 7))
-    assert judge(parts, model=models).to_json() == short_verdicts
+    assert judge(parts, models=models).to_json() == short_verdicts
 
 
 def test_growing_friction_is_followed_through_both_limits(growing_log: Path, model: Model) -> None:
-    engine = Engine(model=model)
+    engine = Engine(EngineOptions(models=(model,)))
     events = [event for block in blocks(growing_log.read_bytes(), [500_000]) for event in engine.feed(block)]
     events += engine.finish()
     assessment = engine.assessment()
@@ -124,7 +125,7 @@ def test_growing_friction_is_followed_through_both_limits(growing_log: Path, mod
 
 
 def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Model) -> None:
-    assessment = judge([growing_log.read_bytes()], model=model)
+    assessment = judge([growing_log.read_bytes()], models=(model,))
     assert assessment.model is not None
     assert assessment.model.hash == model.hash
     elevator, rudder = of(assessment, "elevator").p_emergency, of(assessment, "rudder").p_emergency
@@ -136,7 +137,7 @@ def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Mode
 
 def test_a_model_serves_only_the_airframe_of_its_card(growing_log: Path, model: Model) -> None:
     other = load_airframe("paper").model_copy(update={"name": "other"})
-    assessment = judge([growing_log.read_bytes()], airframe=other, model=model)
+    assessment = judge([growing_log.read_bytes()], airframe=other, models=(model,))
     assert assessment.airframe == "other"
     assert assessment.model is None
     assert of(assessment, "elevator").p_emergency is None
@@ -148,7 +149,7 @@ def test_every_assessment_follows_the_schema(growing_log: Path, model: Model) ->
 
     validator = jsonschema.Draft202012Validator(json_schema())
     for data in ([growing_log.read_bytes()], [b""], [b"junk"]):
-        validator.validate(json.loads(judge(data, model=model).to_json()))
+        validator.validate(json.loads(judge(data, models=(model,)).to_json()))
 
 
 def test_a_short_flight_is_undecided_with_a_reason() -> None:
@@ -305,7 +306,7 @@ REAL = [path for path in real_logs() if path.suffix == ".tlog"]
 @pytest.mark.parametrize("airframe", [None, "paper"])
 @pytest.mark.parametrize("path", REAL, ids=lambda path: path.name)
 def test_no_real_log_is_called_normal(path: Path, airframe: str | None, model: Model) -> None:
-    assessment = mavhums.analyse(path, airframe=airframe, model=model)
+    assessment = mavhums.analyse(path, mavhums.Options(airframe=airframe, model=model))
     assert assessment.verdicts
     for verdict in assessment.verdicts:
         assert verdict.condition == verdict.worst == "undecided"
@@ -410,9 +411,9 @@ def test_blocks_do_not_matter_when_every_tier_speaks(
     data: st.DataObject, every_tier: FlightRecord, models: tuple[Model, ...]
 ) -> None:
     content = b"".join(record for _, record in packed(carrying(every_tier, "esc-unsigned", "pwm", "named")))
-    whole = judge([content], model=models)
+    whole = judge([content], models=models)
     parts = blocks(content, data.draw(cuts(len(content))))
-    assert judge(parts, model=models).to_json() == whole.to_json()
+    assert judge(parts, models=models).to_json() == whole.to_json()
     assert whole.model is not None
 
 
@@ -430,7 +431,7 @@ def test_each_telemetry_gets_the_network_for_what_it_carries(
     every_tier: FlightRecord, models: tuple[Model, ...], tiers: tuple[str, ...], name: str | None
 ) -> None:
     records = [data for _, data in packed(carrying(every_tier, *tiers))]
-    assessment = judge_records(records, model=models)
+    assessment = judge_records(records, models=models)
     assert (assessment.model and assessment.model.name) == name
     elevator, rudder = of(assessment, "elevator"), of(assessment, "rudder")
     assert (elevator.model and elevator.model.name) == name
@@ -442,7 +443,7 @@ def test_each_telemetry_gets_the_network_for_what_it_carries(
         assert elevator.p_emergency > 0.9
         assert rudder.p_emergency < 0.1
     if name == "paper-esc":
-        assert of(judge_records(records, model=models[0]), "elevator").p_emergency is None
+        assert of(judge_records(records, models=models[:1]), "elevator").p_emergency is None
 
 
 def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
@@ -453,7 +454,7 @@ def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
     for surface, actuator in record.actuators.items():
         if surface != "rudder":
             actuator.values[:, 10:] = float("nan")
-    assessment = judge_records((data for _, data in packed(record)), model=models)
+    assessment = judge_records((data for _, data in packed(record)), models=models)
     said = {verdict.actuator: verdict.model.name for verdict in assessment.verdicts if verdict.model}
     assert said.pop("rudder") == "paper-instrumented"
     assert set(said.values()) == {"paper-without-load"}
@@ -494,7 +495,7 @@ CSRV = Path(__file__).parents[2] / "examples" / "profiles" / "csrv.toml"
 
 def test_a_servo_of_unknown_constants_that_follows_is_undecided(tmp_path: Path) -> None:
     log = servo_log(tmp_path / "follows.tlog", lambda s: 20.0 * math.sin(0.9 * (s - 0.2)))
-    aileron = of(mavhums.analyse(log, airframe=CSRV), "aileron_1")
+    aileron = of(mavhums.analyse(log, mavhums.Options(airframe=CSRV)), "aileron_1")
     assert (aileron.condition, aileron.worst, aileron.evidence) == ("undecided", "undecided", ())
     assert "the profile has no [actuators.ema], no [actuators.limits]" in str(aileron.reason)
     assert aileron.remedy
@@ -503,7 +504,7 @@ def test_a_servo_of_unknown_constants_that_follows_is_undecided(tmp_path: Path) 
 def test_a_jam_is_found_although_the_servos_constants_are_unknown(tmp_path: Path) -> None:
     """It jams at 20 s: from then on three quarters of a period and more pass at the same angle."""
     log = servo_log(tmp_path / "jams.tlog", lambda s: 20.0 * math.sin(0.9 * (min(s, 20.0) - 0.2)))
-    assessment = mavhums.analyse(log, airframe=CSRV)
+    assessment = mavhums.analyse(log, mavhums.Options(airframe=CSRV))
     aileron = of(assessment, "aileron_1")
     assert (aileron.condition, aileron.worst) == ("emergency", "emergency")
     assert [suspect.fault for suspect in aileron.suspects] == ["jam"]

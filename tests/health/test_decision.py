@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from mavhums.core.conditions import Condition
 from mavhums.health.decision import CONFIRM, LASTING, Decision, bounds, half_width, shown_by, tail_of
 from mavhums.health.detector import Estimates, Levels
-from mavhums.report.assessment import Condition
 
 LEVELS = Levels(0.375, 0.875)
 NOTHING, NORMAL, DEGRADED, EMERGENCY = -1, 0, 1, 2

@@ -278,7 +278,7 @@ def servo_jam() -> Assessment:
     if not REAL:
         pytest.skip("the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
     path = next(path for path in REAL if path.name == "plane_lua_csrv.link1.tlog")
-    return mavhums.analyse(path, airframe=CSRV)
+    return mavhums.analyse(path, mavhums.Options(airframe=CSRV))
 
 
 def test_a_real_jam_is_found_when_it_was(servo_jam: Assessment) -> None:

@@ -30,7 +30,7 @@ class Data(NamedTuple):
         return sums_of_slots(self.X.reshape(-1, p), self.y.ravel(), there, np.arange(slots) * n)[None]
 
     def fit(self, prior: Prior | None = None) -> Fit:
-        return Fit(self.sums(), prior or nothing_known(self.X.shape[2]))
+        return Fit(self.sums(), prior or nothing_known(self.X.shape[2]), "abcdefgh"[: self.X.shape[2]])
 
     def without(self, slot: int) -> tuple[Array, Array]:
         """The samples of all other slots."""
@@ -141,7 +141,7 @@ def test_terms_that_move_together_stay_finite_and_near_the_prior(seed: int) -> N
 
 
 def test_windows_without_samples_are_regular() -> None:
-    fit = Fit(np.zeros((2, 10, row_length(3))), nothing_known(3))
+    fit = Fit(np.zeros((2, 10, row_length(3))), nothing_known(3), "abc")
     assert fit.filled.tolist() == [0, 0]
     assert not fit.spread.any()
     assert np.isfinite(fit.coefficients).all()
@@ -163,7 +163,9 @@ def test_noise_in_a_term_is_allowed_for(noise: float, shared: float, other: floa
     y = X @ truth + other * rng.normal(size=(10, 2000))
     X[:, :, 0] += noise * rng.normal(size=(10, 2000))
     fit = Data(X, y).fit()
-    corrected, errors = (both[0] for both in fit.corrected(0))
+    corrected, errors = np.array([fit.corrected(term, noisy="a") for term in "abcdefgh"[: truth.size]])[
+        :, :, 0
+    ].T
     assert (np.abs(corrected - truth) <= 3**0.5 * errors + 4 * fit.errors[0]).all()
     if noise == 0.2 and not other:
         assert (np.abs(corrected - truth) < 0.6 * np.abs(fit.coefficients[0] - truth))[0]
@@ -174,5 +176,5 @@ def test_a_sign_is_counted_by_the_slots_that_show_it() -> None:
     way = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
     X = np.stack([way, 0.3 * way + 2.0, np.ones_like(way)], axis=2)
     fit = Data(X, way).fit()
-    assert fit.both_ways(0, 2).tolist() == fit.both_ways(2, 0).tolist() == [2]
-    assert Data(np.abs(X), way).fit().both_ways(0, 2).tolist() == [0]
+    assert fit.both_ways("a", "c").tolist() == fit.both_ways("c", "a").tolist() == [2]
+    assert Data(np.abs(X), way).fit().both_ways("a", "c").tolist() == [0]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mavhums.health.detector import Estimates
 from mavhums.health.pooled import PooledErrors
-from mavhums.health.scatter import Scatter
+from mavhums.health.running_variance import RunningVariance
 from tests.strategies import cuts
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def test_what_is_not_shown_does_not_count() -> None:
 
 @given(st.lists(st.floats(-1e6, 1e6), max_size=40))
 def test_the_scatter_is_the_standard_deviation(numbers: list[float]) -> None:
-    scatter = Scatter()
+    scatter = RunningVariance()
     for number in numbers:
         scatter.add(number)
     assert scatter.count == len(numbers)

@@ -15,13 +15,14 @@ import pytest
 
 import mavhums
 from mavhums.cli import options
+from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
 from mavhums.history.files import keep_assessment, read_history
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
-from mavhums.report.assessment import Assessment, Condition, Interval
+from mavhums.report.assessment import Assessment, Interval
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
@@ -309,8 +310,8 @@ def test_of_several_logs_each_is_held_against_those_before(
 ) -> None:
     known: list[int] = []
 
-    def judge(log: Path, *, history: FlightHistory, **_: Any) -> Assessment:
-        known.append(len(history.flights))
+    def judge(log: Path, options: mavhums.Options, **_: Any) -> Assessment:
+        known.append(len(options.flights().flights))
         return flown(verdict(), day=len(known), name=log.stem)
 
     monkeypatch.setattr("mavhums.app.analysis.analyse", judge)
@@ -335,12 +336,14 @@ def test_each_monitor_gets_the_baselines_of_its_own_actuator(
             super().__init__(vehicle, actuator, *rest, **named)
 
     monkeypatch.setattr("mavhums.engine.engine.Monitor", Spy)
-    mavhums.analyse(logs[0], history=tmp_path)
+    mavhums.analyse(logs[0], mavhums.Options(history=tmp_path))
     expected = Baseline.of([shown(0.2)] * 12)
     assert given["elevator"] == {"friction": expected}
     assert given["rudder"]["friction"].mean == pytest.approx(0.3)
     assert given["aileron_left"] == {}
-    mavhums.analyse(logs[0], history=tmp_path, since={"elevator": START - timedelta(days=11, hours=1)})
+    mavhums.analyse(
+        logs[0], mavhums.Options(history=tmp_path, since={"elevator": START - timedelta(days=11, hours=1)})
+    )
     assert given["elevator"]["friction"].flights == 10
     assert given["rudder"]["friction"].flights == 12
     mavhums.analyse(logs[0])
@@ -359,7 +362,7 @@ def test_a_log_without_a_date_has_no_baseline(
     for log, undated in ((logs[0], False), (tmp_path / "flight.raw", True)):
         if undated:
             log.write_bytes(_without_times(logs[0].read_bytes()))
-        engine = mavhums.Engine(baselines=baselines)
+        engine = mavhums.Engine(mavhums.EngineOptions(baselines=baselines))
         engine.feed(log.read_bytes())
         engine.finish()
         assert {name for name, _ in asked} == {"paper"}

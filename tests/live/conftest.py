@@ -12,6 +12,7 @@ import pytest
 import mavhums
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
+from mavhums.engine.options import EngineOptions
 from mavhums.learn import default_model
 from mavhums.live.alerts import Alerts
 from mavhums.live.clock import ReceiveClock
@@ -68,7 +69,7 @@ class Rig:
         self.clock = ReceiveClock(lambda: self.wall_us * 1000, lambda: self.now_us * 1000)
         self.alerts = Alerts(self.said.append, key=key, start_us=EPOCH_US)
         self.session = Session(
-            Engine(model=default_model()),
+            Engine(EngineOptions(models=[default_model()])),
             self.stamper,
             [],
             recorder=self.recorder,
@@ -102,7 +103,7 @@ class Rig:
     def end(self) -> Assessment:
         """Close the session; its recording must give the same verdicts."""
         live = self.session.close()
-        replayed = mavhums.analyse(self.recorder.path, key=self.key)
+        replayed = mavhums.analyse(self.recorder.path, mavhums.Options(key=self.key))
         assert verdicts(live) == verdicts(replayed)
         assert replayed.log.losses.any is False
         return live

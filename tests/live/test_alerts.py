@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v10 import common as v1
 from pymavlink.dialects.v20 import common as v2
 
+from mavhums.core.conditions import Condition
 from mavhums.engine.events import ConditionChanged
 from mavhums.live.alerts import Alerts, health_name, text_of
-from mavhums.report.assessment import Condition
 from mavhums.report.live import ActuatorStatus
 from mavhums_sim.link import EPOCH_US
 

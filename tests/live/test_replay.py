@@ -67,7 +67,9 @@ def test_a_session_gives_what_its_recording_gives(log: Path, tmp_path: Path) -> 
     live = session.run(stop)
     sender.join()
     assert recording.stat().st_size > 0 or not live.log.vehicles
-    replayed = mavhums.analyse(recording, airframe=profile) if recording.stat().st_size else live
+    replayed = (
+        mavhums.analyse(recording, mavhums.Options(airframe=profile)) if recording.stat().st_size else live
+    )
     assert json.dumps(verdicts(live)) == json.dumps(verdicts(replayed))
     assert session.links[0].dropped == 0
     counts = session.watch.link(live, session.clock.now_us())

@@ -56,31 +56,6 @@ def test_importing_the_package_is_light() -> None:
     assert outcome.stdout.strip() == "set()"
 
 
-def test_the_simulator_knows_nothing_of_the_monitor() -> None:
-    for path in (ROOT / "sim" / "mavhums_sim").rglob("*.py"):
-        for line in path.read_text(encoding="utf-8").splitlines():
-            assert not line.strip().startswith(
-                ("import mavhums.", "from mavhums ", "from mavhums.", "import mavhums ")
-            )
-
-
-ROOMS = ("log", "actuator", "learn", "health", "show")
-
-
-@pytest.mark.parametrize("room", ROOMS)
-def test_data_flows_one_way(room: str) -> None:
-    """A room imports only rooms to its left, and only training joins simulator and package."""
-    forbidden = [f"mavhums.{other}" for other in ROOMS[ROOMS.index(room) + 1 :]] + [
-        "mavhums_sim",
-        "mavhums.engine.engine",
-    ]
-    for path in (ROOT / "mavhums" / room).rglob("*.py"):
-        for line in path.read_text(encoding="utf-8").splitlines():
-            words = line.split()
-            if words[:1] in (["import"], ["from"]):
-                assert not words[1].startswith(tuple(forbidden)), f"{path}: {line}"
-
-
 def test_exit_codes_are_those_of_the_documentation() -> None:
     assert {code.name: int(code) for code in ExitCode} == {
         "OK": 0,

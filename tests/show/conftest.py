@@ -13,16 +13,16 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.actuator import load_airframe
+from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.log.losses import Losses
 from mavhums.report.assessment import (
     Assessment,
-    Condition,
     Coverage,
     Evidence,
     Interval,
     LogSummary,
-    Losses,
     ModelSummary,
     Since,
     Suspect,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mavhums import analyse
 from mavhums.actuator.profile import Limits, load_airframe
+from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
@@ -386,7 +387,7 @@ REAL = ("EAICS__flight.tlog", "Jordinaa-supervisor__mav.tlog", "ardusub_log_tool
 @pytest.mark.parametrize("log", [p for p in real_logs() if p.name in REAL], ids=lambda path: path.name)
 def test_recordings_of_real_logs_verify(log: Path, tmp_path: Path) -> None:
     path = tmp_path / "real.rrd"
-    assessment = analyse(log, airframe="paper", recording=path)
+    assessment = analyse(log, Options(airframe="paper"), recording=path)
     command = Path(sysconfig.get_path("scripts")) / "rerun"
     subprocess.run([command, "rrd", "verify", path], check=True, capture_output=True)
     assert {f"/vehicle_{v.vehicle}/{v.actuator}" for v in assessment.verdicts} <= entities(path)

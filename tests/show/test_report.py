@@ -5,16 +5,16 @@ from collections.abc import Callable
 
 import pytest
 
+from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
+from mavhums.log.losses import Losses
 from mavhums.report.assessment import (
     ALL,
     NOTICE,
     Assessment,
-    Condition,
     Evidence,
     Indicator,
     Interval,
-    Losses,
     Since,
     Suspect,
     Verdict,

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
+from mavhums.engine.options import EngineOptions
 from tests.conftest import real_logs
 from tests.strategies import START_US
 
@@ -19,7 +20,7 @@ ARDUPILOT, PX4, NONE = 3, 12, 8
 
 
 def told(data: bytes, *, step: int | None = None, wanted: bool = True) -> list[Event]:
-    engine = Engine(vehicle_states=wanted)
+    engine = Engine(EngineOptions(vehicle_states=wanted))
     step = step or len(data)
     events = [event for k in range(0, len(data), step) for event in engine.feed(data[k : k + step])]
     return [e for e in [*events, *engine.finish()] if isinstance(e, Attitude | Position | FlightMode)]

@@ -11,9 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading
+from mavhums.actuator.readings import Reading
 from mavhums.actuator.sources import configured, esc_signed, esc_unsigned, instrumented, named, pwm
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["SOURCES", "Source"]
 

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading, blank, each
+from mavhums.actuator.readings import Reading, blank
 from mavhums.core.quantities import column
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks, each
 
 __all__ = ["MESSAGES", "read"]
 

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading, each
+from mavhums.actuator.readings import Reading
 from mavhums.core.quantities import KEYS
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks, each
 
 __all__ = ["MESSAGES", "is_instrumented", "read"]
 

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.readings import Clocks, Reading, Rows, blank, each
+from mavhums.actuator.readings import Reading, blank
 from mavhums.core.quantities import KEYS
 from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks, Rows, each
 
 __all__ = ["MESSAGES", "is_named", "read"]
 

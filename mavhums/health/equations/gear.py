@@ -17,10 +17,9 @@ from mavhums.core.quantities import column
 from mavhums.health.least_squares import Prior
 from mavhums.health.motion import Motion
 
-__all__ = ["BIAS", "FLANK", "LEAST_SLOTS", "TERMS", "prior", "terms"]
+__all__ = ["LEAST_SLOTS", "TERMS", "prior", "terms"]
 
 TERMS = ("flank", "twist", "drag", "bias")
-FLANK, BIAS = 0, 3
 LEAST_SLOTS = 3
 """In how many slots the load must press on either flank: fewer do not show how sure they are."""
 _V2, _V3, _V11 = column("V2"), column("V3"), column("V11")

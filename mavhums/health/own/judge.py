@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from mavhums.core.conditions import Condition
 from mavhums.health.decision import FALSE_ALARMS, tail_of
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.fit import Nuisances, Wear, learned, wear
 from mavhums.health.own.past import PastRecord, compared
 from mavhums.health.random_effects import Population, population
-from mavhums.report.assessment import Condition, Interval, OwnRecord
+from mavhums.report.assessment import Interval, OwnRecord
 
 __all__ = ["Comparison", "Since", "compare"]
 

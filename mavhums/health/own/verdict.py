@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mavhums.core.conditions import Condition
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.judge import Comparison, compare
@@ -11,7 +12,6 @@ from mavhums.health.own.past import PastRecord, record_of
 from mavhums.health.own.registry import EQUATIONS
 from mavhums.health.own.words import remedy_of, told
 from mavhums.report.assessment import (
-    Condition,
     Evidence,
     Indicator,
     Interval,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mavhums.log.losses import Losses, Region
 from mavhums.log.mavlink._gather import SPARE, count, gather
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.intake import Intake
@@ -17,7 +18,6 @@ from mavhums.log.mavlink.scanner import Batch, FrameScanner
 from mavhums.log.mavlink.sender_clock import SenderClocks
 from mavhums.log.mavlink.signing import Guard
 from mavhums.log.tables import Table
-from mavhums.report.assessment import Losses, Region
 
 __all__ = ["Decoder"]
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.log.losses import SequenceLoss
 from mavhums.log.mavlink import _sequence
 from mavhums.log.mavlink.dialect import Dialect
-from mavhums.report.assessment import SequenceLoss
 
 __all__ = ["Ledger"]
 

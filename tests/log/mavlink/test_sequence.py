@@ -8,10 +8,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mavhums.log.losses import SequenceLoss
 from mavhums.log.mavlink._kernel import ROW
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.ledger import Ledger
-from mavhums.report.assessment import SequenceLoss
 
 
 def follow(frames: list[tuple[int, int]], *, system: int = 1, cut: int | None = None) -> SequenceLoss | None:

@@ -170,12 +170,14 @@ def test_analyse_takes_a_key(run: Run, tmp_path: Path) -> None:
     write_tlog(record, signed, Link(key=KEY))
     key.write_text(KEY.hex())
     other.write_bytes(bytes(32))
-    assert mavhums.analyse(signed, key=key).exit_code == mavhums.core.errors.ExitCode.EMERGENCY
+    assert (
+        mavhums.analyse(signed, mavhums.Options(key=key)).exit_code == mavhums.core.errors.ExitCode.EMERGENCY
+    )
     assert run("analyse", signed, "--key", key).code == 11
     refused = run("analyse", signed, "--key", other)
     assert refused.code == 12
     assert "frames with a wrong signature" in refused.out
     pytest.importorskip("rerun")
-    assessment = mavhums.analyse(signed, key=key)
-    mavhums.record(assessment, tmp_path / "signed.rrd", key=KEY)
+    assessment = mavhums.analyse(signed, mavhums.Options(key=key))
+    mavhums.record(assessment, tmp_path / "signed.rrd", mavhums.Options(key=KEY))
     assert (tmp_path / "signed.rrd").read_bytes().startswith(b"RRF")

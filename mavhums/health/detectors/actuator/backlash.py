@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.detector import EquationDetector, Estimates, Levels
-from mavhums.health.equations.gear import BIAS, FLANK, LEAST_SLOTS
+from mavhums.health.equations.gear import LEAST_SLOTS
 from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector"]
@@ -36,8 +36,7 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the backlash; undecidable unless the load presses on both flanks."""
         fit = fits["gear"]
-        error = 2.0 * fit.errors[:, FLANK]
-        both = fit.spread & (fit.both_ways(FLANK, BIAS) >= LEAST_SLOTS)
-        return Estimates.of(
-            -2.0 * fit.coefficients[:, FLANK], error, fit.freedom, both & (error < _WIDEST_DEG)
-        )
+        half_play, half_error = fit["flank"]
+        both = fit.spread & (fit.both_ways("flank", "bias") >= LEAST_SLOTS)
+        shown = both & (2.0 * half_error < _WIDEST_DEG)
+        return Estimates.of(-2.0 * half_play, 2.0 * half_error, fit.freedom, shown)

@@ -84,7 +84,7 @@ class Detector(EquationDetector):
     def _scaled(self, fit: Fit, flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction of a torque balance with the torque constant that the flight shows."""
         scale, scale_error = relative_constant(flight["voltage"], self.actuator.known_ema())
-        friction, error = fit.coefficients[:, 0], fit.errors[:, 0]
+        friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
         shown = fit.spread & (fit.count >= _MIN_SAMPLES)
         shown &= (2 * 2 * whole_error < self._widest) & (friction > -_CONTRADICTION * error)

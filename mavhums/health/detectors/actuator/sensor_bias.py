@@ -9,7 +9,7 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.detector import EquationDetector, Estimates, Levels
-from mavhums.health.equations.gear import BIAS, FLANK, LEAST_SLOTS, prior
+from mavhums.health.equations.gear import LEAST_SLOTS, TERMS, prior
 from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector"]
@@ -30,7 +30,7 @@ class Detector(EquationDetector):
     def __init__(self, actuator: Actuator) -> None:
         super().__init__(actuator)
         self.levels = Levels(actuator.known_limits().sensor_bias_deg)
-        self._play = float(prior(actuator).deviation[FLANK])
+        self._play = float(prior(actuator).deviation[TERMS.index("flank")])
 
     @staticmethod
     def suits(actuator: Actuator) -> bool:
@@ -40,7 +40,8 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the bias; where the load presses on one flank alone, within the play that there may be."""
         fit = fits["gear"]
-        one_sided = fit.both_ways(FLANK, BIAS) < LEAST_SLOTS
-        error = np.maximum(fit.errors[:, BIAS], np.where(one_sided, self._play, 0.0))
+        one_sided = fit.both_ways("flank", "bias") < LEAST_SLOTS
+        bias, error = fit["bias"]
+        error = np.maximum(error, np.where(one_sided, self._play, 0.0))
         shown = fit.spread & (error < _WIDEST_DEG)
-        return Estimates.of(fit.coefficients[:, BIAS], error, fit.freedom, shown)
+        return Estimates.of(bias, error, fit.freedom, shown)

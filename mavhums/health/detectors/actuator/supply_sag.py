@@ -43,5 +43,6 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the sag; undecidable without the voltage at the bus."""
         fit = fits["supply"]
-        error = np.hypot(fit.errors[:, 0], _SENSOR_V)
-        return Estimates.of(self._supply - fit.coefficients[:, 0], error, fit.freedom, fit.spread)
+        voltage, error = fit["voltage"]
+        error = np.hypot(error, _SENSOR_V)
+        return Estimates.of(self._supply - voltage, error, fit.freedom, fit.spread)

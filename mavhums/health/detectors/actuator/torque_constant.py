@@ -14,7 +14,6 @@ from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector", "relative_constant"]
 
-_CURRENT, _BACK_EMF = 0, 1
 _WIDEST = 0.02
 _CONTRADICTION = 0.5
 
@@ -60,5 +59,5 @@ def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
 def _seen(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
     """Return what the back-EMF alone shows of it; noise in the current is allowed for."""
     nominal = ema.torque_constant * ema.gear_ratio
-    coefficients, errors = voltage.corrected(_CURRENT)
-    return coefficients[:, _BACK_EMF] / nominal, errors[:, _BACK_EMF] / nominal
+    constant, error = voltage.corrected("back_emf", noisy="resistance")
+    return constant / nominal, error / nominal

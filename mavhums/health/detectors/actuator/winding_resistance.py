@@ -14,7 +14,6 @@ from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector"]
 
-_RESISTANCE = 0
 _WIDEST = 0.05
 
 
@@ -36,7 +35,6 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the resistance; undecidable where the current varies too little to show it."""
         fit, nominal = fits["voltage"], self.actuator.known_ema().resistance
-        coefficients, errors = fit.corrected(_RESISTANCE)
-        error = errors[:, _RESISTANCE]
+        resistance, error = fit.corrected("resistance", noisy="resistance")
         shown = fit.spread & (error < _WIDEST * nominal)
-        return Estimates.of(coefficients[:, _RESISTANCE], error, fit.freedom, shown)
+        return Estimates.of(resistance, error, fit.freedom, shown)

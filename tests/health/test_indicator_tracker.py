@@ -1,4 +1,4 @@
-"""One detector's course through a flight: what it decides, tells, suspects, and sums up."""
+"""One detector followed through a flight: what it decides, reports, suspects, and sums up."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mavhums.core.conditions import Condition
 from mavhums.health.baseline import Baseline
-from mavhums.health.course import Change, Course
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.detector import Detector, Estimates, Levels
+from mavhums.health.indicator_tracker import Change, IndicatorTracker
 from mavhums.health.least_squares import Fit
 from mavhums.health.panel import Panel
-from mavhums.report.assessment import Condition
+from mavhums.health.tracker_report import evidence_of, indicator_of, suspect_of
 
 NOTHING: Mapping[str, Fit] = {}
 BASELINE = Baseline(mean=0.2, error=0.001, flights=10, between=0.002, spread=0.003)
@@ -65,15 +66,15 @@ def one(value: float, error: float = ERROR, freedom: float = 9.0) -> Estimates:
     return Estimates(np.array([value]), np.array([error]), np.array([freedom]))
 
 
-class Followed(Course):
-    """A course with a panel of its own."""
+class Followed(IndicatorTracker):
+    """A tracker with a panel of its own."""
 
     def __init__(self, detector: Detector, baseline: Baseline | None, false_alarms: float) -> None:
         super().__init__(detector, baseline, window_s=10.0, false_alarms=false_alarms)
         self.panel = Panel([detector], false_alarms)
 
 
-def course(
+def tracker(
     detector: Wear | None = None, baseline: Baseline | None = None, false_alarms: float = FALSE_ALARMS
 ) -> Followed:
     made: Detector = detector or Wear()  # type: ignore[assignment]
@@ -95,8 +96,8 @@ def changed(changes: Sequence[Change]) -> list[tuple[int, Condition, float]]:
     return [(change.window, change.condition, change.since_s) for change in changes]
 
 
-def test_a_course_decides_and_says_from_which_window_on_and_since_when() -> None:
-    followed = course()
+def test_a_tracker_decides_and_says_from_which_window_on_and_since_when() -> None:
+    followed = tracker()
     changes = follow(followed, [0.2] * 30 + [0.7] * 20 + [1.2] * 20)
     assert changed(changes) == [(4, "normal", 0.0), (34, "degraded", 35.0), (54, "emergency", 55.0)]
     assert changes[1].rule == "degraded: wear above 0.5 mm, with at most 1 false alarm per 100 h"
@@ -105,11 +106,11 @@ def test_a_course_decides_and_says_from_which_window_on_and_since_when() -> None
 
 
 def test_windows_that_show_nothing_change_nothing() -> None:
-    followed = course()
+    followed = tracker()
     assert changed(follow(followed, [np.nan, 0.2] * 10)) == [(9, "normal", 1.0)]
     assert follow(followed, [np.nan] * 100, 20.0) == []
     assert followed.condition == "normal"
-    assert followed.suspect() is None
+    assert suspect_of(followed) is None
 
 
 def test_less_sure_windows_take_longer() -> None:
@@ -117,15 +118,15 @@ def test_less_sure_windows_take_longer() -> None:
     freedom = 45.0  # of many windows' errors together
     error = 0.12 / stats.t.isf(1 / 36_000, freedom)
     for value, windows in ((0.5 + 0.13, 5), (0.5 + 0.11, 20)):
-        followed = course()
+        followed = tracker()
         follow(followed, [0.2] * 100, error=error)
         assert changed(follow(followed, [value] * 60, 100.0, error))[0][0] == windows - 1
 
 
-def test_a_course_tells_its_episodes_with_their_peaks_and_limits() -> None:
-    followed = course(Friction())
+def test_a_tracker_reports_its_episodes_with_their_peaks_and_limits() -> None:
+    followed = tracker(Friction())
     follow(followed, [0.2] * 30 + [0.7] * 10 + [0.8] + [0.7] * 9 + [1.2] * 20)
-    normal, degraded, emergency = followed.evidence()
+    normal, degraded, emergency = evidence_of(followed)
     assert [(e.kind, e.start_s) for e in (normal, degraded, emergency)] == [
         ("friction", 0.0),
         ("friction", 35.0),
@@ -141,139 +142,139 @@ def test_a_course_tells_its_episodes_with_their_peaks_and_limits() -> None:
     ]
 
 
-def test_of_other_faults_only_what_is_wrong_is_told() -> None:
-    followed = course()
+def test_of_other_faults_only_what_is_wrong_is_reported() -> None:
+    followed = tracker()
     follow(followed, [0.2] * 30 + [0.7] * 10 + [0.8] + [0.7] * 19 + [0.2] * 30)
-    (found,) = followed.evidence()
+    (found,) = evidence_of(followed)
     assert found.value == pytest.approx(0.8)
     assert (found.kind, found.start_s, found.end_s, found.limit) == ("wear", 35.0, 65.0, 0.5)
     assert found.rule.startswith("degraded")
     assert followed.condition == "normal"
 
 
-def test_of_very_many_episodes_the_first_and_the_latest_fifty_are_told() -> None:
-    followed = course(Friction())
+def test_of_very_many_episodes_the_first_and_the_latest_fifty_are_reported() -> None:
+    followed = tracker(Friction())
     for turn in range(130):
         follow(followed, [0.2 if turn % 2 == 0 else 0.7] * 30, 30.0 * turn)
-    found = followed.evidence()
+    found = evidence_of(followed)
     assert len(found) == 100
     begun = [0.0, *(30.0 * turn + 5.0 for turn in range(1, 130))]
     assert [e.start_s for e in found] == begun[:50] + begun[-50:]
 
 
-def test_a_hundred_episodes_are_all_told() -> None:
-    followed = course(Friction())
+def test_a_hundred_episodes_are_all_reported() -> None:
+    followed = tracker(Friction())
     for turn in range(100):
         follow(followed, [0.2 if turn % 2 == 0 else 0.7] * 30, 30.0 * turn)
-    assert [e.start_s for e in followed.evidence()] == [0.0, *(30.0 * k + 5.0 for k in range(1, 100))]
+    assert [e.start_s for e in evidence_of(followed)] == [0.0, *(30.0 * k + 5.0 for k in range(1, 100))]
 
 
 def test_a_fault_ends_only_where_the_estimate_itself_is_normal() -> None:
     """An interval that reaches down to the limit shows no fault, but no health either."""
-    followed = course()
+    followed = tracker()
     follow(followed, [0.7] * 20)
     doubtful, wide = 0.55, 0.1
     assert follow(followed, [doubtful] * 60, 20.0, wide) == []
     assert followed.condition == "degraded"
     assert [change.condition for change in follow(followed, [0.45] * 60, 80.0, wide)] == ["normal"]
-    fresh = course()
+    fresh = tracker()
     assert [change.condition for change in follow(fresh, [doubtful] * 60, 0.0, wide)] == ["normal"]
 
 
 def test_two_sides_count_alike() -> None:
     for sign in (1.0, -1.0):
-        followed = course(Bias())
+        followed = tracker(Bias())
         changes = follow(followed, [0.1 * sign] * 30 + [0.7 * sign] * 30)
         assert [change.condition for change in changes] == ["normal", "degraded"]
-        suspect = followed.suspect()
+        suspect = suspect_of(followed)
         assert suspect is not None
         assert suspect.confidence > 0.99
-        assert followed.evidence()[0].value == pytest.approx(0.7)
-    below = course(Wear())
+        assert evidence_of(followed)[0].value == pytest.approx(0.7)
+    below = tracker(Wear())
     assert [change.condition for change in follow(below, [-0.7] * 30)] == ["normal"]
 
 
 def test_the_confidence_is_the_probability_to_lie_beyond_the_limit() -> None:
-    followed = course()
+    followed = tracker()
     follow(followed, [0.7] * 20)
     follow(followed, [0.52], 20.0)
-    suspect = followed.suspect()
+    suspect = suspect_of(followed)
     assert suspect is not None
     assert suspect.fault == "wear"
     assert suspect.confidence == pytest.approx(stats.t.cdf(2.0, 9.0))
 
 
 def test_a_quantity_without_error_is_certain() -> None:
-    followed = course()
+    followed = tracker()
     follow(followed, [0.7] * 20, error=0.0)
-    suspect = followed.suspect()
+    suspect = suspect_of(followed)
     assert suspect is not None
     assert suspect.confidence == 1.0
 
 
 def test_a_drift_degrades_what_the_limits_call_normal() -> None:
-    followed = course(baseline=BASELINE)
+    followed = tracker(baseline=BASELINE)
     assert changed(follow(followed, [0.2] * 40)) == [(4, "normal", 0.0)]
     (change,) = follow(followed, [0.3] * 60, 40.0)
     assert change.condition == "degraded"
     assert change.rule.startswith("degraded: wear +0.")
     assert "from its own baseline of 0.2 mm over 10 flights" in change.rule
     assert followed.since_s == change.since_s == 40.0  # start of the first window that shows it
-    (found,) = followed.evidence()
+    (found,) = evidence_of(followed)
     assert (found.kind, found.limit) == ("wear_drift", 0.2)
     assert found.value == pytest.approx(0.3, abs=0.05)
     assert found.start_s == change.since_s
     assert 80.0 <= found.end_s <= 110.0
-    suspect = followed.suspect()
+    suspect = suspect_of(followed)
     assert suspect is not None
     assert suspect.confidence > 0.99
 
 
 def test_what_left_its_baseline_before_its_limit_has_been_degraded_since_then() -> None:
-    followed = course(baseline=BASELINE)
+    followed = tracker(baseline=BASELINE)
     follow(followed, [0.2] * 40)
     (drifted,) = follow(followed, [0.3] * 60, 40.0)
     follow(followed, [0.7] * 60, 100.0)
     assert (followed.condition, followed.since_s) == ("degraded", drifted.since_s)
-    assert {e.kind for e in followed.evidence()} == {"wear", "wear_drift"}
+    assert {e.kind for e in evidence_of(followed)} == {"wear", "wear_drift"}
     (worse,) = follow(followed, [1.2] * 60, 160.0)
     assert (worse.condition, worse.since_s) == ("emergency", 165.0)
 
 
 def test_a_change_of_side_is_a_drift() -> None:
-    followed = course(Bias(), BASELINE)
+    followed = tracker(Bias(), BASELINE)
     follow(followed, [0.2] * 40 + [-0.2] * 40)
     assert followed.condition == "degraded"
-    assert followed.evidence()[0].value == pytest.approx(-0.2, abs=0.05)
-    suspect = followed.suspect()
+    assert evidence_of(followed)[0].value == pytest.approx(-0.2, abs=0.05)
+    suspect = suspect_of(followed)
     assert suspect is not None
     assert suspect.confidence > 0.99
 
 
 def test_a_baseline_that_is_held_is_no_drift() -> None:
-    followed = course(baseline=BASELINE)
+    followed = tracker(baseline=BASELINE)
     follow(followed, [0.2] * 400)
-    assert (followed.condition, followed.evidence(), followed.suspect()) == ("normal", [], None)
+    assert (followed.condition, evidence_of(followed), suspect_of(followed)) == ("normal", [], None)
 
 
 def test_each_second_is_counted_once_in_the_scatter() -> None:
     """Windows that overlap are not as many windows: every tenth of them is a new one."""
     rng = np.random.default_rng(5)
     values = rng.normal(0.2, 0.05, 300)
-    followed = course(Wear(whole=one(0.21)))
-    assert followed.indicator(NOTHING) is None
+    followed = tracker(Wear(whole=one(0.21)))
+    assert indicator_of(followed, NOTHING) is None
     for a in range(0, 300, 7):
         follow(followed, values[a : a + 7].tolist(), float(a))
-    indicator = followed.indicator(NOTHING)
+    indicator = indicator_of(followed, NOTHING)
     assert indicator is not None
     assert indicator.windows == 30
     assert indicator.scatter == pytest.approx(np.std(values[::10], ddof=1))
 
 
 def test_an_indicator_is_the_whole_flights_with_its_interval_limits_and_baseline() -> None:
-    followed = course(Wear(whole=one(0.21, 0.02, 20.0)), BASELINE)
+    followed = tracker(Wear(whole=one(0.21, 0.02, 20.0)), BASELINE)
     follow(followed, [0.2] * 30)
-    indicator = followed.indicator(NOTHING)
+    indicator = indicator_of(followed, NOTHING)
     assert indicator is not None
     half = stats.t.ppf(0.975, 20.0) * 0.02
     assert indicator.value.estimate == pytest.approx(0.21)
@@ -282,16 +283,16 @@ def test_an_indicator_is_the_whole_flights_with_its_interval_limits_and_baseline
     assert (indicator.limit, indicator.emergency) == (0.5, 1.0)
     assert indicator.baseline == BASELINE.prediction()
     for whole in (None, one(np.nan)):
-        silent = course(Wear(whole=whole))
+        silent = tracker(Wear(whole=whole))
         follow(silent, [0.2] * 30)
-        assert silent.indicator(NOTHING) is None
+        assert indicator_of(silent, NOTHING) is None
 
 
 @pytest.mark.parametrize(
     ("value", "condition"), [(0.2, "normal"), (0.7, "degraded"), (1.2, "emergency"), (0.535, "normal")]
 )
 def test_what_no_window_shows_the_whole_flight_may(value: float, condition: Condition) -> None:
-    followed = course(Friction(whole=one(value)))
+    followed = tracker(Friction(whole=one(value)))
     assert follow(followed, [np.nan] * 30) == []
     change, interval = followed.conclude(NOTHING, 3.0, 90.0), followed.concluded
     assert change is not None
@@ -302,17 +303,17 @@ def test_what_no_window_shows_the_whole_flight_may(value: float, condition: Cond
     assert (interval.low, interval.estimate, interval.high) == pytest.approx(
         (value - half, value, value + half)
     )
-    (episode,) = followed.evidence()
+    (episode,) = evidence_of(followed)
     assert (episode.start_s, episode.end_s, episode.value) == (3.0, 90.0, value)
     assert (followed.condition, followed.since_s) == (condition, 3.0)
-    suspect = followed.suspect()
+    suspect = suspect_of(followed)
     assert (suspect is None) == (condition == "normal")
     assert suspect is None or suspect.confidence > 0.99
 
 
 def test_the_whole_flight_adds_a_fault_and_ends_none() -> None:
     for windows, whole, condition in ((0.2, 1.2, "emergency"), (0.7, 0.2, "degraded"), (0.2, 0.2, "normal")):
-        followed = course(Friction(whole=one(whole)))
+        followed = tracker(Friction(whole=one(whole)))
         follow(followed, [windows] * 30)
         change = followed.conclude(NOTHING, 0.0, 40.0)
         assert (change is not None) == (condition == "emergency")
@@ -321,29 +322,29 @@ def test_the_whole_flight_adds_a_fault_and_ends_none() -> None:
 
 def test_the_whole_flight_may_say_nothing() -> None:
     for whole in (None, one(np.nan), one(0.75, 0.3)):
-        unsure = course(Friction(whole=whole))
+        unsure = tracker(Friction(whole=whole))
         assert unsure.conclude(NOTHING, 0.0, 40.0) is None
-        assert (unsure.condition, unsure.evidence()) == ("undecided", [])
+        assert (unsure.condition, evidence_of(unsure)) == ("undecided", [])
 
 
 def test_fewer_false_alarms_take_wider_intervals() -> None:
     """A window that just shows a fault at one alarm per hour does not at one per million hours."""
     for rate, condition in ((1000.0, "degraded"), (0.001, "normal")):
-        followed = course(false_alarms=rate)
+        followed = tracker(false_alarms=rate)
         follow(followed, [0.535] * 60)
         assert followed.condition == condition
 
 
 def test_what_begins_the_next_episode_is_no_peak_of_the_one_before() -> None:
-    followed = course(Friction())
+    followed = tracker(Friction())
     follow(followed, [0.2] * 30 + [0.7] * 30)
-    normal, degraded = followed.evidence()
+    normal, degraded = evidence_of(followed)
     assert normal.end_s == degraded.start_s
     assert (normal.value, degraded.value) == (0.2, 0.7)
 
 
 def test_a_doubtful_window_counts_where_the_condition_stays() -> None:
-    followed = course(Friction())
+    followed = tracker(Friction())
     follow(followed, [0.2] * 30 + [0.7] * 2 + [0.2] * 30)
-    (normal,) = followed.evidence()
+    (normal,) = evidence_of(followed)
     assert normal.value == 0.7

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.actuator.clock import SenderClock
+from mavhums.vehicle.clock import SenderClock
 
 Times = NDArray[np.int64]
 

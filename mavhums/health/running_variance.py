@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from math import sqrt
 
-__all__ = ["Scatter"]
+__all__ = ["RunningVariance"]
 
 
-class Scatter:
+class RunningVariance:
     """Counts numbers and keeps the sum of their squared distances from the mean.
 
     Examples
     --------
-    >>> scatter = Scatter()
+    >>> variance = RunningVariance()
     >>> for number in (1.0, 2.0, 3.0):
-    ...     scatter.add(number)
-    >>> scatter.count, scatter.deviation
+    ...     variance.add(number)
+    >>> variance.count, variance.deviation
     (3, 1.0)
     """
 

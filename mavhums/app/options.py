@@ -1,0 +1,97 @@
+"""The options of a judgement, as a user names them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from mavhums.actuator.profile import Airframe, load_airframe
+from mavhums.engine.options import EngineOptions
+from mavhums.health.decision import FALSE_ALARMS
+from mavhums.history.files import read_history
+from mavhums.history.flights import FlightHistory, Since
+from mavhums.learn import Model, load_model, packaged_models
+from mavhums.log.mavlink.signing import load_key
+
+__all__ = ["Options"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """How a log or a link is judged: files are named, and :meth:`resolved` reads them.
+
+    Attributes
+    ----------
+    airframe
+        A profile, its name or its path; if None, the one that the log names itself.
+    model
+        A model or its file, or several models; if None, those that ship with mavhums.
+    history
+        The aircraft's earlier flights, or their folder: they give each actuator its own baseline.
+    since
+        Dates from which earlier flights count, by actuator; None stands for all others.
+    false_alarms
+        False alarms that are accepted in 100 hours of an actuator.
+    dialect
+        A MAVLink XML file whose definitions take precedence over the shipped ones.
+    key
+        A MAVLink 2 signing key of 32 bytes, or its file: only frames signed with it count.
+    vehicle_states
+        Whether the events include attitude, position and flight mode, as a recording needs them.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> options = mavhums.Options(airframe="paper", false_alarms=0.1)
+    >>> mavhums.analyse("flight.tlog", options).airframe
+    'paper'
+    """
+
+    airframe: Airframe | str | Path | None = None
+    model: Model | Sequence[Model] | str | Path | None = None
+    history: FlightHistory | str | os.PathLike[str] | None = None
+    since: Since | None = None
+    false_alarms: float = FALSE_ALARMS
+    dialect: str | os.PathLike[str] | None = None
+    key: bytes | str | os.PathLike[str] | None = None
+    vehicle_states: bool = False
+
+    def resolved(self) -> EngineOptions:
+        """Return what the engine judges by, with every named file read.
+
+        Raises
+        ------
+        ProfileError, ModelError, KeyFileError
+            If the profile, the model or the key cannot be used.
+        MavhumsError
+            If there is no folder for the history.
+        """
+        airframe, key = self.airframe, self.key
+        history = self.flights()
+        return EngineOptions(
+            airframe=airframe if isinstance(airframe, Airframe | None) else load_airframe(airframe),
+            models=self.models(),
+            baselines=partial(history.baselines, since=self.since),
+            past=partial(history.past, since=self.since),
+            false_alarms=self.false_alarms,
+            dialect=self.dialect,
+            key=key if isinstance(key, bytes | None) else load_key(key),
+            vehicle_states=self.vehicle_states,
+        )
+
+    def models(self) -> Sequence[Model]:
+        """Return the networks that vote."""
+        if self.model is None:
+            return packaged_models()
+        if isinstance(self.model, str | Path):
+            return (load_model(self.model),)
+        return (self.model,) if isinstance(self.model, Model) else self.model
+
+    def flights(self) -> FlightHistory:
+        """Return the earlier flights; without any, an empty history."""
+        if isinstance(self.history, FlightHistory):
+            return self.history
+        return FlightHistory() if self.history is None else read_history(self.history)

@@ -1,0 +1,33 @@
+"""The conditions of an actuator, and their order."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+__all__ = ["SEVERITY", "URGENCY", "Condition"]
+
+Condition = Literal["normal", "unchanged", "learning", "undecided", "changed", "degraded", "emergency"]
+"""Without a known limit an actuator is not ``normal``: it is ``unchanged`` against its own earlier flights,
+``changed``, or still ``learning`` what they are."""
+
+SEVERITY: Final[dict[Condition, int]] = {
+    "undecided": -1,
+    "learning": -1,
+    "normal": 0,
+    "unchanged": 0,
+    "changed": 1,
+    "degraded": 1,
+    "emergency": 2,
+}
+"""What evidence shows: any evidence outranks none. A detector's state only ever grows along it."""
+
+URGENCY: Final[dict[Condition, int]] = {
+    "normal": 0,
+    "unchanged": 1,
+    "learning": 2,
+    "undecided": 3,
+    "changed": 4,
+    "degraded": 5,
+    "emergency": 6,
+}
+"""What a maintainer acts on first: a subject without evidence comes before one that is normal."""

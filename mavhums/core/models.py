@@ -1,0 +1,19 @@
+"""Bases of the typed objects that mavhums reads from files and writes as JSON."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+__all__ = ["Contract", "Frozen"]
+
+
+class Frozen(BaseModel):
+    """An immutable object that refuses fields it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Contract(Frozen):
+    """An object of a published JSON schema: every number is finite, every field is written."""
+
+    model_config = ConfigDict(allow_inf_nan=False, json_schema_serialization_defaults_required=True)

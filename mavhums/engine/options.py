@@ -1,0 +1,60 @@
+"""How the engine judges: one object, whoever feeds it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from mavhums.actuator.profile import Airframe
+from mavhums.health.baseline import BaselineSource
+from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.own.past import PastSource
+
+if TYPE_CHECKING:
+    from mavhums.learn import Model
+
+__all__ = ["EngineOptions"]
+
+
+@dataclass(frozen=True, slots=True)
+class EngineOptions:
+    """What the engine judges by.
+
+    Attributes
+    ----------
+    airframe
+        The profile for every vehicle; if None, each vehicle is judged by the one that it names.
+    models
+        Networks whose votes are shown beside the friction. An actuator gets the first that is for its
+        airframe and whose quantities its samples carry.
+    baselines
+        Baselines from the actuators' own earlier flights, or a function that returns them for an airframe
+        and a time.
+    past
+        Function that returns the actuators' earlier flights for an airframe and a time: an actuator without
+        a known limit is compared with them.
+    false_alarms
+        False alarms that are accepted in 100 hours of an actuator.
+    dialect
+        A MAVLink XML file whose definitions take precedence over the shipped ones.
+    key
+        32 bytes; only frames signed with it count. If None, signatures are not checked.
+    vehicle_states
+        Whether attitude, position and flight mode are reported as well, for a recording.
+
+    Examples
+    --------
+    >>> from mavhums import Engine, load_airframe
+    >>> engine = Engine(EngineOptions(airframe=load_airframe("paper")))
+    """
+
+    airframe: Airframe | None = None
+    models: Sequence[Model] = ()
+    baselines: BaselineSource = field(default_factory=dict)
+    past: PastSource | None = None
+    false_alarms: float = FALSE_ALARMS
+    dialect: str | os.PathLike[str] | None = None
+    key: bytes | None = None
+    vehicle_states: bool = False

@@ -1,0 +1,64 @@
+"""What the engine reports of an actuator's health. Times are flight times in seconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.conditions import Condition
+from mavhums.report.assessment import Interval
+
+__all__ = ["ConditionChanged", "Indication", "Window"]
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """What ten seconds of one actuator show.
+
+    ``friction_nm`` and ``p_emergency`` are None where the window does not carry the evidence,
+    and ``condition`` is what the actuator is held to be at the window's end.
+    """
+
+    vehicle: int
+    actuator: str
+    start_s: float
+    end_s: float
+    moving_fraction: float
+    friction_nm: Interval | None
+    p_emergency: float | None
+    condition: Condition
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionChanged:
+    """An actuator's condition changed; ``since_s`` is where it did, ``time_s`` when it was certain.
+
+    ``fault`` is what changed it.
+    """
+
+    vehicle: int
+    actuator: str
+    time_s: float
+    since_s: float
+    before: Condition
+    after: Condition
+    rule: str
+    fault: str = "friction"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Indication:
+    """The quantity that shows a fault, in the windows that end at ``end_s``; arrays of shape (n,).
+
+    ``low`` and ``high`` bound the 95 % interval. Windows that cannot show it are left out.
+    """
+
+    vehicle: int
+    actuator: str
+    fault: str
+    end_s: NDArray[np.float64]
+    value: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]

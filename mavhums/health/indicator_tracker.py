@@ -1,0 +1,189 @@
+"""One detector followed through a flight: its decision, its drift from the baseline, its episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.baseline import Baseline
+from mavhums.health.decision import FALSE_ALARMS, Decision, bounds, half_width, shown_by, tail_of
+from mavhums.health.detector import Detector, Estimates
+from mavhums.health.drift import Drift
+from mavhums.health.episodes import Episode, Episodes
+from mavhums.health.least_squares import Fit
+from mavhums.health.panel import Look
+from mavhums.health.rules import drift_rule, limit_rule
+from mavhums.health.running_variance import RunningVariance
+from mavhums.report.assessment import Interval
+
+__all__ = ["Change", "IndicatorTracker", "Latest"]
+
+Array = NDArray[np.float64]
+
+
+class Latest(NamedTuple):
+    """The estimate of the last window that showed the quantity."""
+
+    value: float
+    error: float
+    freedom: float
+
+
+class Change(NamedTuple):
+    """What an indicator is held to show from the k-th of some windows on, and since when."""
+
+    window: int
+    condition: Condition
+    since_s: float
+    rule: str
+
+
+class IndicatorTracker:
+    """Follows one detector of one actuator through a flight.
+
+    Parameters
+    ----------
+    detector
+        Whose estimates are followed.
+    baseline
+        Of the same quantity in the actuator's flights before; None if there is none.
+    window_s
+        Length of a window.
+    false_alarms
+        Alarms per 100 hours.
+
+    Attributes
+    ----------
+    detector
+        As given.
+    decision, drift
+        Against the limits, and against the baseline; None without a baseline.
+    episodes
+        Stays in one condition, by the limits.
+    variance
+        Of the windows that do not overlap.
+    latest
+        The latest estimate; None before the first.
+    concluded
+        95 % interval of the whole flight's estimate, if that decided; else None.
+    """
+
+    def __init__(
+        self,
+        detector: Detector,
+        baseline: Baseline | None,
+        *,
+        window_s: float,
+        false_alarms: float = FALSE_ALARMS,
+    ) -> None:
+        self.detector = detector
+        self.decision = Decision(detector.levels)
+        self.drift: Drift | None = (
+            Drift(baseline, two_sided=detector.two_sided, false_alarms=false_alarms) if baseline else None
+        )
+        self.window_s = window_s
+        self.false_alarms = false_alarms
+        self.episodes = Episodes()
+        self.variance = RunningVariance()
+        self.next_due_s = -np.inf
+        self.latest: Latest | None = None
+        self.concluded: Interval | None = None
+
+    @property
+    def condition(self) -> Condition:
+        """What the quantity shows: against its limits, or at least that it left its baseline."""
+        drifted = self.drift is not None and self.drift.alarm is not None
+        if drifted and SEVERITY[self.decision.condition] < SEVERITY["degraded"]:
+            return "degraded"
+        return self.decision.condition
+
+    @property
+    def since_s(self) -> float | None:
+        """Flight time since which it does."""
+        alarm = self.drift.alarm if self.drift else None
+        times = [self.decision.since_s] if self.condition == self.decision.condition else []
+        times += [alarm.since_s] if alarm and self.condition == "degraded" else []
+        return min((time for time in times if time is not None), default=None)
+
+    def feed(self, look: Look, end_s: Array) -> list[Change]:
+        """Take what the windows that end at ``end_s`` show, shape (k,); return the changes."""
+        at = np.flatnonzero(np.isfinite(look.own.value))
+        if not at.size:
+            return []
+        changes = []
+        columns = (look.severity, look.sure, end_s, *look.steadied)
+        for k, said, certain, end, signed, error, freedom in zip(
+            at.tolist(), *(column[at].tolist() for column in columns), strict=True
+        ):
+            before = self.condition
+            here = abs(signed) if self.detector.two_sided else signed
+            if end >= self.next_due_s:
+                self._feed_separate(signed, error, freedom, end)
+            severity = self._shown(said, here)
+            decided = self.decision.feed(severity, end - self.window_s, end, sure=certain)
+            if decided:
+                self.episodes.begin_decided(self.decision.condition, self.decision.since_s or 0.0, end, here)
+            else:
+                agrees = severity == SEVERITY[self.decision.condition]
+                self.episodes.extend(here, end, agrees=agrees)
+            if self.condition != before:
+                changes.append(Change(k, self.condition, self.since_s or 0.0, self.rule(self.condition)))
+        self.latest = Latest(*(float(column[at[-1]]) for column in look.own))
+        return changes
+
+    def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> Change | None:
+        """Judge by the whole flight, which may show what no run of windows could; return the change.
+
+        It is one look more against the limits and one against the baseline, as another window would be.
+        """
+        before = self.condition
+        self._conclude_drift(self.detector.overall(flight), start_s)
+        self._conclude_limits(self.detector.conclusion(flight), start_s, end_s)
+        if self.condition == before:
+            return None
+        return Change(0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight")
+
+    def _conclude_drift(self, overall: Estimates | None, start_s: float) -> None:
+        if self.drift is None or overall is None or not np.isfinite(overall.value[0]):
+            return
+        value, error, freedom = (float(a[0]) for a in (overall.value, overall.error, overall.freedom))
+        self.drift.conclude(value, error, freedom, start_s)
+        if self.latest is None:
+            self.latest = Latest(value, error, freedom)
+
+    def _conclude_limits(self, judged: Estimates | None, start_s: float, end_s: float) -> None:
+        if judged is None or not np.isfinite(judged.value[0]):
+            return
+        size = np.abs(judged.value) if self.detector.two_sided else judged.value
+        half = half_width(judged, tail=tail_of(self.false_alarms))
+        shown = int(shown_by(size - half, size + half, *bounds(self.detector.levels))[0])
+        if not self.decision.settle(shown, start_s):
+            return
+        value, printed = float(judged.value[0]), float(half_width(judged, tail=0.025)[0])
+        self.concluded = Interval(estimate=value, low=value - printed, high=value + printed)
+        self.latest = Latest(value, float(judged.error[0]), float(judged.freedom[0]))
+        self.episodes.begin(Episode(self.decision.condition, start_s, end_s, float(size[0])))
+
+    def _shown(self, shown: int, value: float) -> int:
+        """Let a window that only fails to show a fault not end one: its estimate must be normal, too."""
+        normal = self.detector.levels.normal
+        faulty = SEVERITY[self.decision.condition] > SEVERITY["normal"]
+        doubtful = shown == SEVERITY["normal"] and normal is not None and value > normal
+        return SEVERITY["undecided"] if faulty and doubtful else shown
+
+    def _feed_separate(self, value: float, error: float, freedom: float, end_s: float) -> None:
+        """Take a window that does not overlap the one before."""
+        self.next_due_s = end_s + self.window_s
+        self.variance.add(value)
+        if self.drift is not None:
+            self.drift.feed(value, error, freedom, end_s - self.window_s)
+
+    def rule(self, condition: Condition) -> str:
+        """Return in words why the quantity makes the condition what it is."""
+        if condition != self.decision.condition and self.drift is not None and self.drift.alarm:
+            return drift_rule(self.detector, self.drift.baseline, self.drift.alarm, self.false_alarms)
+        return limit_rule(self.detector, condition, self.false_alarms)

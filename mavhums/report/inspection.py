@@ -1,0 +1,60 @@
+"""What ``mavhums inspect`` reports of a log."""
+
+from __future__ import annotations
+
+from mavhums.core.models import Frozen
+from mavhums.log.losses import Losses
+
+__all__ = ["ActuatorTelemetry", "Inspection", "MessageRate", "VehicleTelemetry"]
+
+
+class MessageRate(Frozen):
+    """How often one sender sent one message."""
+
+    system: int
+    component: int
+    name: str
+    count: int
+    rate_hz: float
+
+
+class ActuatorTelemetry(Frozen):
+    """Where each quantity of an actuator comes from; ``missing`` names those that come from nowhere."""
+
+    actuator: str
+    servo: int
+    provenance: dict[str, str]
+    missing: tuple[str, ...]
+
+
+class VehicleTelemetry(Frozen):
+    """What the log carries of one vehicle's actuators, and how to get more."""
+
+    vehicle: int
+    airframe: str | None
+    tier: str | None
+    gives: str
+    judged: bool
+    remedy: str | None
+    actuators: tuple[ActuatorTelemetry, ...]
+
+
+class Inspection(Frozen):
+    """What a log holds.
+
+    ``sender_clock`` says that the log has no time stamps and that times count from the sender's boot.
+    """
+
+    path: str
+    size_bytes: int
+    start_utc: str | None
+    duration_s: float
+    vehicles: tuple[VehicleTelemetry, ...]
+    messages: tuple[MessageRate, ...]
+    sender_clock: bool
+    unknown_ids: dict[int, int]
+    losses: Losses
+
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the inspection as JSON."""
+        return self.model_dump_json(indent=indent)

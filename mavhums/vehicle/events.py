@@ -1,0 +1,44 @@
+"""What the engine reports of a vehicle's state. Times are flight times: seconds since the log's start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Attitude", "FlightMode", "Position"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude:
+    """How a vehicle lies in the air: ``time_s`` of shape (n,), increasing; angles of shape (n, 3).
+
+    Roll (right wing down), pitch (nose up) and yaw (clockwise from north), as ATTITUDE has them.
+    """
+
+    vehicle: int
+    time_s: NDArray[np.float64]
+    roll_pitch_yaw_rad: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Position:
+    """Where a vehicle is: ``time_s`` of shape (n,), increasing, and with it a position and an altitude.
+
+    ``latitude_longitude_deg`` has shape (n, 2), ``altitude_m``, above mean sea level, (n,).
+    """
+
+    vehicle: int
+    time_s: NDArray[np.float64]
+    latitude_longitude_deg: NDArray[np.float64]
+    altitude_m: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FlightMode:
+    """A vehicle entered a flight mode, by the name that its autopilot's ground station gives it."""
+
+    vehicle: int
+    time_s: float
+    mode: str
