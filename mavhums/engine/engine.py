@@ -185,7 +185,7 @@ class Engine:
                 continue
             findings = monitor.findings(indicators=indicators)
             if actuator.blanks and monitor.worst == "undecided" and not findings.own:
-                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance)
+                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
             else:
                 voted = findings.network
                 verdict = judged(

@@ -53,6 +53,7 @@ class Findings:
     indicators: tuple[Indicator, ...]
     last_s: float
     own: tuple[OwnRecord, ...] = ()
+    own_gap: str | None = None
 
 
 class Monitor:
@@ -189,6 +190,7 @@ class Monitor:
             evidence=(*evidence, *self._network_evidence()),
             indicators=tuple(shown),
             own=tuple(record for own in self._own if indicators and (record := own.record())),
+            own_gap=next((gap for own in self._own if (gap := own.gap)), None),
         )
 
     def _cut(self) -> Slots | None:

@@ -76,10 +76,20 @@ def judged(
 
 
 def unjudged_actuator(
-    vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
+    vehicle: int,
+    actuator: Actuator,
+    tier: Tier | None,
+    provenance: dict[str, str],
+    own_gap: str | None = None,
 ) -> Verdict:
-    """Return the verdict on an actuator of which the log carries, or its profile says, too little."""
+    """Return the verdict on an actuator of which the log carries, or its profile says, too little.
+
+    ``own_gap`` is why it cannot be held against its own earlier flights either.
+    """
     reasons, remedies = [], []
+    if own_gap:
+        reasons.append(own_gap)
+        remedies.append("record its telemetry faster, or a flight in which the surface works")
     if actuator.blanks:
         no_command = actuator.travel_deg is None and "V1" not in actuator.fields
         travel = ("travel_deg",) if no_command else ()

@@ -52,7 +52,7 @@ class OwnSums:
             return
         rows = sums_of_slots(told.X, told.y, told.usable, slots.start)
         time_s = slots.time_s[slots.judged]
-        seen = np.isfinite(told.y)
+        seen = np.isfinite(told.y) & np.isfinite(told.X[:, 1])
         ends = np.append(slots.start[1:], time_s.size)
         for k, index in enumerate(slots.index.tolist()):
             if index // WINDOW_SLOTS != self._window:
@@ -79,6 +79,16 @@ class OwnSums:
             duration_s=round(self._span, 1),
             groups=tuple((float(count), *packed(gram)) for count, gram in groups),
         )
+
+    @property
+    def gap(self) -> str | None:
+        """Why the flight shows nothing of this equation; None if it does, or if nothing of it is measured."""
+        if not self._samples or self.record() is not None:
+            return None
+        needed = self._equation.min_rate_hz
+        if self.rate_hz < needed:
+            return f"the {self._equation.quantity} needs {needed:g} Hz, and {self.rate_hz:.1f} Hz are there"
+        return f"the servo moved too little to show its {self._equation.quantity}"
 
     @property
     def rate_hz(self) -> float:
