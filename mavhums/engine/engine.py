@@ -17,6 +17,7 @@ from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
+from mavhums.health.own.registry import comparable
 from mavhums.health.own.verdict import held_against
 from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
@@ -184,7 +185,7 @@ class Engine:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
                 continue
             findings = monitor.findings(indicators=indicators)
-            if actuator.blanks and monitor.worst == "undecided" and not findings.own:
+            if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
             else:
                 voted = findings.network

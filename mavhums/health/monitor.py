@@ -19,6 +19,7 @@ from mavhums.health.indicator_tracker import Change, IndicatorTracker
 from mavhums.health.motion import Motion, motion
 from mavhums.health.own.record import OwnSums
 from mavhums.health.own.registry import EQUATIONS
+from mavhums.health.own.voltage import VoltageSums
 from mavhums.health.panel import Look, Panel
 from mavhums.health.slots import SlotCutter, Slots, widen
 from mavhums.health.tracker_report import evidence_of, indicator_of, suspect_of
@@ -95,7 +96,11 @@ class Monitor:
         self._cutter = SlotCutter(self._slot_s)
         self._waiting: list[tuple[Array, Array, NDArray[np.bool_], Array, Array]] = []
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
-        self._own = [OwnSums(equation, actuator) for equation in EQUATIONS if open_limits]
+        self._own: list[OwnSums | VoltageSums] = [
+            OwnSums(equation, actuator) for equation in EQUATIONS if open_limits
+        ]
+        if open_limits:
+            self._own.append(VoltageSums(actuator))
         self._latest_s = -np.inf
         detectors = detectors_for(actuator)
         self._trackers = {
@@ -202,8 +207,8 @@ class Monitor:
     def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
         if slots is None:
             return
-        for own in self._own:
-            own.feed(slots)
+        for collector in self._own:
+            collector.feed(slots)
         moved = motion(self.actuator, slots) if self.actuator.ema else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = Seen(slots, moved, windows, flight)

@@ -146,7 +146,7 @@ class OwnRecord(Contract):
         Median over the flight; None where the log carries none.
     groups
         Sums over parts of the flight: the number of samples, and the upper triangle of the sums of products
-        of sign, speed, acceleration, load, angle and the left side.
+        of the equation's columns, the left side last.
     """
 
     equation: str

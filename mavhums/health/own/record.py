@@ -9,6 +9,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.health.normal_equations import row_length, sums_of_slots
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.grams import eliminated, full, packed
+from mavhums.health.own.groups import Groups
 from mavhums.health.own.terms import ANGLE, LOAD, ONE, PRESSURE, TERMS, Turned, terms
 from mavhums.health.slots import Slots
 from mavhums.health.windows import WINDOW_SLOTS
@@ -20,8 +21,6 @@ KEPT = ("sign", "speed", "acceleration", "load", "angle", "left")
 """The columns whose sums of products a record holds."""
 
 _COLUMNS = [0, 1, 2, LOAD, ANGLE, len(TERMS)]
-_GROUPS = 16
-_RATE_STEPS = (10.0, 20.0, 40.0, 80.0, 160.0)
 
 Array = NDArray[np.float64]
 
@@ -40,8 +39,7 @@ class OwnSums:
         self._turned = Turned()
         self._window: int | None = None
         self._row = np.zeros(row_length(len(TERMS)))
-        self._groups: list[tuple[int, Array]] = []
-        self._of_group, self._in_group = 1, 0
+        self._groups = Groups()
         self._span, self._samples = 0.0, 0
         self._pressure = False
 
@@ -66,7 +64,7 @@ class OwnSums:
 
     def record(self) -> OwnRecord | None:
         """Return what the flight shows so far; None if it shows nothing of this equation."""
-        groups = [*self._groups]
+        groups = [*self._groups.parts]
         last = self._last()
         if last is not None:
             groups.append(last)
@@ -104,7 +102,7 @@ class OwnSums:
         """End a window."""
         last = self._last()
         if last is not None:
-            self._add(*last)
+            self._groups.add(*last)
         self._row[:] = 0.0
 
     def _last(self) -> tuple[int, Array] | None:
@@ -115,17 +113,3 @@ class OwnSums:
         self._pressure |= bool(gram[PRESSURE, PRESSURE] > 0.0)
         free = [ONE] if self._turned.source == "V3" else [ONE, PRESSURE]
         return int(self._row[0]), eliminated(gram, free)[np.ix_(_COLUMNS, _COLUMNS)]
-
-    def _add(self, count: int, gram: Array) -> None:
-        if self._in_group == self._of_group:
-            self._in_group = 0
-            if len(self._groups) == _GROUPS:
-                pairs = zip(self._groups[::2], self._groups[1::2], strict=True)
-                self._groups = [(a + b, first + second) for (a, first), (b, second) in pairs]
-                self._of_group *= 2
-        if self._in_group == 0:
-            self._groups.append((count, gram))
-        else:
-            before = self._groups[-1]
-            self._groups[-1] = (before[0] + count, before[1] + gram)
-        self._in_group += 1

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from mavhums.health.equations import own_current, own_tracking
 from mavhums.health.own.equation import OwnEquation
+from mavhums.report.assessment import OwnRecord
 
-__all__ = ["EQUATIONS", "equation_named", "inspected"]
+__all__ = ["EQUATIONS", "comparable", "inspected"]
 
 EQUATIONS: tuple[OwnEquation, ...] = (own_current.EQUATION, own_tracking.EQUATION)
 
 
-def equation_named(name: str) -> OwnEquation | None:
-    """Return an equation by its name; None if there is none of it, as in a file of a later version."""
-    return next((equation for equation in EQUATIONS if equation.name == name), None)
+def comparable(records: Sequence[OwnRecord]) -> bool:
+    """Return whether records hold the wear of an equation, and not only what identifies the motor."""
+    names = {equation.name for equation in EQUATIONS}
+    return any(record.equation in names for record in records)
 
 
 def inspected(fault: str) -> str | None:
