@@ -48,7 +48,8 @@ class Identified:
 def identified(records: Sequence[OwnRecord]) -> Identified | None:
     """Return what flights show together; None if their currents and speeds vary too little.
 
-    The intervals are those of the delete-one jackknife over parts of the flights.
+    The intervals are those of the delete-one jackknife over parts of the flights, and hold what noise of the
+    current takes: the truth lies between least squares of the voltage and of the current.
 
     Parameters
     ----------
@@ -56,10 +57,10 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
         Of the voltage equation, of one actuator; others are passed over.
     """
     own = [record for record in records if record.equation == NAME]
-    parts = [unpacked(row[1:], _SIZE) for record in own for row in record.groups]
-    if len(parts) < _LEAST_GROUPS:
+    rows = [row for record in own for row in record.groups]
+    if len(rows) < _LEAST_GROUPS:
         return None
-    grams = np.array(parts)
+    grams = np.array([unpacked(row[1:], _SIZE) for row in rows])
     total = grams.sum(axis=0)
     value = _solved(total)
     if value is None:
@@ -68,7 +69,9 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
     count = len(others)
     spread = np.array(others) - np.mean(others, axis=0)
     error = np.sqrt((spread**2).sum(axis=0) * (count - 1) / count)
-    half = stdtrit(count - 1, 0.975) * error
+    noise = _attenuation(total, value)
+    value = value + noise / 2.0
+    half = stdtrit(count - 1, 0.975) * np.hypot(error, noise / np.sqrt(12.0))
     resistance, back_emf, drop = (
         Interval(estimate=float(f"{v:.6g}"), low=float(f"{v - h:.6g}"), high=float(f"{v + h:.6g}"))
         for v, h in zip(value, half, strict=True)
@@ -76,6 +79,13 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
     if resistance.low <= 0.0 or back_emf.low <= 0.0:
         return None
     return Identified(resistance, back_emf, drop, len(own))
+
+
+def _attenuation(gram: Array, value: Array) -> Array:
+    """Return how far the coefficients move at most if all that is left over is noise of the current."""
+    left_over = float(gram[-1, -1] - value @ gram[:-1, -1])
+    most: Array = left_over / value[0] * np.linalg.inv(gram[:-1, :-1])[:, 0]
+    return most
 
 
 def _solved(gram: Array) -> Array | None:
