@@ -9,9 +9,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from hypothesis import settings
 
 from mavhums.cli import main as cli
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
+
+settings.register_profile("any-machine", deadline=None)  # how fast a machine is shows nothing of the code
+settings.load_profile("any-machine")
 
 REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS", Path(__file__).parents[2] / "shared" / "logs"))
 

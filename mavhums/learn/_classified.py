@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.feature_selection import SelectorMixin
-from sklearn.utils.multiclass import check_classification_targets, type_of_target
+from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
+
+from mavhums.learn._parameters import check_positive_integers, two_classes
 
 __all__ = ["Classified", "SupportSelector", "TwoClasses"]
 
@@ -62,12 +64,7 @@ class TwoClasses(ClassifierMixin, Classified):
             If they are not finite numbers and two classes.
         """
         values, target = self._checked(X, y)
-        if type_of_target(target) != "binary":
-            message = "Only binary classification is supported. The type of the target is "
-            raise ValueError(f"{message}{type_of_target(target)}.")
-        self.classes_, codes = np.unique(target, return_inverse=True)
-        if len(self.classes_) != 2:
-            raise ValueError(f"two classes are needed, the data hold one class: {self.classes_[0]!r}")
+        self.classes_, codes = two_classes(target)
         return values, codes
 
     def _features(self, X: ArrayLike) -> NDArray[np.float64]:
@@ -77,10 +74,7 @@ class TwoClasses(ClassifierMixin, Classified):
 
     def _check_training(self, *integers: str) -> None:
         """Check the parameters that must be integers of at least 1, and the weight decay."""
-        for name in integers:
-            value = getattr(self, name)
-            if not isinstance(value, Integral) or value < 1:
-                raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
+        check_positive_integers(self, *integers)
         if not isinstance(self.weight_decay, Real) or not 0 <= self.weight_decay < np.inf:
             raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
 

@@ -13,6 +13,7 @@ from sklearn.utils.validation import _check_sample_weight, validate_data
 
 from mavhums.core.errors import MissingExtraError
 from mavhums.learn._classified import TwoClasses
+from mavhums.learn._parameters import check_choice
 from mavhums.learn.inference import TanhNetwork
 
 __all__ = ["TanhNetworkEnsemble"]
@@ -211,6 +212,5 @@ class TanhNetworkEnsemble(TwoClasses):
         self._check_training("n_networks", "max_iter", *(() if self.patience is None else ("patience",)))
         if not len(self.hidden) or not all(isinstance(h, Integral) and h >= 1 for h in self.hidden):
             raise ValueError(f"hidden must be integers of at least 1, got {self.hidden!r}")
-        for name, known in (("optimiser", ("lbfgs", "adam")), ("precision", ("single", "double"))):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
+        check_choice(self, "optimiser", ("lbfgs", "adam"))
+        check_choice(self, "precision", ("single", "double"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from numbers import Real
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from sklearn.base import clone
 
 from mavhums.learn._classified import SupportSelector
+from mavhums.learn._parameters import check_positive_integers
 from mavhums.learn.ranking import ChiSquareRanking
 from mavhums.learn.scaling import unit_interval
 
@@ -99,8 +100,7 @@ class PairwiseRedundancyFilter(SupportSelector):
         """
         if not isinstance(self.threshold, Real) or not 0 < self.threshold <= 1:
             raise ValueError(f"threshold must lie above 0 and not above 1, got {self.threshold!r}")
-        if not isinstance(self.degree, Integral) or self.degree < 1:
-            raise ValueError(f"degree must be an integer of at least 1, got {self.degree!r}")
+        check_positive_integers(self, "degree")
         values, target = self._checked(X, y, ensure_min_samples=2)
         scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
         varying = np.flatnonzero(scaled.any(axis=0))

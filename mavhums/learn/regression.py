@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations_with_replacement
 from math import comb
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import qr, solve_triangular
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
+
+from mavhums.learn._parameters import check_positive_integers
 
 __all__ = [
     "IDENTITY",
@@ -168,8 +169,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
         ValueError
             If a parameter or the data are not as described.
         """
-        if not isinstance(self.order, Integral) or self.order < 1:
-            raise ValueError(f"order must be an integer of at least 1, got {self.order!r}")
+        check_positive_integers(self, "order")
         values, target = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
         functions = self._functions()
         self.products_ = basis_products(len(functions), range(values.shape[1]), self.order)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from numbers import Integral
 from typing import Any, Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from mavhums.learn._classified import Classified
+from mavhums.learn._parameters import check_choice, check_positive_integers
 from mavhums.learn.scaling import unit_interval
 
 __all__ = ["VectorThinning"]
@@ -93,10 +93,8 @@ class VectorThinning(Classified):
         ValueError
             If a parameter or the data are not as described.
         """
-        if not isinstance(self.n_vectors, Integral) or self.n_vectors < 1:
-            raise ValueError(f"n_vectors must be an integer of at least 1, got {self.n_vectors!r}")
-        if self.method not in ("kmeans", "random"):
-            raise ValueError(f"method must be 'kmeans' or 'random', got {self.method!r}")
+        check_positive_integers(self, "n_vectors")
+        check_choice(self, "method", ("kmeans", "random"))
         values, target = self._checked(X, y)
         random = check_random_state(self.random_state)
         scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))

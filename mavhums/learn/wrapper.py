@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from numbers import Integral
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import ClassifierTags, check_random_state
-from sklearn.utils.multiclass import type_of_target
 
 from mavhums.core.errors import MissingExtraError
 from mavhums.learn._classified import SupportSelector
+from mavhums.learn._parameters import check_choice, check_positive_integers, two_classes
 from mavhums.learn.splits import hold_out
 from mavhums.learn.subsets import Objective, SubsetSearch, exhaustive_search, genetic_search
 
@@ -153,19 +152,10 @@ class NetworkSubsetSelector(SupportSelector):
         MissingExtraError
             If torch, or pygad for the genetic search, is not installed.
         """
-        if self.search not in ("exhaustive", "genetic"):
-            raise ValueError(f"search must be 'exhaustive' or 'genetic', got {self.search!r}")
-        for name in ("evaluations", "hidden", "iterations"):
-            value = getattr(self, name)
-            if not isinstance(value, Integral) or value < 1:
-                raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
+        check_choice(self, "search", ("exhaustive", "genetic"))
+        check_positive_integers(self, "evaluations", "hidden", "iterations")
         values, target = self._checked(X, y)
-        if type_of_target(target) != "binary":
-            message = "Only binary classification is supported. The type of the target is "
-            raise ValueError(f"{message}{type_of_target(target)}.")
-        classes, codes = np.unique(target, return_inverse=True)
-        if len(classes) != 2:
-            raise ValueError(f"two classes are needed, the data hold one class: {classes[0]!r}")
+        _, codes = two_classes(target)
         seed = int(check_random_state(self.random_state).randint(2**31 - 1))
         random = np.random.default_rng(seed)
         flights = np.arange(len(values)) if groups is None else np.unique(groups, return_inverse=True)[1]
