@@ -6,11 +6,14 @@ from typing import Final, Literal
 
 __all__ = ["SEVERITY", "URGENCY", "Condition"]
 
-Condition = Literal["normal", "unchanged", "learning", "undecided", "changed", "degraded", "emergency"]
+Condition = Literal[
+    "normal", "unchanged", "unmonitored", "learning", "undecided", "changed", "degraded", "emergency"
+]
 """Without a known limit an actuator is not ``normal``: it is ``unchanged`` against its own earlier flights,
 ``changed``, or still ``learning`` what they are."""
 
 SEVERITY: Final[dict[Condition, int]] = {
+    "unmonitored": -2,
     "undecided": -1,
     "learning": -1,
     "normal": 0,
@@ -24,10 +27,11 @@ SEVERITY: Final[dict[Condition, int]] = {
 URGENCY: Final[dict[Condition, int]] = {
     "normal": 0,
     "unchanged": 1,
-    "learning": 2,
-    "undecided": 3,
-    "changed": 4,
-    "degraded": 5,
-    "emergency": 6,
+    "unmonitored": 2,
+    "learning": 3,
+    "undecided": 4,
+    "changed": 5,
+    "degraded": 6,
+    "emergency": 7,
 }
 """What a maintainer acts on first: a subject without evidence comes before one that is normal."""

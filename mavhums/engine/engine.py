@@ -13,8 +13,11 @@ from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, packaged_airframes
 from mavhums.actuator.tiers import tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
+from mavhums.engine.axes import Axes
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
+from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
 from mavhums.health.own.registry import comparable
@@ -26,6 +29,7 @@ from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
+from mavhums.vehicle.surfaces import AXES
 
 __all__ = ["Engine"]
 
@@ -51,6 +55,8 @@ class Engine:
         airframe = options.airframe
         wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"} | AIRSPEED_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
+        wanted |= AXIS_MESSAGES
+        self._axes = Axes(airframe)
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._mappers = VehicleMappers(airframe)
@@ -88,7 +94,7 @@ class Engine:
         vehicles = vehicles_of(decoder.counts)
         names = self._mappers.airframes
         verdicts = tuple(
-            verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
+            verdict for vehicle in vehicles or (None,) for verdict in self._of_vehicle(vehicle, indicators)
         )
         voted = {verdict.model for verdict in verdicts}
         return Assessment(
@@ -105,6 +111,10 @@ class Engine:
             verdicts=verdicts,
         )
 
+    def flown_s(self) -> float:
+        """Return how many seconds the vehicles flew forward as fixed wings, where that is known."""
+        return self._axes.flown_s()
+
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
@@ -112,6 +122,7 @@ class Engine:
         self._airspeeds.feed(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
+        yield from self._axes.feed(tables, self._decoder.first_time_us or 0, final=final)
         for mapper, mapped in self._mappers.feed(tables, final=final):
             if mapped.utc_us.size:
                 yield from self._notice_clock(mapper, mapped)
@@ -122,6 +133,8 @@ class Engine:
         for said, airframe in self._mappers.listen(tables):
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
+                start_us = self._decoder.first_time_us or 0
+                self._axes.announce(said.vehicle, said.time_us, start_us, airframe)
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
@@ -170,11 +183,35 @@ class Engine:
         first = self._decoder.first_time_us
         return None if first is None or self._decoder.sender_clock else _utc(first)
 
+    def _of_vehicle(self, vehicle: int | None, indicators: bool) -> list[Verdict]:
+        """Return the verdicts on a vehicle: its axes first, then its actuators."""
+        actuators = [*self._verdicts(vehicle, indicators)]
+        own = all(verdict.worst not in ("undecided", "unmonitored") for verdict in actuators)
+        axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
+        if own and all(verdict.worst == "undecided" for verdict in axes):
+            return actuators  # their own telemetry answers for them
+        return [*axes, *actuators]
+
+    def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
+        followed = self._axes.vehicle(vehicle)
+        if followed is None:
+            return
+        why = why_not_at_all(followed.flight)
+        if why is not None:
+            yield unjudged_axes(vehicle, *why)
+            return
+        start_utc = _utc(self._decoder.first_time_us or 0)
+        for axis in AXES:
+            findings = followed.monitor.findings(axis)
+            yield judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc)
+
     def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
         tier = self._mappers.tier(vehicle, self._decoder.counts)
         mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
-            yield unjudged_vehicle(vehicle, tier, packaged_airframes())
+            followed = None if vehicle is None else self._axes.vehicle(vehicle)
+            surfaces = followed.surfaces if followed else None
+            yield from unjudged_vehicle(vehicle, tier, packaged_airframes(), surfaces)
             return
         past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}
         for actuator in mapper.airframe.actuators:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
@@ -19,6 +20,7 @@ from mavhums.report.assessment import (
     Suspect,
     Verdict,
 )
+from mavhums.vehicle.surfaces import Surfaces
 
 __all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
 
@@ -84,8 +86,11 @@ def unjudged_actuator(
 ) -> Verdict:
     """Return the verdict on an actuator of which the log carries, or its profile says, too little.
 
-    ``own_gap`` is why it cannot be held against its own earlier flights either.
+    One that reports nothing back is not monitored, whatever its profile says. ``own_gap`` is why it cannot
+    be held against its own earlier flights either.
     """
+    if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
+        return _unmonitored(vehicle, actuator.name, tier, provenance)
     reasons, remedies = [], []
     if own_gap:
         reasons.append(own_gap)
@@ -111,15 +116,21 @@ def unjudged_actuator(
 
 
 def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
-    if tier is None:
-        return f"the log carries no telemetry of servo {actuator.servo}"
-    if tier.judged:
-        return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
-    return f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
+    name = tier.name if tier else "actuator"
+    return f"the log's {name} telemetry leaves out servo {actuator.servo}"
 
 
-def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str]) -> Verdict:
-    """Return the verdict on all actuators of a vehicle without a profile, or of a log without one."""
+def unjudged_vehicle(
+    vehicle: int | None, tier: Tier | None, airframes: list[str], surfaces: Surfaces | None
+) -> Iterator[Verdict]:
+    """Yield the verdicts on the actuators of a vehicle without a profile, or on a log without a vehicle.
+
+    Where nothing reports back from the servos, each that is known to move a surface is not monitored.
+    """
+    if vehicle is not None and (tier is None or not tier.judged):
+        names = [f"{moved.surface} (servo {moved.servo})" for moved in surfaces.moved] if surfaces else [ALL]
+        yield from (_unmonitored(vehicle, name, tier, {}) for name in names)
+        return
     if vehicle is None:
         reason, remedy = "no vehicle speaks in this log", "record the link between vehicle and ground station"
     else:
@@ -127,7 +138,7 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
         reason = "no airframe profile: one actuator's limits say nothing about another's"
         drafted = "which `mavhums profile new LOG` drafts"
         remedy = f"name one with --airframe (a TOML file, {drafted}, or one of: {known})"
-    return Verdict(
+    yield Verdict(
         vehicle=vehicle,
         actuator=ALL,
         condition="undecided",
@@ -135,6 +146,20 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
         tier=tier.name if tier else None,
         reason=reason,
         remedy=remedy,
+    )
+
+
+def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[str, str]) -> Verdict:
+    """Return the verdict on an actuator that reports nothing back: neither an alarm nor a clean bill."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=name,
+        condition="unmonitored",
+        worst="unmonitored",
+        tier=tier.name if tier else None,
+        provenance=provenance,
+        reason="no servo telemetry: wear cannot be seen",
+        remedy=TO_BE_JUDGED,
     )
 
 

@@ -12,6 +12,7 @@ from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, V
 from mavhums.show._words import (
     advice,
     clock,
+    effectiveness,
     explained,
     finding,
     friction,
@@ -21,6 +22,8 @@ from mavhums.show._words import (
     name,
     percent,
     printable,
+    undecided,
+    unmonitored,
 )
 
 __all__ = ["markdown", "so_far"]
@@ -119,6 +122,11 @@ def _section(verdict: Verdict, title: str) -> str:
     if verdict.indicators:
         lines.append(_indicators(verdict.indicators))
     sure = []
+    if verdict.surfaces:
+        lines.append(f"**Surfaces:** {_literal(join(verdict.surfaces))}.")
+    if verdict.effectiveness:
+        left = effectiveness(verdict.effectiveness)
+        sure.append(f"{left} of the reference's control effectiveness with its 95 % interval")
     if verdict.friction_nm:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if verdict.p_emergency is not None:
@@ -170,6 +178,12 @@ def _explained(assessment: Assessment) -> Iterator[str]:
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
         why, what = _literal(reason), _literal(remedy)
         yield f"## {names}: {condition}\n\n**Why:** {why}.\n\n**What to do:** {what}."
+    for (reason, remedy), verdicts in undecided(assessment).items():
+        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
+        yield f"## {names}: undecided\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
+    for (reason, remedy), verdicts in unmonitored(assessment).items():
+        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
+        yield f"## {names}: unmonitored\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
 
 
 def _provenance(assessment: Assessment) -> Iterator[str]:

@@ -16,6 +16,7 @@ from mavhums.show._words import (
     COLOURS,
     advice,
     clock,
+    effectiveness,
     explained,
     finding,
     friction,
@@ -25,6 +26,8 @@ from mavhums.show._words import (
     name,
     percent,
     printable,
+    undecided,
+    unmonitored,
 )
 
 __all__ = ["render"]
@@ -57,6 +60,9 @@ def _table(assessment: Assessment) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("actuator", overflow="fold")
     table.add_column("condition")
+    axes = any(verdict.subject == "axis" for verdict in assessment.verdicts)
+    if axes:
+        table.add_column("control left", no_wrap=True)
     table.add_column("friction, N·m", no_wrap=True)
     table.add_column("network", justify="right")
     table.add_column("since", justify="right", no_wrap=True)
@@ -64,9 +70,11 @@ def _table(assessment: Assessment) -> Table:
     table.add_column("judged", justify="right", no_wrap=True)
     for verdict in assessment.ranked():
         coverage = verdict.coverage
+        left = effectiveness(verdict.effectiveness) if verdict.effectiveness else "—"
         table.add_row(
             Text(printable(name(verdict, assessment))),
             _condition(verdict),
+            *([left] if axes else []),
             friction(verdict.friction_nm) if verdict.friction_nm else "—",
             percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
             clock(verdict.since.flight_time_s) if verdict.since else "—",
@@ -98,3 +106,9 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     for (condition, reason, remedy), verdicts in explained(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: {condition}"), [f"why: {reason}", f"what to do: {remedy}"])
+    for (reason, remedy), verdicts in undecided(assessment).items():
+        names = join(name(verdict, assessment) for verdict in verdicts)
+        yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])
+    for (reason, remedy), verdicts in unmonitored(assessment).items():
+        names = join(name(verdict, assessment) for verdict in verdicts)
+        yield (printable(f"{names}: unmonitored"), [f"why: {reason}", f"what to do: {remedy}"])

@@ -1,0 +1,1 @@
+"""One module a log format: its tables into the signals of :mod:`mavhums.vehicle.signals`."""
