@@ -186,7 +186,7 @@ class Engine:
     def _of_vehicle(self, vehicle: int | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its axes first, then its actuators."""
         actuators = [*self._verdicts(vehicle, indicators)]
-        own = all(verdict.worst not in ("undecided", "unmonitored") for verdict in actuators)
+        own = all(verdict.worst not in ("undecided", "unmonitored", "learning") for verdict in actuators)
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry answers for them

@@ -146,8 +146,8 @@ def headline(assessment: Assessment) -> str:
     if word in ("normal", "unchanged"):
         return f"{_all(worst, ranked)} {word}"
     if word == "learning":
-        reasons = [why for condition, why, _ in explained(assessment) if condition == word]
-        return f"{_all(worst, ranked)} learning" + (f": {reasons[0]}" if len(reasons) == 1 else "")
+        flights = [why for condition, why, _ in explained(assessment) if condition == word]
+        return f"{_all(worst, ranked)} learning" + (f": {flights[0]}" if len(flights) == 1 else "")
     if word == "undecided":
         reasons = list(undecided(assessment))
         if ranked[0].actuator == ALL:
