@@ -28,6 +28,7 @@ from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
+from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 from mavhums.vehicle.surfaces import AXES
 
@@ -53,7 +54,12 @@ class Engine:
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
         airframe = options.airframe
-        wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"} | AIRSPEED_MESSAGES
+        wanted = (
+            messages_for(airframe.actuators if airframe else ())
+            | {"STATUSTEXT"}
+            | AIRSPEED_MESSAGES
+            | ESC_TEMPERATURE_MESSAGES
+        )
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         wanted |= AXIS_MESSAGES
         self._axes = Axes(airframe)
@@ -64,6 +70,7 @@ class Engine:
         self._baselines = options.baselines
         self._past = options.past
         self._airspeeds = Airspeeds()
+        self._temperatures = EscTemperatures()
         self._false_alarms = options.false_alarms
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
@@ -120,6 +127,7 @@ class Engine:
             return
         yield from self._listen(tables)
         self._airspeeds.feed(tables)
+        self._temperatures.feed(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         yield from self._axes.feed(tables, self._decoder.first_time_us or 0, final=final)
@@ -221,7 +229,9 @@ class Engine:
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
                 continue
-            findings = monitor.findings(indicators=indicators)
+            findings = monitor.findings(
+                indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
+            )
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
             else:

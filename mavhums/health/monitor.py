@@ -170,8 +170,11 @@ class Monitor:
         """The worst condition that the actuator was held to be in."""
         return self._worst
 
-    def findings(self, *, indicators: bool = True) -> Findings:
-        """Return what was found so far; the ``indicators`` look at all of the flight again."""
+    def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> Findings:
+        """Return what was found so far; the ``indicators`` look at all of the flight again.
+
+        ``temperature_c`` is the actuator's in this flight, where the log has it.
+        """
         whole = self._fits.whole() if indicators else {}
         trackers = self._trackers.values()
         suspects = [suspect for tracker in trackers if (suspect := suspect_of(tracker))]
@@ -194,7 +197,11 @@ class Monitor:
             suspects=tuple(sorted(suspects, key=lambda suspect: -suspect.confidence)),
             evidence=(*evidence, *self._network_evidence()),
             indicators=tuple(shown),
-            own=tuple(record for own in self._own if indicators and (record := own.record())),
+            own=tuple(
+                record.model_copy(update={"temperature_c": temperature_c})
+                for own in self._own
+                if indicators and (record := own.record())
+            ),
             own_gap=next((gap for own in self._own if (gap := own.gap)), None),
         )
 

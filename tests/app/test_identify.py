@@ -14,7 +14,7 @@ from mavhums.health.own.identify import Identified
 from mavhums.report.assessment import Interval
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import write_tlog
-from tests.cli.test_cli import Run
+from tests.conftest import Run
 
 BLANK = """\
 name = "blank"  # my own
@@ -45,7 +45,7 @@ def test_the_profile_gets_what_the_motors_are(run: Run, log: Path, tmp_path: Pat
     profile, filled = tmp_path / "blank.toml", tmp_path / "filled.toml"
     profile.write_text(BLANK, encoding="utf-8")
     told = run("profile", "identify", str(log), "--airframe", str(profile), "-o", str(filled))
-    assert told.exit_code == 0, told.output
+    assert told.code == 0, told.err
     text = filled.read_text(encoding="utf-8")
     assert all(line in text for line in BLANK.splitlines())
     for actuator in load_airframe(filled).actuators:
@@ -56,7 +56,7 @@ def test_the_profile_gets_what_the_motors_are(run: Run, log: Path, tmp_path: Pat
         assert motor.flights == ("flight.tlog",)
         assert motor.convention == "unknown"
     again = run("profile", "identify", str(log), "--airframe", str(filled))
-    assert again.output == text
+    assert again.out == text
 
 
 def test_a_log_that_shows_no_motor_says_what_would(log: Path) -> None:
