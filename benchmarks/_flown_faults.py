@@ -76,9 +76,7 @@ class Outcome:
     def false_alarms(self) -> list[ConditionChanged]:
         """Return the alarms that no fault of a surface explains."""
         real = [fault for fault in self.flight.faults if not fault.confounds]
-        return [
-            a for a in self.alarms if not any(f.start_s <= a.time_s <= f.end_s + AFTER_S for f in real)
-        ]
+        return [a for a in self.alarms if not any(f.start_s <= a.time_s <= f.end_s + AFTER_S for f in real)]
 
     def fault_free_s(self) -> float:
         """Return the seconds of forward flight outside faults, those after an engine failure included."""

@@ -23,8 +23,8 @@ from pathlib import Path
 
 from _flown_faults import Outcome, judge, read_labels, summary
 
-from mavhums.vehicle.parameters import Sent
 from mavhums.log import Decoder, decode_blocks
+from mavhums.vehicle.parameters import Sent
 
 
 def main() -> None:
@@ -71,7 +71,8 @@ def _line(outcome: Outcome) -> str:
         left = fault.end_s - fault.start_s
         lines.append(f"    {fault.surface} ({fault.kind}), {left:.0f} s left: {found or 'nothing found'}")
     lines += [
-        f"    FALSE ALARM {a.actuator} {a.fault} {a.after} at {a.time_s:.0f} s" for a in outcome.false_alarms()
+        f"    FALSE ALARM {a.actuator} {a.fault} {a.after} at {a.time_s:.0f} s"
+        for a in outcome.false_alarms()
     ]
     return "\n".join(lines)
 

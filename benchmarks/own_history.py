@@ -12,8 +12,11 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+from _fleet import MODES, Judged, added, baselines_of, flight, fly_all, judge
+from _fleet import Task as Sheet
 from _own_flights import TIERS, Row, Task, flown, scattered
 from scipy.stats import chi2
 
@@ -21,6 +24,7 @@ from mavhums.health.own.fit import learned, wear
 from mavhums.health.own.judge import compare
 from mavhums.health.own.past import PastRecord
 from mavhums.report.assessment import OwnRecord
+from mavhums_sim import FlightRecord
 
 BASELINES = (5, 10, 20)
 SCATTERS = (0.0, 0.05, 0.10)
@@ -135,6 +139,43 @@ def confusion_table(counts: Counts) -> Iterator[str]:
         yield f"| {kind}{severity} | {' | '.join(cells)} |"
 
 
+def _by_data_sheet(
+    name: str, record: FlightRecord, *, baselines: object = None
+) -> tuple[list[bool], list[Judged]]:
+    judged = judge(name, record, tier="esc-signed", baselines=baselines)  # type: ignore[arg-type]
+    return [any(s.fault == "friction" for s in one.findings.suspects) for one in judged], judged
+
+
+def sheet_table(args: argparse.Namespace) -> Iterator[str]:
+    """Judge the 50 Hz logs with the data sheet as well: friction in N·m against the same baseline."""
+    aircraft = range(args.first, args.first + args.sheet)
+
+    def fly_them(severity: float, first: int, count: int, baselines: object) -> list[tuple[str, object]]:
+        tasks = [
+            Sheet(
+                f"{a}/{k}",
+                flight(
+                    first + k,
+                    a,
+                    rate_hz=50.0,
+                    mode=MODES[k % len(MODES)],
+                    conditions=added("friction", severity),
+                ),
+            )
+            for a in aircraft
+            for k in range(count)
+        ]
+        return list(fly_all(tasks, partial(_by_data_sheet, baselines=baselines), args.workers))
+
+    known = baselines_of([(name, judged) for name, (_, judged) in fly_them(0.0, 0, 20, None)])  # type: ignore[misc]
+    yield "| esc-signed, 50 Hz, with data sheet | found | of |"
+    yield "|---|---|---|"
+    for n, severity in enumerate((0.0, *FRICTIONS[1:3])):
+        flown_ = fly_them(severity, 9000 + 100 * n, args.each, known)
+        said = [one for _, (found, _) in flown_ for one in found]  # type: ignore[misc]
+        yield f"| +{severity:g} N·m | {np.mean(said):.0%} | {len(said)} |"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -143,9 +184,15 @@ def main() -> None:
     parser.add_argument("--aircraft", type=int, default=6, help="number of aircraft, of four actuators each")
     parser.add_argument("--each", type=int, default=10, help="flights of each fault")
     parser.add_argument("--healthy", type=int, default=450, help="healthy flights of each aircraft")
+    parser.add_argument("--sheet", type=int, default=2, help="aircraft judged with their data sheet as well")
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
     start = time.perf_counter()
+    if args.sheet:
+        print("\n## The same with the data sheet, 20 flights before\n")
+        print("\n".join(sheet_table(args)), flush=True)
+    if not args.aircraft:
+        return
     base, later = tasks_of(args)
     fleet = Fleet()
     for row in flown(base, args.workers):
