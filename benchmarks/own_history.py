@@ -15,14 +15,17 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from _fleet import MODES, Judged, added, baselines_of, flight, fly_all, judge
+from _fleet import ACTUATORS, MODES, Judged, added, baselines_of, flight, fly_all, judge, quantities
 from _fleet import Task as Sheet
-from _own_flights import TIERS, Row, Task, flown, scattered
+from _own_flights import BLANK, TIERS, Row, Task, flown, scattered
 from scipy.stats import chi2
 
 from mavhums.health.own.fit import learned, wear
+from mavhums.health.own.identify import identified
 from mavhums.health.own.judge import compare
 from mavhums.health.own.past import PastRecord
+from mavhums.health.own.voltage import VoltageSums
+from mavhums.health.slots import SlotCutter, widen
 from mavhums.report.assessment import OwnRecord
 from mavhums_sim import FlightRecord
 
@@ -37,6 +40,8 @@ OTHERS = {
     "supply_sag": 10.0,
     "sensor_bias": 0.5,
 }
+PAPER_CONSTANT = ACTUATORS["elevator"].known_ema().torque_constant
+PAPER_RESISTANCE = ACTUATORS["elevator"].known_ema().resistance
 Counts = dict[tuple[str, int, float, str], Counter[str]]
 
 
@@ -176,6 +181,74 @@ def sheet_table(args: argparse.Namespace) -> Iterator[str]:
         yield f"| +{severity:g} N·m | {np.mean(said):.0%} | {len(said)} |"
 
 
+def _voltages(name: str, record: FlightRecord) -> list[tuple[str, OwnRecord | None, float]]:
+    """Return each actuator's record of the voltage equation, and its true back-EMF constant."""
+    left = []
+    for surface, own in record.actuators.items():
+        sums, cutter = VoltageSums(BLANK[surface]), SlotCutter()
+        time_s, values = quantities(own, BLANK[surface], "esc-signed")
+        for slots in (cutter.feed(time_s, widen(values)), cutter.finish()):
+            if slots is not None:
+                sums.feed(slots)
+        left.append((surface, sums.record(), own.individual.torque_constant * PAPER_CONSTANT))
+    return left
+
+
+def identify_table(args: argparse.Namespace) -> Iterator[str]:
+    yield "| esc-signed | flights | R, error | k_e, error | drop, V | R inside 95 % | k_e inside | of |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for rate_hz in (100.0, 25.0):
+        records: dict[tuple[str, str], list[OwnRecord]] = defaultdict(list)
+        truth: dict[tuple[str, str], float] = {}
+        tasks = [
+            Sheet(f"{a}/{k}", flight(9500 + k, a, rate_hz=rate_hz, mode=MODES[k % len(MODES)]))
+            for a in range(args.first, args.first + args.identify)
+            for k in range(5)
+        ]
+        for name, several in fly_all(tasks, _voltages, args.workers):
+            for surface, record, constant in several:
+                key = name.split("/")[0], surface
+                truth[key] = constant
+                records[key] += [record] if record else []
+        for flights in (1, 5):
+            yield _identified_row(f"{rate_hz:g} Hz", flights, records, truth)
+
+
+def _identified_row(
+    rate: str,
+    flights: int,
+    records: dict[tuple[str, str], list[OwnRecord]],
+    truth: dict[tuple[str, str], float],
+) -> str:
+    errors, inside = [], []
+    for key, several in records.items():
+        for first in range(0, len(several), flights):
+            found = identified(several[first : first + flights])
+            if found is None:
+                continue
+            resistance, constant = found.resistance, found.back_emf
+            errors.append(
+                (
+                    resistance.estimate / PAPER_RESISTANCE - 1,
+                    constant.estimate / truth[key] - 1,
+                    found.drop.estimate,
+                )
+            )
+            inside.append(
+                (
+                    resistance.low <= PAPER_RESISTANCE <= resistance.high,
+                    constant.low <= truth[key] <= constant.high,
+                )
+            )
+    (r, k, drop), (r_sd, k_sd, drop_sd) = np.mean(errors, axis=0), np.std(errors, axis=0)
+    r_in, k_in = np.mean(inside, axis=0)
+    return (
+        f"| {rate} | {flights} | {r:+.2%} ± {r_sd:.2%} | {k:+.2%} ± {k_sd:.2%} | "
+        f"{drop:+.3f} ± {drop_sd:.3f} | "
+        f"{r_in:.0%} | {k_in:.0%} | {len(errors)} |"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -185,12 +258,16 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=10, help="flights of each fault")
     parser.add_argument("--healthy", type=int, default=450, help="healthy flights of each aircraft")
     parser.add_argument("--sheet", type=int, default=2, help="aircraft judged with their data sheet as well")
+    parser.add_argument("--identify", type=int, default=4, help="aircraft whose motors are identified")
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
     start = time.perf_counter()
     if args.sheet:
         print("\n## The same with the data sheet, 20 flights before\n")
         print("\n".join(sheet_table(args)), flush=True)
+    if args.identify:
+        print("\n## Identified without a data sheet\n")
+        print("\n".join(identify_table(args)), flush=True)
     if not args.aircraft:
         return
     base, later = tasks_of(args)

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 from mavhums.core.conditions import Condition
 from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.own.cause import constant_lost
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.judge import Comparison, compare
 from mavhums.health.own.past import PastRecord, record_of
 from mavhums.health.own.registry import EQUATIONS
-from mavhums.health.own.words import remedy_of, told
+from mavhums.health.own.words import remedy_of, told, told_of_constant
 from mavhums.report.assessment import (
     Evidence,
     Indicator,
@@ -24,6 +25,8 @@ __all__ = ["held_against"]
 
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _SURE = 0.999
+_CONSTANT = "torque_constant"
+_MAGNETS = "inspect the motor's magnets, which age and suffer from heat"
 
 
 def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS) -> Verdict:
@@ -46,15 +49,17 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
         return verdict
     equation, record = told_by
     found = compare(equation, record, past, false_alarms)
-    text = told(equation, found)
+    lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
+    fault = equation.fault if lost is None else _CONSTANT
+    text = told(equation, found) if lost is None else told_of_constant(equation, found, lost)
     indicators = [shown for shown in verdict.indicators if shown.fault != equation.fault]
     evidence = [known for known in verdict.evidence if known.kind != _kind(equation)]
-    suspects = [suspect for suspect in verdict.suspects if suspect.fault != equation.fault]
+    suspects = [suspect for suspect in verdict.suspects if suspect.fault not in (equation.fault, _CONSTANT)]
     if found.value is not None:
         indicators.append(_indicator(equation, record, found, found.value))
         evidence.append(_evidence(equation, record, found, found.value, text))
     if found.condition == "changed":
-        suspects.append(Suspect(fault=equation.fault, confidence=_SURE))
+        suspects.append(Suspect(fault=fault, confidence=_SURE))
     return verdict.model_copy(
         update={
             "condition": found.condition,
@@ -63,7 +68,7 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
             "evidence": tuple(evidence),
             "indicators": tuple(indicators),
             "reason": text,
-            "remedy": remedy_of(equation, found),
+            "remedy": remedy_of(equation, found) if lost is None else _MAGNETS,
         }
     )
 

@@ -6,7 +6,7 @@ from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.judge import Comparison
 from mavhums.report.assessment import Interval
 
-__all__ = ["remedy_of", "told"]
+__all__ = ["remedy_of", "told", "told_of_constant"]
 
 _KEEP = "keep its flights in one folder: mavhums analyse LOG --history DIR --keep"
 _NO_LIMIT = "no absolute limit known"
@@ -33,6 +33,12 @@ def told(equation: OwnEquation, found: Comparison) -> str:
         )
     since = f" since flight {found.since.flight} ({found.since.date[:10]})" if found.since else ""
     return f"{equation.quantity} {_change(found.change)}{since}: {equation.cause}; {_NO_LIMIT}"
+
+
+def told_of_constant(equation: OwnEquation, found: Comparison, lost: float) -> str:
+    """Return what is said where a loss of the torque constant explains the change."""
+    rise = "" if found.change is None else f" {found.change.estimate:+.0%}"
+    return f"torque constant {-lost:+.0%}; the {equation.quantity}{rise} follows from it; {_NO_LIMIT}"
 
 
 def remedy_of(equation: OwnEquation, found: Comparison) -> str | None:

@@ -11,10 +11,11 @@ from mavhums.health.equations import own_tracking
 from mavhums.health.own.judge import compare
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.health.own.verdict import held_against
+from mavhums.health.own.voltage import VoltageSums
 from mavhums.health.own.words import told
 from mavhums.health.random_effects import population
 from mavhums.report.assessment import OwnRecord, Verdict
-from tests.health.own.servo import EQUATION, Servo, left
+from tests.health.own.servo import EQUATION, Servo, blank, collected, left
 
 
 def past(*records: OwnRecord, healthy: bool = True) -> list[PastRecord]:
@@ -150,3 +151,29 @@ def test_a_verdict_is_replaced_where_no_limit_or_jam_decides() -> None:
     assert held_against(jammed, HEALTHY) is jammed
     untold = worn.model_copy(update={"own": ()})
     assert held_against(untold, HEALTHY) is untold
+
+
+def test_a_weaker_motor_is_told_from_friction() -> None:
+    """A torque constant that falls by 20 % raises every current by 25 %, and lowers the back-EMF."""
+
+    def records(seed: int, left_of_it: float, friction_a: float = 0.05) -> tuple[OwnRecord, OwnRecord]:
+        whole = Servo(friction_a=friction_a)
+        weak = replace(
+            whole,
+            friction_a=whole.friction_a / left_of_it,
+            drag=whole.drag / left_of_it,
+            inertia=whole.inertia / left_of_it,
+            hinge=whole.hinge / left_of_it,
+            back_emf=whole.back_emf * left_of_it,
+        )
+        voltage = collected(VoltageSums(blank()), weak.flown(seed, seconds=60.0))
+        assert voltage is not None
+        return left(weak, seed, seconds=60.0), voltage
+
+    before = [PastRecord(records(seed, 1.0), "2026-03-01", True) for seed in range(12)]
+    weak = held_against(verdict(flight(1)).model_copy(update={"own": records(70, 0.8)}), before)
+    assert weak.condition == "changed"
+    assert [suspect.fault for suspect in weak.suspects] == ["torque_constant"]
+    assert (weak.reason or "").startswith("torque constant -20%; the friction current +")
+    worn = held_against(verdict(flight(1)).model_copy(update={"own": records(71, 1.0, 0.08)}), before)
+    assert [suspect.fault for suspect in worn.suspects] == ["friction_current"]
