@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from mavhums.engine.events import ConditionChanged, Event
 from mavhums.engine.options import EngineOptions
 from mavhums.log import read_blocks, read_log
 
-__all__ = ["Fault", "Flight", "Outcome", "judge", "read_labels", "summary"]
+__all__ = ["CONFOUNDERS", "Fault", "Flight", "Outcome", "judge", "judge_bytes", "read_labels", "summary"]
 
 ALARMS = ("degraded", "emergency")
 CONFOUNDERS = ("engine", "airspeed", "wind", "gps")
@@ -122,10 +122,15 @@ def _booted(row: dict[str, str], path: Path) -> Fault | None:
 
 def judge(flight: Flight, airframe: str | Path | None) -> Outcome:
     """Return what the engine finds in a flight, its outputs named by a profile or told by the log."""
+    return judge_bytes(flight, read_blocks(flight.path), airframe)
+
+
+def judge_bytes(flight: Flight, blocks: Iterable[bytes], airframe: str | Path | None) -> Outcome:
+    """Return the same of the bytes of a flight."""
     profile = None if airframe is None else load_airframe(airframe)
     engine = Engine(EngineOptions(airframe=profile))
     events: list[Event] = []
-    for block in read_blocks(flight.path):
+    for block in blocks:
         events += engine.feed(block)
     events += engine.finish()
     changes = [event for event in events if isinstance(event, ConditionChanged)]

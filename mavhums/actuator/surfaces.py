@@ -23,5 +23,3 @@ def of_airframe(airframe: Airframe) -> Surfaces | None:
         half = (low - high) / 2 if turned else (high - low) / 2
         found.append(Moved(actuator.servo, f"{side} {kind}".strip(), zero, half))
     return Surfaces(tuple(found), "profile") if found else None
-
-

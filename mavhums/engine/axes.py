@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Airframe
 from mavhums.actuator.surfaces import of_airframe
 from mavhums.health.axis.monitor import AxisMonitor, new_gain
-from mavhums.health.events import ConditionChanged
+from mavhums.health.events import ConditionChanged, Indication
 from mavhums.log import Table
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import Grid, Seconds
@@ -66,19 +66,20 @@ class VehicleAxes:
         """Take surfaces that the log told in a flight second; they hold from three seconds later on."""
         self._told.append((second + _TOLD_S, surfaces))
 
-    def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[ConditionChanged]:
+    def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[ConditionChanged | Indication]:
         """Take new samples; yield the changes of condition."""
         seconds = self._grid.feed(signals, final=final)
         while seconds is not None:
             now, seconds = self._next(seconds)
-            if self.surfaces is None:
-                for one in _each(now):
-                    yield from self._unknown(one)
-            else:
-                yield from self._known(now)
+            at = 0
+            while self.surfaces is None and at < len(now.index):
+                yield from self._unknown(_part(now, at, at + 1))
+                at += 1
+            if at < len(now.index):
+                yield from self._known(_part(now, at, len(now.index)))
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
-        """Apply what was told by the first of these seconds; return those until more was told, and the rest."""
+        """Apply what was told by the first second; return the seconds until more was told, and the rest."""
         first = int(seconds.index[0])
         while self._told and self._told[0][0] <= first:
             self._learn(self._told.pop(0)[1])
@@ -96,11 +97,19 @@ class VehicleAxes:
         self.flight.learn(surfaces)
         self._waiting.clear()
 
-    def _known(self, seconds: Seconds) -> Iterator[ConditionChanged]:
+    def _known(self, seconds: Seconds) -> Iterator[ConditionChanged | Indication]:
         for rows in self.flight.feed(seconds):
-            yield from self.monitor.feed(rows)
+            for event in self.monitor.feed(rows):
+                yield self._named(event) if isinstance(event, ConditionChanged) else event
 
-    def _unknown(self, second: Seconds) -> Iterator[ConditionChanged]:
+    def _named(self, event: ConditionChanged) -> ConditionChanged:
+        """Add to what an alert says the surfaces that it may be."""
+        moved = self.surfaces.of_axis(event.actuator) if self.surfaces else ()
+        if not moved or not event.finding:
+            return event
+        return replace(event, finding=f"{event.finding}, {moved[0].kind}?")
+
+    def _unknown(self, second: Seconds) -> Iterator[ConditionChanged | Indication]:
         """Follow the flight without its outputs, and try to infer them from its beginning."""
         self._waiting.append(second)
         del self._waiting[:-_KEPT_S]
@@ -163,7 +172,7 @@ class Axes:
 
     def feed(
         self, tables: Mapping[str, Table], start_us: int, *, final: bool = False
-    ) -> Iterator[ConditionChanged]:
+    ) -> Iterator[ConditionChanged | Indication]:
         """Take tables; yield the changes of condition. ``final`` says that nothing follows."""
         by_vehicle: dict[int, list[Signal]] = {vehicle: [] for vehicle in self._vehicles}
         for signal in self._signals.read(tables):
@@ -210,8 +219,3 @@ class Axes:
 
 def _part(seconds: Seconds, a: int, b: int) -> Seconds:
     return Seconds(seconds.index[a:b], {name: values[a:b] for name, values in seconds.signals.items()})
-
-
-def _each(seconds: Seconds) -> Iterator[Seconds]:
-    for k in range(len(seconds.index)):
-        yield _part(seconds, k, k + 1)

@@ -183,7 +183,8 @@ def _explained(assessment: Assessment) -> Iterator[str]:
         yield f"## {names}: undecided\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
     for (reason, remedy), verdicts in unmonitored(assessment).items():
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
-        yield f"## {names}: unmonitored\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
+        why, todo = _literal(reason), _literal(remedy)
+        yield f"## {names}: unmonitored\n\n**Why:** {why}.\n\n**What to do:** {todo}."
 
 
 def _provenance(assessment: Assessment) -> Iterator[str]:

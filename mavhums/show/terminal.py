@@ -46,7 +46,7 @@ def render(assessment: Assessment, console: Console) -> None:
         Where to print; rich leaves the colours out where it is not a terminal.
     """
     console.print(Text(printable(headline(assessment)), style="bold"))
-    if assessment.verdicts:
+    if any(verdict.gravest != "unmonitored" for verdict in assessment.verdicts):
         console.print(_table(assessment))
     for title, lines in _paragraphs(assessment):
         console.print(Text(title, style="bold"))
@@ -57,31 +57,39 @@ def render(assessment: Assessment, console: Console) -> None:
 
 
 def _table(assessment: Assessment) -> Table:
+    shown = [verdict for verdict in assessment.ranked() if verdict.gravest != "unmonitored"]
+    axes = any(verdict.subject == "axis" for verdict in shown)
+    actuators = any(verdict.subject == "actuator" for verdict in shown)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("actuator", overflow="fold")
+    table.add_column("actuator" if actuators else "axis", overflow="fold")
     table.add_column("condition")
-    axes = any(verdict.subject == "axis" for verdict in assessment.verdicts)
     if axes:
         table.add_column("control left", no_wrap=True)
-    table.add_column("friction, N·m", no_wrap=True)
-    table.add_column("network", justify="right")
+    if actuators:
+        table.add_column("friction, N·m", no_wrap=True)
+        table.add_column("network", justify="right")
     table.add_column("since", justify="right", no_wrap=True)
-    table.add_column("moving", justify="right")
+    if actuators:
+        table.add_column("moving", justify="right")
     table.add_column("judged", justify="right", no_wrap=True)
-    for verdict in assessment.ranked():
-        coverage = verdict.coverage
-        left = effectiveness(verdict.effectiveness) if verdict.effectiveness else "—"
-        table.add_row(
-            Text(printable(name(verdict, assessment))),
-            _condition(verdict),
-            *([left] if axes else []),
-            friction(verdict.friction_nm) if verdict.friction_nm else "—",
-            percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
-            clock(verdict.since.flight_time_s) if verdict.since else "—",
-            percent(coverage.moving_fraction),
-            f"{coverage.decidable}/{coverage.windows}",
-        )
+    for verdict in shown:
+        table.add_row(*_row(verdict, assessment, axes=axes, actuators=actuators))
     return table
+
+
+def _row(verdict: Verdict, assessment: Assessment, *, axes: bool, actuators: bool) -> list[Text | str]:
+    coverage = verdict.coverage
+    cells: list[Text | str] = [Text(printable(name(verdict, assessment))), _condition(verdict)]
+    if axes:
+        cells.append(effectiveness(verdict.effectiveness) if verdict.effectiveness else "—")
+    if actuators:
+        cells.append(friction(verdict.friction_nm) if verdict.friction_nm else "—")
+        cells.append(percent(verdict.p_emergency) if verdict.p_emergency is not None else "—")
+    cells.append(clock(verdict.since.flight_time_s) if verdict.since else "—")
+    if actuators:
+        cells.append(percent(coverage.moving_fraction))
+    cells.append(f"{coverage.decidable}/{coverage.windows}")
+    return cells
 
 
 def _condition(verdict: Verdict) -> Text:

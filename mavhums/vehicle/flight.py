@@ -5,6 +5,7 @@ Only this is known to the detectors of an axis.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Final
@@ -138,13 +139,11 @@ class Flight:
         """Yield the rows of these seconds, unbroken runs of them."""
         breaks = np.flatnonzero(np.diff(seconds.index) != 1) + 1
         edges = [0, *breaks.tolist(), len(seconds.index)]
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges):
             first = int(seconds.index[a])
             fresh = first != self._next
             self._next = first + b - a
-            yield self._rows(
-                first, fresh, {name: values[a:b] for name, values in seconds.signals.items()}
-            )
+            yield self._rows(first, fresh, {name: values[a:b] for name, values in seconds.signals.items()})
 
     def _rows(self, first: int, fresh: bool, signals: dict[str, Array]) -> Rows:
         flat = {name: values.reshape(-1, values.shape[-1]) for name, values in signals.items()}
@@ -173,7 +172,7 @@ class Flight:
         )
 
     def _speed(self, signals: dict[str, Array], flat: dict[str, Array]) -> Array:
-        """Return the airspeed: the sensor's where it lives, else the wind triangle's, else that over ground."""
+        """Return the airspeed: the sensor's if it lives, else the wind triangle's, else that over ground."""
         winds = []
         for velocity, attitude in zip(signals["velocity"][:, 0], signals["attitude"][:, 0], strict=True):
             self._wind.step(velocity, float(attitude[2]))

@@ -58,7 +58,7 @@ class Grid:
     def __init__(self, start_us: int) -> None:
         self._start_us = start_us
         self._times: dict[str, Array] = {name: np.empty(0) for name in NAMES}
-        self._values = {name: np.empty((0, n)) for name, n in (CONTINUOUS | STEPPED).items()}
+        self._values = {name: np.empty((0, n)) for name, n in {**CONTINUOUS, **STEPPED}.items()}
         self._latest_s = -np.inf
         self._settled = -(1 << 40)
         self.sources: dict[str, str] = {}

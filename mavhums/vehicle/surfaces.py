@@ -133,7 +133,7 @@ class Demands:
         self._changed = {name: np.zeros(len(group), dtype=np.int64) for name, group in self._groups.items()}
 
     def feed(self, pulses: Array) -> Array:
-        """Return the demand about roll, pitch and yaw, shape (n, 3), of pulses (n, OUTPUTS); NaN if unknown."""
+        """Return the demand about roll, pitch and yaw, (n, 3), of pulses (n, OUTPUTS); NaN if unknown."""
         known = {name: self._demand(name, group, pulses) for name, group in self._groups.items()}
         self._row += len(pulses)
         none = np.full(len(pulses), np.nan)

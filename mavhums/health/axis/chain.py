@@ -1,4 +1,4 @@
-"""From flight rows to the columns of a regression: lag, delay, mean over the last 0.4 s, on both sides alike."""
+"""From flight rows to the columns of a regression: lag, delay, mean over 0.4 s, on both sides alike."""
 
 from __future__ import annotations
 
@@ -110,7 +110,10 @@ class Chain:
         raw = np.column_stack([drive, form.others(rows, relative, demands), form.answer(rows)])
         known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
         joined = self._means.feed(raw * known[:, None])
-        means = sum(joined[1 + k : 1 + k + n + 1] for k in range(_MEAN_ROWS)) / _MEAN_ROWS
+        total = joined[1 : n + 2].copy()
+        for k in range(1, _MEAN_ROWS):
+            total += joined[1 + k : n + 2 + k]
+        means = total / _MEAN_ROWS
         now, before = means[1:], means[:-1]
         answer = now[:, -1]
         if form.derivative:

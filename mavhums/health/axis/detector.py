@@ -1,4 +1,4 @@
-"""What a detector of an axis is: one module in :mod:`mavhums.health.detectors.axis` with a class ``Detector``.
+"""What a detector of an axis is: a module in :mod:`mavhums.health.detectors.axis` with a class ``Detector``.
 
 It is found there; every detector passes the same battery of checks, ``tests/health/axis/test_detectors.py``.
 """
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import ClassVar, NamedTuple, Protocol
 
+from mavhums.core.conditions import Condition
 from mavhums.health.axis.gain import Gain, Second
-from mavhums.report.assessment import Condition
 from mavhums.vehicle.flight import Rows
 
 __all__ = ["Detector", "Limits", "Seen", "Shown", "detectors", "to_inspect"]

@@ -49,7 +49,7 @@ class Following:
     """How a controlled attitude follows its demand: second order, ``omega`` rad/s, critically damped."""
 
     def __init__(self, omega: float) -> None:
-        b, a, _ = cont2discrete(([omega**2], [1.0, 2.0 * omega, omega**2]), _STEP_S)
+        b, a, _ = cont2discrete((np.array([omega**2]), np.array([1.0, 2.0 * omega, omega**2])), _STEP_S)
         self._b, self._a = b.ravel(), a
         self._last: float | None = None
         self._state = np.zeros(2)

@@ -1,4 +1,4 @@
-"""Control effectiveness: what the aircraft makes of a demand now, against what it made of it in the reference.
+"""Control effectiveness: what the aircraft makes of a demand now, against what it made in the reference.
 
 The gain K of the answer to the drive is fitted together with everything else that makes the answer in the
 first excited seconds of the flight. From then on each second gives a score of how far the answer stays behind
@@ -212,9 +212,7 @@ class Gain:
         error = float(np.sqrt(variance / total)) / abs(gain) if gain else np.inf
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
         variance, deviation = max(variance, least), float(np.sqrt(left))
-        return Reference(
-            speed, shape, gain, beta[1:], variance, error, explained, deviation, first, last
-        )
+        return Reference(speed, shape, gain, beta[1:], variance, error, explained, deviation, first, last)
 
     def _begin(self, rows: Rows) -> None:
         reference = self.reference
@@ -256,8 +254,8 @@ class Gain:
             self._level = min(_MOST, max(0.0, kept + _ratio(score, drive2, reference, self._standards.loss)))
             self._window.append((drive2, cross))
             self._recent.append(sums)
-        value, error = self._estimate(reference)
-        if count >= _LEAST_ROWS and value is not None and error <= JUDGED_ERROR:
+        value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
+        if value is not None and error <= JUDGED_ERROR:
             self._full = self._full + 1 if value >= FULL else 0
         if self._full >= FULL_S:
             self._level = 0.0
@@ -301,7 +299,7 @@ class Gain:
         return k, float(error)
 
     def _slower(self, reference: Reference) -> float | None:
-        """Return the further lag that explains the seconds since the loss began much better than a loss does."""
+        """Return the further lag that explains what happens since the loss began much better than a loss."""
         if len(self._recent) < _SLOW_S * 3 // 4:
             return None
         drive2, cross, answer2 = np.sum(list(self._recent), axis=0).T
@@ -343,8 +341,9 @@ class _Scores:
         drive, answer = self._drive.feed(driven), self._answer.feed(raw)
         shape = (-1, RATE_HZ)
         products = (drive * drive, drive * answer, answer * answer, driven, raw)
-        summed = (np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products)
-        return _Sums(*summed, count=good.reshape(shape).sum(axis=1))
+        summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]
+        drive2, cross, answer2, total, left = summed
+        return _Sums(drive2, cross, answer2, total, left, good.reshape(shape).sum(axis=1))
 
 
 def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:
@@ -355,6 +354,6 @@ def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> fl
 
 
 def _least_squares(design: Array, answer: Array) -> tuple[Array, float]:
-    beta = np.linalg.lstsq(design, answer, rcond=None)[0]
+    beta: Array = np.asarray(np.linalg.lstsq(design, answer, rcond=None)[0], dtype=np.float64)
     left = answer - design @ beta
     return beta, float(np.var(left))

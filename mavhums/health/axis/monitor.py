@@ -6,11 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.axis.chain import Form
 from mavhums.health.axis.detector import Limits, Seen, Shown, detectors
 from mavhums.health.axis.forms import PitchForm, RollForm, YawForm
 from mavhums.health.axis.gain import FULL, FULL_S, JUDGED_ERROR, Gain, Reference, Second, Standards
-from mavhums.health.events import ConditionChanged
+from mavhums.health.events import ConditionChanged, Indication
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.surfaces import AXES
@@ -18,6 +21,7 @@ from mavhums.vehicle.surfaces import AXES
 __all__ = ["AxisFindings", "AxisMonitor", "new_gain"]
 
 _NORMAL_S: Final = 30
+_WINDOW_S: Final = 10
 _MASKED_S: Final = 20
 _MOST_EPISODES: Final = 100
 
@@ -30,8 +34,8 @@ _STANDARDS: Final = {
 
 def new_gain(axis: str) -> Gain:
     """Return what follows the effectiveness of an axis."""
-    form = {"roll": RollForm, "pitch": PitchForm, "yaw": YawForm}[axis]()
-    return Gain(form, _STANDARDS[axis])
+    forms: dict[str, Form] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
+    return Gain(forms[axis], _STANDARDS[axis])
 
 
 @dataclass(slots=True)
@@ -57,6 +61,9 @@ class _Axis:
     judged: int = 0
     full: int = 0
     value: Interval | None = None
+    windows: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
     episodes: list[_Episode] = field(default_factory=list)
 
 
@@ -108,10 +115,11 @@ class AxisMonitor:
         self._axes = {axis: _Axis() for axis in AXES}
         self._skidded_s = -(1 << 30)
 
-    def feed(self, rows: Rows) -> Iterator[ConditionChanged]:
-        """Take rows; yield the changes of condition, in the order of time."""
+    def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
+        """Take rows; yield the effectiveness of each axis, then the changes of condition in order of time."""
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
         seen = Seen(rows, seconds, self._gains)
+        yield from self._indications(seconds)
         shown: dict[int, list[Shown]] = {}
         for detector in self._detectors:
             for one in detector.feed(seen):
@@ -124,6 +132,19 @@ class AxisMonitor:
             for axis in AXES:
                 found = [one for one in now if one.axis == axis and not self._masked(one, end_s)]
                 yield from self._take(axis, judged[axis].get(end_s), found, end_s)
+
+    def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
+        for axis, found in seconds.items():
+            told = [
+                (s.end_s, s.value, 1.96 * s.error)
+                for s in found
+                if s.value is not None and s.error <= JUDGED_ERROR
+            ]
+            if told:
+                end_s, value, half = np.array(told, dtype=np.float64).T
+                yield Indication(
+                    self._vehicle, axis, "effectiveness", end_s, value, value - half, value + half
+                )
 
     def _masked(self, one: Shown, end_s: int) -> bool:
         """Return whether a rudder that stands hard over explains what the other axes seem to do."""
@@ -146,16 +167,19 @@ class AxisMonitor:
             for one in found:
                 self._extend(held, one)
             fault, rule = worst.fault, worst.rule
+            finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
         elif second is not None and self._well(held):
             if before != "normal":
                 held.condition, held.since_s = "normal", end_s if before != "undecided" else None
             fault, rule = "effectiveness", "normal: the control effectiveness of the reference is kept"
+            finding = ""
         if SEVERITY[held.condition] > SEVERITY[held.worst]:
             held.worst = held.condition
         if held.condition != before:
+            held.windows, held.mean, held.squares = 0, 0.0, 0.0
             since_s = float(held.since_s if held.since_s is not None else end_s)
             yield ConditionChanged(
-                self._vehicle, axis, float(end_s), since_s, before, held.condition, rule, fault
+                self._vehicle, axis, float(end_s), since_s, before, held.condition, rule, fault, finding
             )
 
     def _count(self, held: _Axis, second: Second) -> None:
@@ -163,9 +187,19 @@ class AxisMonitor:
         if second.value is None or second.error > JUDGED_ERROR:
             return
         held.judged += 1
-        half = 1.96 * second.error
-        held.value = Interval(estimate=second.value, low=second.value - half, high=second.value + half)
+        if held.judged % _WINDOW_S == 0 or held.value is None:
+            self._average(held, second.value, second.error)
         held.full = held.full + 1 if second.value >= FULL else 0
+
+    def _average(self, held: _Axis, value: float, error: float) -> None:
+        """Take a window that shares no second with the one before into the mean since the last change."""
+        held.windows += 1
+        step = value - held.mean
+        held.mean += step / held.windows
+        held.squares += step * (value - held.mean)
+        spread = held.squares / (held.windows - 1) if held.windows > 1 else 0.0
+        half = 1.96 * (max(spread, error**2) / held.windows) ** 0.5
+        held.value = Interval(estimate=held.mean, low=held.mean - half, high=held.mean + half)
 
     def _well(self, held: _Axis) -> bool:
         """Return whether the axis is known to answer as in the reference."""

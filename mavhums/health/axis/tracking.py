@@ -31,7 +31,7 @@ class RollTracking:
 
     kind: Literal["mean", "rms"] = "rms"
     floor = 0.033  # rad
-    spreads = (0.1,)
+    spreads: tuple[float, ...] = (0.1,)
 
     def __init__(self) -> None:
         self._demand = Following(2.5)
@@ -76,7 +76,7 @@ class PitchTracking:
 
     kind: Literal["mean", "rms"] = "rms"
     floor = 0.025  # rad
-    spreads = (0.1, 0.1)
+    spreads: tuple[float, ...] = (0.1, 0.1)
 
     def __init__(self) -> None:
         self._begin()
@@ -104,7 +104,7 @@ class SideForce:
 
     kind: Literal["mean", "rms"] = "mean"
     floor = 0.15  # m/s²
-    spreads = (_FREE, 5.0, 5.0)
+    spreads: tuple[float, ...] = (_FREE, 5.0, 5.0)
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the regressors 1, sin φ and the yaw rate, the side force, where all are known in flight."""

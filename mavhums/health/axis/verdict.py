@@ -94,9 +94,7 @@ def judged_axis(
         worst=findings.worst,
         since=_since(findings.since_s, start_utc),
         coverage=rounded,
-        suspects=tuple(
-            Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects
-        ),
+        suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
         evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
         effectiveness=_rounded(findings.effectiveness),
         indicators=tuple(_indicators(findings)),
@@ -132,9 +130,7 @@ def _indicators(findings: AxisFindings) -> list[Indicator]:
     ]
 
 
-def _why_undecided(
-    findings: AxisFindings, surfaces: Surfaces | None, flight: Flight
-) -> tuple[str, str]:
+def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Flight) -> tuple[str, str]:
     axis = findings.axis
     if surfaces is None:
         reason = "which outputs move the surfaces is told neither by parameters nor by a profile"

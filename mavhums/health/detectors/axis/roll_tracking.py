@@ -36,7 +36,7 @@ class Detector:
         for left in self._residual.feed(seen.rows):
             since_s = self._persistent.left(left)
             if since_s is not None:
-                rule = f"emergency: roll {degrees(left.value):.0f}° away from the demanded one over three seconds"
+                rule = f"emergency: roll {degrees(left.value):.0f}° away from the demanded one for 3 s"
                 shown.append(
                     Shown(
                         "roll",
