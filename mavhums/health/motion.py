@@ -14,6 +14,7 @@ from mavhums.health.slots import APART, BUS, GUARD_S, Slots
 __all__ = ["Motion", "lasting", "motion"]
 
 _PERIODS = 2.5
+_LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; how they round must not decide
 _V7 = column("V7")
 
 Array = NDArray[np.float64]
@@ -94,5 +95,5 @@ def lasting(time_s: Array, speed: Array, moving_speed: float, longest_gap_s: flo
     begin = time_s[np.concatenate([[0], turns + 1])[run]]
     end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
     fast[1:-1] &= fast[2:] & fast[:-2]
-    lasts: NDArray[np.bool_] = (time_s - begin >= GUARD_S) & (end - time_s >= GUARD_S)
+    lasts: NDArray[np.bool_] = (time_s - begin >= _LASTING_S) & (end - time_s >= _LASTING_S)
     return fast & lasts
