@@ -173,10 +173,10 @@ class Verdict(Contract):
     ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
     ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that an axis has
     left. ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded``
-    and ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
-    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``model``
-    is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an emergency
-    than to normal.
+    and ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare
+    the actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``.
+    ``model`` is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an
+    emergency than to normal.
 
     Examples
     --------
