@@ -30,7 +30,7 @@ TRACKING_S = np.arange(0.0, 2.0, 0.1)
 
 
 class Signals:
-    """Signals of one log on a common grid of 10 Hz, from 25 s after the start of flight to 5 s before its end."""
+    """Signals of one log at 10 Hz, from 25 s after the start of flight to 5 s before its end."""
 
     def __init__(self, path: Path) -> None:
         self._messages = mavhums.read_log(path).messages

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega
 
+from examples import readme_picture
 from examples.picture import save
 from mavhums import Engine, EngineOptions, analyse
 from mavhums.learn import default_model
@@ -38,6 +39,7 @@ def main(demo: Path, pictures: Path) -> None:
     makers: dict[str, Callable[[Path, Path], None]] = {
         "healthy": lambda folder, out: _judged(folder / "friction-0.225.tlog", folder, out),
         "growing-friction": lambda folder, out: _judged(folder / "friction-growing.tlog", folder, out),
+        "growing-friction-detail": _detail,
         "real-log": _real,
         "ten-hours": _ten_hours,
         "live": _live,
@@ -53,6 +55,10 @@ def _judged(log: Path, demo: Path, picture: Path) -> None:
     recording = demo / f"{log.stem}.rrd"
     analyse(log, recording=recording)
     save(recording, picture)
+
+
+def _detail(demo: Path, picture: Path) -> None:
+    readme_picture.main(demo / "friction-growing.rrd", picture)
 
 
 def _real(demo: Path, picture: Path) -> None:
@@ -133,4 +139,6 @@ def _study(demo: Path, picture: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit("usage: pictures.py FOLDER PICTURES")
     main(Path(sys.argv[1]), Path(sys.argv[2]))

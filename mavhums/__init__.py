@@ -15,23 +15,39 @@ from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.actuator import actuators, load_airframe
+    from mavhums.actuator.profile import ProfileError
     from mavhums.app.analysis import analyse, record
     from mavhums.app.options import Options
-    from mavhums.core.errors import MavhumsError
+    from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
     from mavhums.engine.engine import Engine
     from mavhums.engine.options import EngineOptions
+    from mavhums.history.flights import UndatedError
     from mavhums.history.trends import trend
+    from mavhums.learn.model import ModelError
+    from mavhums.learn.precedents import PrecedentError
+    from mavhums.live.address import AddressError
     from mavhums.log import read_log
+    from mavhums.log.mavlink.dialect import DialectError
+    from mavhums.log.mavlink.signing import KeyFileError
     from mavhums.report.assessment import Assessment, Verdict
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 __all__ = [
+    "AddressError",
     "Assessment",
+    "DialectError",
     "Engine",
     "EngineOptions",
+    "KeyFileError",
     "MavhumsError",
+    "MissingExtraError",
+    "ModelError",
     "Options",
+    "PrecedentError",
+    "ProfileError",
+    "UndatedError",
+    "UnreadableLogError",
     "Verdict",
     "actuators",
     "analyse",
@@ -44,11 +60,20 @@ __all__ = [
 __getattr__, __dir__ = lazy_exports(
     __name__,
     {
+        "AddressError": "live.address",
         "Assessment": "report.assessment",
+        "DialectError": "log.mavlink.dialect",
         "Engine": "engine.engine",
         "EngineOptions": "engine.options",
+        "KeyFileError": "log.mavlink.signing",
         "MavhumsError": "core.errors",
+        "MissingExtraError": "core.errors",
+        "ModelError": "learn.model",
         "Options": "app.options",
+        "PrecedentError": "learn.precedents",
+        "ProfileError": "actuator.profile",
+        "UndatedError": "history.flights",
+        "UnreadableLogError": "core.errors",
         "Verdict": "report.assessment",
         "actuators": "actuator",
         "analyse": "app.analysis",

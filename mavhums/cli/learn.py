@@ -8,12 +8,24 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.options import AIRFRAME, LOG, PATH
+from mavhums.cli.output import say
 from mavhums.cli.progress import reading, steps
 
 if TYPE_CHECKING:
     from mavhums.learn.precedents import Label
 
 __all__ = ["precedents", "study", "train"]
+
+_BASE = click.option(
+    "-d",
+    "--dir",
+    "folder",
+    default="precedents",
+    show_default=True,
+    type=PATH,
+    metavar="DIR",
+    help="Folder of the labelled flights.",
+)
 
 
 @click.command()
@@ -38,7 +50,7 @@ __all__ = ["precedents", "study", "train"]
     type=click.FloatRange(0, min_open=True),
     help="How many simulated samples one of a precedent counts for.",
 )
-@click.option("-o", "--output", required=True, type=PATH, metavar="MODEL")
+@click.option("-o", "--output", required=True, type=PATH, metavar="MODEL", help="Model file to write.")
 def train(
     airframe: str,
     tier: str,
@@ -73,11 +85,11 @@ def train(
             progress=progress,
         )
     model = save_model(output, network, card)
-    click.echo(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
+    say(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
     for name, value in card.metrics.items():
-        click.echo(f"  {name.replace('_', ' ')}: {100 * value:.2f} %")
+        say(f"  {name.replace('_', ' ')}: {100 * value:.2f} %")
     for name, value in (card.calibration.metrics if card.calibration else {}).items():
-        click.echo(f"  {name.replace('_', ' ')}: {value:.4g}")
+        say(f"  {name.replace('_', ' ')}: {value:.4g}")
 
 
 @click.group()
@@ -88,7 +100,7 @@ def precedents() -> None:
 @precedents.command("add")
 @LOG
 @click.option("--label", required=True, type=click.Choice(["normal", "emergency"]), help="The condition.")
-@click.option("-d", "--dir", "folder", default="precedents", show_default=True, type=PATH, metavar="DIR")
+@_BASE
 @click.option("--actuator", "names", multiple=True, metavar="NAME", help="Only this one; can be repeated.")
 @AIRFRAME
 @click.option("--simulated", is_flag=True, help="The log is of a simulator, not of an aircraft.")
@@ -111,11 +123,11 @@ def add_precedent(
             progress=progress,
         )
     for precedent in added:
-        click.echo(f"{precedent.path}: {precedent.provenance.actuator}, {label}, {precedent.samples} samples")
+        say(f"{precedent.path}: {precedent.provenance.actuator}, {label}, {precedent.samples} samples")
 
 
 @precedents.command("list")
-@click.option("-d", "--dir", "folder", default="precedents", show_default=True, type=PATH, metavar="DIR")
+@_BASE
 def list_precedents(folder: Path) -> None:
     """List what the base DIR holds."""
     from mavhums.learn import PrecedentBase
@@ -123,7 +135,7 @@ def list_precedents(folder: Path) -> None:
     for precedent in PrecedentBase(folder):
         said = precedent.provenance
         whose = f"{said.airframe} {said.actuator} (vehicle {said.vehicle}, {said.tier})"
-        click.echo(f"{said.label:9}  {said.origin:9}  {whose}  {precedent.samples} samples  {said.log}")
+        say(f"{said.label:9}  {said.origin:9}  {whose}  {precedent.samples} samples  {said.log}")
 
 
 @click.group()
@@ -142,4 +154,4 @@ def study_paper(output: Path, quick: bool, seed: int) -> None:
     with steps("study") as progress:
         files = write_study(output, quick=quick, seed=seed, progress=progress)
     for file in files:
-        click.echo(str(file))
+        say(str(file))

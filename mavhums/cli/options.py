@@ -44,7 +44,7 @@ FALSE_ALARMS = click.option(
     default=1.0,
     show_default=True,
     metavar="N",
-    help="False alarms that 100 hours of an actuator may bring: fewer are told later, more earlier.",
+    help="Allowed false alarms per 100 hours of an actuator: fewer alarms come later, more come earlier.",
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 HISTORY = click.option(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.options import BASELINE_FROM, JSON, PATH
+from mavhums.cli.output import complain, say, say_json
 from mavhums.cli.progress import steps
 from mavhums.core.errors import MavhumsError
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from mavhums.history.flights import FlightHistory
     from mavhums.report.trend import ActuatorTrend
 
-__all__ = ["complain", "opened_history", "trend"]
+__all__ = ["opened_history", "trend"]
 
 _SHOWN_NOTICES = 5
 
@@ -53,19 +54,19 @@ def trend(
     as_json: bool,
     output: Path | None,
 ) -> None:
-    """Show how each actuator changes over the flights in DIR, and how many it has left.
+    """Show the trend of each actuator over the flights in DIR, and its remaining useful life (RUL).
 
     DIR holds an aircraft's assessments, as `mavhums analyse LOG --history DIR --keep` puts them there, or
     `mavhums analyse LOG --json`. Keep one folder for each aircraft; subfolders are not read.
 
-    The flights left are those until a straight line reaches the emergency limit, with a 95 % interval. None
-    are told where the flights do not support it, and why is said. After a repair, let the count begin anew
+    The RUL is the number of flights until a straight line reaches the emergency limit, with a 95 % interval.
+    Where the flights do not support one, the reason is given. After a repair, restart the baseline
     with --baseline-from.
 
     \b
     Exit codes, the first that applies:
       2 usage    1 error    11 an actuator's last flight was an emergency
-      10 its last flight was degraded, or the flights left can be told
+      10 its last flight was degraded, or it has an RUL
       12 its last flight was undecided, or no flight shows the fault
       3 files of the folder could not be read    0 none of these
     """
@@ -81,7 +82,7 @@ def trend(
     if output is not None:
         _write(output, report.trends)
     if as_json:
-        click.echo(report.to_json())
+        say_json(report.to_json())
     else:
         from rich.console import Console
 
@@ -124,14 +125,7 @@ def opened_history(folder: Path | None, *, may_be_new: bool = False) -> FlightHi
     for error in history.errors:
         complain(error)
     for notice in history.notices[:_SHOWN_NOTICES]:
-        click.echo(f"mavhums: {notice}", err=True)
+        say(f"mavhums: {notice}", err=True)
     if len(history.notices) > _SHOWN_NOTICES:
-        click.echo(f"mavhums: and {len(history.notices) - _SHOWN_NOTICES} more notices", err=True)
+        say(f"mavhums: and {len(history.notices) - _SHOWN_NOTICES} more notices", err=True)
     return history
-
-
-def complain(error: MavhumsError) -> None:
-    """Say on standard error what went wrong, and the remedy."""
-    click.echo(f"mavhums: {error.problem}", err=True)
-    if error.remedy:
-        click.echo(f"  remedy: {error.remedy}", err=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -171,16 +171,26 @@ class Axes:
         return float(sum(axes.flight.flown_s for axes in self._vehicles.values()))
 
     def feed(
-        self, tables: Mapping[str, Table], start_us: int, *, final: bool = False
+        self,
+        tables: Mapping[str, Table],
+        start_us: int,
+        *,
+        admits: Callable[[int], bool] = lambda _: True,
+        final: bool = False,
     ) -> Iterator[ConditionChanged | Indication]:
-        """Take tables; yield the changes of condition. ``final`` says that nothing follows."""
+        """Take tables; yield the changes of condition.
+
+        ``admits`` tells which vehicles are judged, and ``final`` that nothing follows.
+        """
         by_vehicle: dict[int, list[Signal]] = {vehicle: [] for vehicle in self._vehicles}
         for signal in self._signals.read(tables):
+            if not admits(signal.vehicle):
+                continue
             by_vehicle.setdefault(signal.vehicle, []).append(signal)
         for vehicle in by_vehicle:
             if vehicle not in self._vehicles:
                 self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, self._surfaces)
-        self._hear(tables, start_us)
+        self._hear(tables, start_us, admits)
         for vehicle, signals in by_vehicle.items():
             yield from self._vehicles[vehicle].feed(signals, final=final)
 
@@ -193,7 +203,7 @@ class Axes:
             self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None)
         self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces)
 
-    def _hear(self, tables: Mapping[str, Table], start_us: int) -> None:
+    def _hear(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
         """Take the outputs' functions from the parameters, second by second, as they were sent."""
         heartbeats = tables.get("HEARTBEAT")
         if heartbeats is not None:
@@ -207,6 +217,8 @@ class Axes:
         for vehicle in np.unique(sent.system).tolist():
             axes = self._vehicles.get(vehicle)
             if axes is None:
+                if not admits(vehicle):
+                    continue
                 axes = self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None)
             for second in np.unique(seconds[sent.system == vehicle]).tolist():
                 rows = (sent.system == vehicle) & (seconds == second)

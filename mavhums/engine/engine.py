@@ -11,10 +11,11 @@ from datetime import UTC, datetime
 
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, packaged_airframes
-from mavhums.actuator.tiers import tier_named
+from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes
+from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
@@ -22,13 +23,14 @@ from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
 from mavhums.health.own.registry import comparable
 from mavhums.health.own.verdict import held_against
-from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 from mavhums.vehicle.surfaces import AXES
 
@@ -48,23 +50,21 @@ class Engine:
     >>> engine = Engine()
     >>> events = engine.feed(b"") + engine.finish()
     >>> engine.assessment().verdicts[0].reason
-    'no vehicle speaks in this log'
+    'no vehicle sends in this log'
     """
 
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
         airframe = options.airframe
-        wanted = (
-            messages_for(airframe.actuators if airframe else ())
-            | {"STATUSTEXT"}
-            | AIRSPEED_MESSAGES
-            | ESC_TEMPERATURE_MESSAGES
-        )
+        wanted = messages_for(airframe.actuators if airframe else ())
+        self._crowd = Crowd(wanted - {"STATUSTEXT"})
+        wanted |= IDENTITY_MESSAGES | AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         wanted |= AXIS_MESSAGES
         self._axes = Axes(airframe)
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
+        self._identities = Identities()
         self._mappers = VehicleMappers(airframe)
         self._models = tuple(options.models)
         self._baselines = options.baselines
@@ -74,7 +74,6 @@ class Engine:
         self._false_alarms = options.false_alarms
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
-        self._segments: dict[int, int] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return what they bring about."""
@@ -98,10 +97,18 @@ class Engine:
         """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
-        vehicles = vehicles_of(decoder.counts)
+        counts = decoder.counts
+        vehicles = vehicles_of(counts) or self._identities.vehicles
+        told: dict[int | None, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
+        for key, count in counts.items():
+            told.get(key[0], {})[key] = count
         names = self._mappers.airframes
         verdicts = tuple(
-            verdict for vehicle in vehicles or (None,) for verdict in self._of_vehicle(vehicle, indicators)
+            verdict
+            for vehicle in vehicles or (None,)
+            for verdict in self._of_vehicle(
+                vehicle, self._mappers.tier(vehicle, told.get(vehicle, {})), indicators
+            )
         )
         voted = {verdict.model for verdict in verdicts}
         return Assessment(
@@ -125,15 +132,23 @@ class Engine:
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
+        self._crowd.heed(tables)
+        self._identities.feed(tables)
         yield from self._listen(tables)
         self._airspeeds.feed(tables)
         self._temperatures.feed(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
-        yield from self._axes.feed(tables, self._decoder.first_time_us or 0, final=final)
-        for mapper, mapped in self._mappers.feed(tables, final=final):
-            if mapped.utc_us.size:
-                yield from self._notice_clock(mapper, mapped)
+        start_us = self._decoder.first_time_us or 0
+        yield from self._axes.feed(tables, start_us, admits=self._crowd.admits, final=final)
+        settled = list(self._mappers.feed(tables, final=final))
+        for vehicle, time_us in self._mappers.clock_jumps():
+            if not self._crowd.admits(vehicle):
+                continue
+            text = "its clock jumped: it rebooted, or its time was set"
+            yield Notice(self._flight_time(time_us), vehicle, text)
+        for mapper, mapped in settled:
+            if mapped.utc_us.size and self._crowd.admits(mapped.vehicle):
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
@@ -151,14 +166,6 @@ class Engine:
             for k, text in enumerate(texts.texts("text")):
                 if text and not text.startswith("mavhums airframe="):
                     yield Notice(self._flight_time(int(texts.time_us[k])), int(texts.system[k]), text)
-
-    def _notice_clock(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
-        """Say that a vehicle's clock jumped, so that nobody wonders at the gap."""
-        segments = mapper.clock_segments(mapped.vehicle)
-        if segments > self._segments.get(mapped.vehicle, 1):
-            self._segments[mapped.vehicle] = segments
-            time_s = self._flight_time(int(mapped.utc_us[-1]))
-            yield Notice(time_s, mapped.vehicle, "its clock jumped: it rebooted, or its time was set")
 
     def _judge(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
         actuator = mapped.actuator
@@ -191,14 +198,14 @@ class Engine:
         first = self._decoder.first_time_us
         return None if first is None or self._decoder.sender_clock else _utc(first)
 
-    def _of_vehicle(self, vehicle: int | None, indicators: bool) -> list[Verdict]:
-        """Return the verdicts on a vehicle: its axes first, then its actuators."""
-        actuators = [*self._verdicts(vehicle, indicators)]
+    def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
+        """Return the verdicts on a vehicle: its actuators first, then its axes."""
+        actuators = [*self._verdicts(vehicle, tier, indicators)]
         own = all(verdict.worst not in ("undecided", "unmonitored", "learning") for verdict in actuators)
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry answers for them
-        return [*axes, *actuators]
+        return [*actuators, *axes]
 
     def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
         followed = self._axes.vehicle(vehicle)
@@ -213,13 +220,16 @@ class Engine:
             findings = followed.monitor.findings(axis)
             yield judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc)
 
-    def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
-        tier = self._mappers.tier(vehicle, self._decoder.counts)
+    def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
+            identity = None if vehicle is None else self._identities.of(vehicle)
             followed = None if vehicle is None else self._axes.vehicle(vehicle)
             surfaces = followed.surfaces if followed else None
-            yield from unjudged_vehicle(vehicle, tier, packaged_airframes(), surfaces)
+            yield from unjudged_vehicle(vehicle, tier, packaged_airframes(), identity, surfaces=surfaces)
+            return
+        if not self._crowd.admits(vehicle):
+            yield crowded_out(vehicle, tier, MOST)
             return
         past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}
         for actuator in mapper.airframe.actuators:
@@ -243,6 +253,7 @@ class Engine:
                     start_utc=_utc(self._decoder.first_time_us or 0),
                     end_s=self._flight_time(self._decoder.last_time_us or 0),
                     late=mapper.late(vehicle, actuator),
+                    implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
                     model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),

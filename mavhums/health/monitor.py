@@ -121,6 +121,7 @@ class Monitor:
         self._condition: Condition = "undecided"
         self._worst: Condition = "undecided"
         self._since_s: float | None = None
+        self._changed_s = -np.inf
         self._windows = self._decidable = self._samples = self._moving = 0
         self._friction: Interval | None = None
         self._vote: tuple[float, Outcome] | None = None
@@ -276,7 +277,8 @@ class Monitor:
                 for name, c in self._shown.items()
                 if c.condition == self._condition and name in self._deciding()
             ]
-            since_s, why, rule = min(holding, default=(end_s, fault, change.rule))
+            since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
+            since_s = self._changed_s = max(since_s, self._changed_s)  # never before the last change
             self._since_s = None if self._condition == "undecided" else since_s
             yield ConditionChanged(
                 self.vehicle, self.actuator.name, end_s, since_s, before, self._condition, rule, why
@@ -322,7 +324,7 @@ class Monitor:
             return
         end_s, p = self._vote[0], self._vote[1].p_emergency
         opposed = {"normal": p > 0.5, "emergency": p <= 0.5}.get(self._condition, False)
-        text = "network: probability of an emergency by the window's moving samples; physics decides"
+        text = "network: probability of an emergency from the window's moving samples; the physics decides"
         yield Evidence(
             kind="network",
             start_s=end_s - self._window_s,

@@ -13,12 +13,12 @@ __all__ = ["drift_rule", "limit_rule"]
 def limit_rule(detector: Detector, condition: Condition, false_alarms: float) -> str:
     """Return why the limits make the condition what it is."""
     normal, emergency = (_value(detector, level) for level in detector.levels)
-    sure = f"with at most {_alarms(false_alarms)}"
+    sure = f"with {_alarms(false_alarms)}"
     return {
-        "normal": f"normal: {detector.quantity} not shown to lie above {normal}, {sure}",
-        "degraded": f"degraded: {detector.quantity} above {normal}, {sure}",
-        "emergency": f"emergency: {detector.quantity} may have reached {emergency}, {sure}",
-        "undecided": f"undecided: no window shows the {detector.quantity}",
+        "normal": f"normal: {detector.quantity} not reliably above {normal}, {sure}",
+        "degraded": f"degraded: {detector.quantity} reliably above {normal}, {sure}",
+        "emergency": f"emergency: interval of {detector.quantity} reaches {emergency}, {sure}",
+        "undecided": f"undecided: no window shows {detector.quantity}",
     }[condition]
 
 
@@ -27,7 +27,7 @@ def drift_rule(detector: Detector, baseline: Baseline, shift: Shift, false_alarm
     return (
         f"degraded: {detector.quantity} {_value(detector, shift.value, '+')} from its own baseline of "
         f"{_value(detector, baseline.mean)} over {baseline.flights} flights, "
-        f"with at most {_alarms(false_alarms)}"
+        f"with {_alarms(false_alarms)}"
     )
 
 
@@ -38,4 +38,4 @@ def _value(detector: Detector, value: float | None, sign: str = "") -> str:
 
 
 def _alarms(false_alarms: float) -> str:
-    return f"{false_alarms:g} false alarm{'' if false_alarms == 1 else 's'} per 100 h"
+    return f"≤ {false_alarms:g} false alarm{'' if false_alarms == 1 else 's'} per 100 h"

@@ -188,20 +188,20 @@ def _widening(residuals: Array) -> float:
 
 
 def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> Interval | str:
-    """Return the flights left, or why they are not told."""
+    """Return the remaining useful life in flights, or the reason why there is none."""
     if emergency is not None and line.level >= emergency:
-        return "it has reached the emergency limit"
+        return "the emergency limit is reached"
     slope_error = float(stdtrit(line.freedom, _SURE)) * sqrt(line.covariance[1, 1])
     grows = line.slope > slope_error / sqrt(line.widening)
     if grows and line.departure:
-        return f"{line.departure}, so no straight line may be drawn on"
+        return f"{line.departure}, so a straight line does not extrapolate"
     if line.slope <= slope_error:
-        return "it does not grow beyond what differs between flights"
+        return "no growth beyond the scatter between flights"
     if emergency is None:
         return "it grows, but has no emergency limit"
     left = _flights_left(line, emergency, t)
     if left.low > reach:
-        return f"it grows, but its limit is over {REACH:g} times as far ahead as these flights reach back"
+        return f"it grows, and its limit is over {REACH:g} times as far ahead as the flights reach back"
     return left
 
 

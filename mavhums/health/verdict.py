@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.monitor import WINDOW_S, Findings
+from mavhums.health.obstacles import obstacle
 from mavhums.report.assessment import (
     ALL,
     Coverage,
@@ -20,9 +21,12 @@ from mavhums.report.assessment import (
     Suspect,
     Verdict,
 )
+from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
 
-__all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
+__all__ = ["crowded_out", "judged", "unjudged_actuator", "unjudged_vehicle"]
+
+_MOSTLY = 0.1
 
 
 def judged(
@@ -33,6 +37,7 @@ def judged(
     start_utc: datetime,
     end_s: float,
     late: int,
+    implausible: Mapping[str, tuple[int, int]],
     provenance: dict[str, str],
     tier: Tier,
     model: ModelSummary | None = None,
@@ -40,17 +45,18 @@ def judged(
     """Return the verdict on an actuator whose telemetry was followed.
 
     Where its telemetry ended more than a window before the log did, at ``end_s``, its condition is
-    undecided: silence is never normal. What was found until then remains.
+    undecided: silence is never normal. What was found until then remains. ``implausible`` tells by quantity
+    how many values no such actuator can have, and of how many.
     """
     silent = findings.last_s < end_s - WINDOW_S
     condition: Condition = "undecided" if silent else findings.condition
     reason, remedy = None, None
     if findings.condition == "undecided":
-        reason, remedy = _why_undecided(actuator, findings, provenance)
+        reason, remedy = _absurd(implausible) or _why_undecided(actuator, findings, provenance)
     elif silent:
-        ended = f"its telemetry ended at {findings.last_s:.0f} s of {end_s:.0f} s"
+        ended = f"its telemetry ends at {findings.last_s:.0f} s of {end_s:.0f} s"
         reason = f"{ended}, when it was {findings.condition}"
-        remedy = "find out why it fell silent: the sensor, its wiring or the link"
+        remedy = "check why it is silent: sensor, wiring or link"
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
@@ -66,6 +72,7 @@ def judged(
             windows=findings.coverage.windows,
             decidable=findings.coverage.decidable,
             late=findings.coverage.late + late,
+            implausible={key: refused for key, (refused, _) in implausible.items()},
         ),
         tier=tier.name,
         provenance=provenance,
@@ -116,33 +123,40 @@ def unjudged_actuator(
 
 
 def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
-    name = tier.name if tier else "actuator"
-    return f"the log's {name} telemetry leaves out servo {actuator.servo}"
+    if tier is None:
+        return f"the log carries no telemetry of servo {actuator.servo}"
+    if tier.name.startswith("esc") and actuator.esc is None:
+        return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
+    return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
 
 
 def unjudged_vehicle(
-    vehicle: int | None, tier: Tier | None, airframes: list[str], surfaces: Surfaces | None
+    vehicle: int | None,
+    tier: Tier | None,
+    airframes: list[str],
+    identity: Identity | None = None,
+    *,
+    surfaces: Surfaces | None = None,
 ) -> Iterator[Verdict]:
     """Yield the verdicts on the actuators of a vehicle without a profile, or on a log without a vehicle.
 
     Where nothing reports back from the servos, each that is known to move a surface is not monitored.
     """
-    if vehicle is not None and (tier is None or not tier.judged):
-        names = [f"{moved.surface} (servo {moved.servo})" for moved in surfaces.moved] if surfaces else [ALL]
-        yield from (_unmonitored(vehicle, name, tier, {}) for name in names)
+    if vehicle is not None and surfaces is not None and (tier is None or not tier.judged):
+        for moved in surfaces.moved:
+            yield _unmonitored(vehicle, f"{moved.surface} (servo {moved.servo})", tier, {})
         return
     if vehicle is None:
-        reason, remedy = "no vehicle speaks in this log", "record the link between vehicle and ground station"
+        reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"
     else:
-        known = ", ".join(airframes)
-        reason = "no airframe profile: one actuator's limits say nothing about another's"
-        drafted = "which `mavhums profile new LOG` drafts"
-        remedy = f"name one with --airframe (a TOML file, {drafted}, or one of: {known})"
+        reason, remedy = obstacle(tier, airframes, identity)
+    silent = vehicle is not None and (tier is None or not tier.judged)
+    condition: Condition = "unmonitored" if silent else "undecided"
     yield Verdict(
         vehicle=vehicle,
         actuator=ALL,
-        condition="undecided",
-        worst="undecided",
+        condition=condition,
+        worst=condition,
         tier=tier.name if tier else None,
         reason=reason,
         remedy=remedy,
@@ -163,29 +177,54 @@ def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[st
     )
 
 
+def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
+    """Say that most values of some quantities cannot be this actuator's, if it is so."""
+    shares = {key: refused / told for key, (refused, told) in implausible.items()}
+    worst = [key for key, share in shares.items() if share > _MOSTLY]
+    if not worst:
+        return None
+    share = f"{100 * max(shares.values()):.0f} %"
+    return (
+        f"up to {share} of the values of {', '.join(worst)} are beyond what the profile's actuator can do",
+        "check the unit and scale of these fields, and the profile's constants, travel and voltage",
+    )
+
+
+def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
+    """Return the verdict on a vehicle beyond those that are judged at once."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=ALL,
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        reason=f"more than {most} vehicles speak; this one came after them",
+        remedy="record each vehicle's link on its own; on a link, accept only signed frames (--key)",
+    )
+
+
 def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
     missing = [] if "V7" in provenance else ["V7"]
     if not {"V5", "V8"} & provenance.keys():
         missing.append("V5 or V8")
     if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
         return (
-            "its ESC measures at the supply bus, where a current that drives the motor and one that brakes "
-            "it look alike",
+            "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",
             "measure at the motor's terminals, or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA",
         )
     if missing:
-        return f"{', '.join(missing)} not measured, so the torque balance is open", TO_BE_JUDGED
+        return f"{', '.join(missing)} not measured, so the torque balance cannot be formed", TO_BE_JUDGED
     coverage = findings.coverage
     if coverage.windows == 0:
         return f"less than {WINDOW_S:g} s of telemetry", "record the whole flight"
     if coverage.decidable == 0:
         share = f"{100 * coverage.moving_fraction:.0f} %"
         return (
-            f"the actuator moved in {share} of the samples, too little both ways to show its friction",
-            "analyse a flight in which the surface works, or sweep it before take-off",
+            f"the actuator moves in {share} of the samples, too little both ways to show friction",
+            "analyse a flight in which the surface moves, or sweep it before take-off",
         )
     return (
-        f"{coverage.decidable} of {coverage.windows} windows could be judged, too few in a row that agree",
+        f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",
         "analyse a longer flight",
     )
 

@@ -1,4 +1,4 @@
-"""Each actuator over its flights: how its indicators change, and the flights left until an emergency."""
+"""Each actuator over its flights: the trend of its indicators and its remaining useful life (RUL)."""
 
 from __future__ import annotations
 

@@ -74,13 +74,15 @@ class Since(Contract):
 class Coverage(Contract):
     """How much of the flight could be judged: windows of 10 s, one each second.
 
-    ``late`` counts samples that came too late to be judged.
+    ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
+    such actuator can have, which count as not measured.
     """
 
     moving_fraction: float = Field(ge=0, le=1)
     windows: int = Field(ge=0)
     decidable: int = Field(ge=0)
     late: int = Field(default=0, ge=0)
+    implausible: dict[str, int] = {}
 
 
 class Evidence(Contract):
@@ -171,12 +173,12 @@ class Verdict(Contract):
     """What the log says of one actuator, or of one axis of the aircraft.
 
     ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
-    ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that an axis has
-    left. ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded``
-    and ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare
-    the actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``.
-    ``model`` is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an
-    emergency than to normal.
+    ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that it keeps.
+    ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
+    ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``model``
+    is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an emergency
+    than to normal.
 
     Examples
     --------

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.text import printable
 from mavhums.health.axis.detector import to_inspect as axis_to_inspect
 from mavhums.health.detector import to_inspect
 from mavhums.log.losses import Losses
@@ -26,7 +27,9 @@ __all__ = [
     "finding",
     "friction",
     "headline",
+    "implausible",
     "join",
+    "link_loss",
     "losses",
     "name",
     "percent",
@@ -54,14 +57,14 @@ PALE_BLUE: Final = (60, 110, 145)
 SERIES: Final = (BLUE, (240, 228, 66), (204, 121, 167), (0, 158, 115))
 
 ADVICE: Final[dict[Condition, str]] = {
-    "normal": "nothing to do; keep the log, so that the trend over flights can be followed",
-    "degraded": "inspect {parts} before the next flight, and follow the trend over flights",
-    "emergency": "do not fly; inspect {parts}; mend or replace the actuator and check it on the ground",
-    "unchanged": "nothing to do; keep the log, for the flights after are compared with it",
-    "changed": "inspect {parts} before the next flight, and follow the trend over flights",
+    "normal": "nothing to do; keep the log for the trend over flights",
+    "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
+    "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
+    "unchanged": "nothing to do; keep the log: later flights are compared with it",
+    "changed": "inspect {parts} before the next flight, and watch the trend over flights",
     "learning": "keep the log: the baseline grows with every flight",
-    "undecided": "no finding is not a good finding: judge it by other means, or make the log tell",
-    "unmonitored": "nothing reports on it: inspect it as before, or give it telemetry",
+    "undecided": "undecided is not healthy: check it by other means, or record what is missing",
+    "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
 }
 
 
@@ -101,6 +104,20 @@ def friction(interval: Interval) -> str:
     '0.521 (0.500–0.540)'
     """
     return f"{interval.estimate:.3f} ({interval.low:.3f}–{interval.high:.3f})"
+
+
+def implausible(verdict: Verdict) -> str | None:
+    """Return how many values no such actuator can have; None if there are none.
+
+    Examples
+    --------
+    >>> implausible(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
+    """
+    counts = verdict.coverage.implausible
+    if not counts:
+        return None
+    values = ", ".join(f"{count:,} of {key}" for key, count in counts.items())
+    return f"values that no such actuator can have, counted as not measured: {values}"
 
 
 def percent(fraction: float) -> str:
@@ -219,17 +236,16 @@ def finding(item: Evidence) -> str:
     Examples
     --------
     >>> finding(Evidence(kind="friction", start_s=38, end_s=68, value=0.41, limit=0.375, rule="above normal"))
-    '38.0s to 1m08s: friction up to 0.410 N·m, above normal'
+    '38.0s to 1m08s: above normal (highest estimate 0.410 N·m)'
     """
+    when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
-        return f"{clock(item.start_s)} to {clock(item.end_s)}: {percent(item.value)} {item.rule}"
+        return f"{when}: {percent(item.value)} {item.rule}"
     if item.kind in ("effectiveness", "slow", "hard_over", "tracking"):
-        return f"{clock(item.start_s)} to {clock(item.end_s)}: {item.rule}"
+        return f"{when}: {item.rule}"
     if item.kind == "friction":
-        value = f"friction up to {item.value:.3f} N·m"
-    else:
-        value = f"{item.kind.replace('_', ' ')} {item.value:.3g}"
-    return f"{clock(item.start_s)} to {clock(item.end_s)}: {value}, {item.rule}"
+        return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
+    return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
 
 
 def explained(assessment: Assessment) -> dict[tuple[Condition, str, str], list[Verdict]]:
@@ -255,19 +271,8 @@ def _by_reason(assessment: Assessment, condition: Condition) -> dict[tuple[str, 
     return groups
 
 
-def printable(text: str) -> str:
-    r"""Return a text from outside without what a terminal or a viewer would obey.
-
-    Examples
-    --------
-    >>> printable("S1\x1b[31m")
-    'S1�[31m'
-    """
-    return "".join(letter if letter.isprintable() else "�" for letter in text)
-
-
 def losses(lost: Losses) -> str:
-    """Return what the log lost, in one line."""
+    """Return the losses of the log, in one line."""
     counts = (
         (lost.bytes_skipped, "byte skipped", "bytes skipped"),
         (lost.damaged_regions, "damaged region", "damaged regions"),
@@ -281,4 +286,23 @@ def losses(lost: Losses) -> str:
         (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
-    return join(parts) if parts else "nothing"
+    missing = link_loss(lost)
+    if missing is None:
+        return join(parts) if parts else "none"
+    return f"{join(parts) if parts else 'file intact'}; {missing}"
+
+
+def link_loss(lost: Losses) -> str | None:
+    """Return what never reached the log, by the senders' sequence numbers; None if nothing is missing.
+
+    Examples
+    --------
+    >>> sender = dict(gaps=3, reordered=0, duplicated=0)
+    >>> link_loss(Losses(sequence=[dict(system=1, component=1, frames=952, missing=48, **sender)]))
+    'the radio link lost 4.8 %'
+    """
+    missing = sum(sender.missing for sender in lost.sequence)
+    if not missing:
+        return None
+    sent = missing + sum(sender.frames for sender in lost.sequence)
+    return f"the radio link lost {max(100 * missing / sent, 0.1):.1f} %"

@@ -17,6 +17,7 @@ from mavhums.show._words import (
     finding,
     friction,
     headline,
+    implausible,
     join,
     losses,
     name,
@@ -55,6 +56,8 @@ def markdown(assessment: Assessment) -> str:
     told = [verdict for verdict in ranked if verdict.worst in ("degraded", "emergency")]
     sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
     sections += _explained(assessment)
+    sections += _doubtful(assessment)
+    sections += _undecided(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
     return "\n\n".join(sections) + "\n"
@@ -72,7 +75,7 @@ def so_far(actuators: Iterable[tuple[str, str, Interval | None, float | None, fl
     for title, condition, torque, vote, since_s in actuators:
         word = condition if condition == "normal" else f"**{condition}**"
         lines.append(_row(title, word, torque, vote, since_s))
-    lines.append("\nWhat to do about it, and why, is in the report at the end of the flight.")
+    lines.append("\nThe report at the end of the flight gives reasons and advice.")
     return "\n".join(lines) + "\n"
 
 
@@ -111,7 +114,7 @@ def _section(verdict: Verdict, title: str) -> str:
     )
     if verdict.condition != verdict.worst:
         again = f"since {since}" if since else "at the end"
-        lines.append(f"It has been {verdict.condition} {again}; that does not undo what was found before.")
+        lines.append(f"It is {verdict.condition} {again}; the earlier finding stands.")
     elif since:
         lines.append(f"**Since:** {since}.")
     if verdict.evidence:
@@ -131,10 +134,9 @@ def _section(verdict: Verdict, title: str) -> str:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if verdict.p_emergency is not None:
         sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
-    sure.append(
-        f"{coverage.decidable} of {coverage.windows} windows could be judged, "
-        f"the actuator moved {percent(coverage.moving_fraction)} of the time"
-    )
+    moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
+    judged = f"{coverage.decidable} of {coverage.windows} windows are decidable"
+    sure.append(judged + moved if "V7" in verdict.provenance else judged)
     lines.append(f"**How sure:** {'; '.join(sure)}.")
     return "\n\n".join(lines)
 
@@ -178,6 +180,17 @@ def _explained(assessment: Assessment) -> Iterator[str]:
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
         why, what = _literal(reason), _literal(remedy)
         yield f"## {names}: {condition}\n\n**Why:** {why}.\n\n**What to do:** {what}."
+
+
+def _doubtful(assessment: Assessment) -> Iterator[str]:
+    for verdict in assessment.ranked():
+        odd = implausible(verdict)
+        if odd:
+            title = _literal(name(verdict, assessment))
+            yield f"## {title}: values in doubt\n\n{_literal(odd[:1].upper() + odd[1:])}."
+
+
+def _undecided(assessment: Assessment) -> Iterator[str]:
     for (reason, remedy), verdicts in undecided(assessment).items():
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
         yield f"## {names}: undecided\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
@@ -223,7 +236,7 @@ def _log(assessment: Assessment) -> str:
     facts = [
         f"File: {_literal(log.path) if log.path else 'a live link'}",
         f"Start: {log.start_utc or 'not known'}; duration: {clock(log.duration_s)}",
-        f"Lost: {losses(log.losses)}",
+        f"Losses: {losses(log.losses)}",
         f"Airframe: {_literal(assessment.airframe or 'none named')}; "
         f"network: {_literal(assessment.model.name) if assessment.model else 'none'}",
     ]

@@ -21,6 +21,7 @@ from mavhums.show._words import (
     finding,
     friction,
     headline,
+    implausible,
     join,
     losses,
     name,
@@ -47,49 +48,62 @@ def render(assessment: Assessment, console: Console) -> None:
     """
     console.print(Text(printable(headline(assessment)), style="bold"))
     if any(verdict.gravest != "unmonitored" for verdict in assessment.verdicts):
-        console.print(_table(assessment))
+        console.print(_table(assessment, console.width))
     for title, lines in _paragraphs(assessment):
         console.print(Text(title, style="bold"))
         for line in lines:
             console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
-    console.print(Text(printable(f"Lost of the log: {losses(assessment.log.losses)}."), style="dim"))
+    console.print(Text(printable(f"Log losses: {losses(assessment.log.losses)}."), style="dim"))
     console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
 
 
-def _table(assessment: Assessment) -> Table:
-    shown = [verdict for verdict in assessment.ranked() if verdict.gravest != "unmonitored"]
-    axes = any(verdict.subject == "axis" for verdict in shown)
-    actuators = any(verdict.subject == "actuator" for verdict in shown)
+_COLUMNS = ("subject", "condition", "control left", "friction, N·m", "network", "since", "moving", "judged")
+_KEPT = (0, 1, 2, 3, 5, 6, 4, 7)  # the first two always, the others as far as the terminal is wide
+_OF_ACTUATORS: tuple[int, ...] = (3, 4, 6)
+_OF_AXES: tuple[int, ...] = (2,)
+
+
+def _table(assessment: Assessment, width: int) -> Table:
+    listed = [verdict for verdict in assessment.ranked() if verdict.gravest != "unmonitored"]
+    subjects = {verdict.subject for verdict in listed}
+    titles = ("axis" if subjects == {"axis"} else "actuator", *_COLUMNS[1:])
+    rows = [_row(verdict, assessment) for verdict in listed]
+    widths = [max(len(title), *(len(row[column]) for row in rows)) + 1 for column, title in enumerate(titles)]
+    absent = {"actuator": _OF_AXES, "axis": _OF_ACTUATORS}[next(iter(subjects))] if len(subjects) == 1 else ()
+    shown, taken = set(_KEPT[:2]), widths[0] + widths[1]
+    for column in _KEPT[2:]:
+        if column in absent:
+            continue
+        taken += widths[column]
+        if taken <= width:
+            shown.add(column)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("actuator" if actuators else "axis", overflow="fold")
-    table.add_column("condition")
-    if axes:
-        table.add_column("control left", no_wrap=True)
-    if actuators:
-        table.add_column("friction, N·m", no_wrap=True)
-        table.add_column("network", justify="right")
-    table.add_column("since", justify="right", no_wrap=True)
-    if actuators:
-        table.add_column("moving", justify="right")
-    table.add_column("judged", justify="right", no_wrap=True)
-    for verdict in shown:
-        table.add_row(*_row(verdict, assessment, axes=axes, actuators=actuators))
+    for column in sorted(shown):
+        least = min(widths[0] - 1, width * 2 // 3) if column == 0 else None
+        table.add_column(
+            titles[column],
+            overflow="fold",
+            justify="left" if column < 4 else "right",
+            no_wrap=column in (2, 3, 5, 7),
+            min_width=least,
+        )
+    for row in rows:
+        table.add_row(*(row[column] for column in sorted(shown)))
     return table
 
 
-def _row(verdict: Verdict, assessment: Assessment, *, axes: bool, actuators: bool) -> list[Text | str]:
+def _row(verdict: Verdict, assessment: Assessment) -> list[Text]:
     coverage = verdict.coverage
-    cells: list[Text | str] = [Text(printable(name(verdict, assessment))), _condition(verdict)]
-    if axes:
-        cells.append(effectiveness(verdict.effectiveness) if verdict.effectiveness else "—")
-    if actuators:
-        cells.append(friction(verdict.friction_nm) if verdict.friction_nm else "—")
-        cells.append(percent(verdict.p_emergency) if verdict.p_emergency is not None else "—")
-    cells.append(clock(verdict.since.flight_time_s) if verdict.since else "—")
-    if actuators:
-        cells.append(percent(coverage.moving_fraction))
-    cells.append(f"{coverage.decidable}/{coverage.windows}")
-    return cells
+    return [
+        Text(printable(name(verdict, assessment))),
+        _condition(verdict),
+        Text(effectiveness(verdict.effectiveness) if verdict.effectiveness else "—"),
+        Text(friction(verdict.friction_nm) if verdict.friction_nm else "—"),
+        Text(percent(verdict.p_emergency) if verdict.p_emergency is not None else "—"),
+        Text(clock(verdict.since.flight_time_s) if verdict.since else "—"),
+        Text(percent(coverage.moving_fraction) if "V7" in verdict.provenance else "—"),
+        Text(f"{coverage.decidable}/{coverage.windows}"),
+    ]
 
 
 def _condition(verdict: Verdict) -> Text:
@@ -114,6 +128,10 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     for (condition, reason, remedy), verdicts in explained(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: {condition}"), [f"why: {reason}", f"what to do: {remedy}"])
+    for verdict in assessment.ranked():
+        odd = implausible(verdict)
+        if odd:
+            yield (printable(f"{name(verdict, assessment)}: values in doubt"), [odd])
     for (reason, remedy), verdicts in undecided(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])

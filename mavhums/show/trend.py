@@ -34,11 +34,11 @@ def render_trends(report: TrendReport, console: Console) -> None:
 
 
 def headline(report: TrendReport) -> str:
-    """Return the answer in one line: what has the fewest flights left, or that none can be told."""
+    """Return the answer in one line: the shortest remaining useful life, or that there is none to report."""
     if not report.flights:
         return "No flights in this folder: put them there with mavhums analyse LOG --history DIR --keep"
     if not report.trends:
-        return "No flight in this folder shows the size of a fault"
+        return "No flight in this folder carries an indicator of a fault"
     gravest = report.trends[0].condition
     if gravest in ("emergency", "degraded", "changed"):
         names = dict.fromkeys(_name(one, report) for one in report.trends if one.condition == gravest)
@@ -46,8 +46,9 @@ def headline(report: TrendReport) -> str:
     told = [one for one in report.trends if one.flights_left]
     if told:
         first = min(told, key=lambda one: one.flights_left.low if one.flights_left else 0.0)
-        return f"{_name(first, report)}: {_left(first.flights_left)} flights left until the emergency limit"
-    return "No actuator is seen to wear towards an emergency limit"
+        life = f"remaining useful life {_left(first.flights_left)} flights"
+        return f"{_name(first, report)}: {life}, to the emergency limit"
+    return "No actuator shows wear towards an emergency limit"
 
 
 def sparkline(values: Sequence[float], cells: int = _CELLS) -> str:
@@ -71,7 +72,7 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
     table.add_column("actuator", overflow="fold", min_width=13)
     table.add_column("last\nflight", no_wrap=True)
     table.add_column("over the\nflights", no_wrap=True)
-    for heading in ("since\nbaseline", "per\nflight", "flights\nleft"):
+    for heading in ("since\nbaseline", "per\nflight", "RUL,\nflights"):
         table.add_column(heading, justify="right", no_wrap=True)
     for one in trends:
         red, green, blue = COLOURS[one.condition]
@@ -88,7 +89,7 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
 
 
 def _signed(change: Interval | None) -> str:
-    """Write a change and half its 95 % interval, which is all that is told of one that may be none."""
+    """Write a change and half its 95 % interval; of a change that may be zero the interval alone."""
     if change is None:
         return "—"
     half = (change.high - change.low) / 2
@@ -98,26 +99,26 @@ def _signed(change: Interval | None) -> str:
 
 
 def _left(left: Interval | None) -> str:
-    """Write the flights left; a part of a flight is none."""
+    """Write a remaining useful life in whole flights."""
     if left is None:
         return "—"
     return f"{left.estimate:,.0f} ({np.floor(left.low):,.0f}–{np.ceil(left.high):,.0f})"
 
 
 def _reasons(report: TrendReport) -> list[str]:
-    """Say why there are no flights left told, which flights were left out, and what was not shown."""
+    """Say why there is no remaining useful life, which flights are left out, and what is not shown."""
     groups: dict[str, list[str]] = {}
     for one in report.trends:
         grows = one.per_flight is not None and one.per_flight.low > 0
         if one.reason and (grows or one.emergency is not None):
             groups.setdefault(one.reason, []).append(_title(one, report))
-    lines = [f"{join(names)}: no flights left are told: {reason}." for reason, names in groups.items()]
+    lines = [f"{join(names)}: no remaining useful life (RUL): {reason}." for reason, names in groups.items()]
     for one in report.trends:
         if one.left_out:
             flown = join(start[:16].replace("T", " ") for start in one.left_out)
-            lines.append(f"{_title(one, report)}: left out of the line, too far off it: {flown} UTC.")
+            lines.append(f"{_title(one, report)}: outlier, left out of the trend line: {flown} UTC.")
     if report.unshown:
-        lines.append(f"{join(report.unshown)}: no flight shows any fault's size; `mavhums analyse` says why.")
+        lines.append(f"{join(report.unshown)}: no flight carries an indicator; `mavhums analyse` says why.")
     return lines
 
 

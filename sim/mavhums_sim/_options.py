@@ -139,7 +139,11 @@ _OPTIONS = (
         "--hold", is_flag=True, help="Replay: keep each command until the next instead of joining them."
     ),
     click.option(
-        "--model", type=click.Choice(["single-mass", "two-mass"]), default="single-mass", show_default=True
+        "--model",
+        type=click.Choice(["single-mass", "two-mass"]),
+        default="single-mass",
+        show_default=True,
+        help="Rotor and surface as one mass, or as two with the gear's play and stiffness between them.",
     ),
     click.option(
         "--aircraft", type=click.IntRange(0), metavar="N", help="Fly the individual actuators of aircraft N."
@@ -153,7 +157,13 @@ _OPTIONS = (
         show_default=True,
         help="How the actuators are reported. Repeatable.",
     ),
-    click.option("--esc-side", type=click.Choice(["motor", "bus"]), default="motor", show_default=True),
+    click.option(
+        "--esc-side",
+        type=click.Choice(["motor", "bus"]),
+        default="motor",
+        show_default=True,
+        help="Where the ESC measures voltage and current.",
+    ),
     click.option(
         "--mavlink", type=click.Choice(["1", "2"]), default="2", show_default=True, help="Protocol version."
     ),

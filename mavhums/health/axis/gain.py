@@ -44,6 +44,7 @@ _EXTRA_S: Final = (0.3, 0.6, 1.0, 1.5)
 _SLOW_S: Final = 20
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
+_AS_DRIVEN: Final = 0.5
 _FORGET: Final = exp(-1.0 / 60.0)  # a second: what is a little weak for minutes is the reference's error
 
 Array = NDArray[np.float64]
@@ -85,6 +86,8 @@ class Reference:
         Relative standard error of the gain.
     deviation
         Standard deviation of what the regression leaves of the answer.
+    power
+        Mean sum of squares of the drive over a second, without its slow part.
     """
 
     speed: float
@@ -95,6 +98,7 @@ class Reference:
     error: float
     explained: float
     deviation: float
+    power: float
     start_s: int
     end_s: int
 
@@ -210,9 +214,12 @@ class Gain:
         variance = float(((cross - gain * drive2) ** 2).sum()) / total
         least = self._standards.scatter * gain**2
         error = float(np.sqrt(variance / total)) / abs(gain) if gain else np.inf
+        power = float(drive2.mean())
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
         variance, deviation = max(variance, least), float(np.sqrt(left))
-        return Reference(speed, shape, gain, beta[1:], variance, error, explained, deviation, first, last)
+        return Reference(
+            speed, shape, gain, beta[1:], variance, error, explained, deviation, power, first, last
+        )
 
     def _begin(self, rows: Rows) -> None:
         reference = self.reference
@@ -222,7 +229,7 @@ class Gain:
         self._scores = [_Scores(reference.others) for _ in extras]
         self._level, self._full = 0.0, 0
         self._since = reference.end_s
-        self._window: deque[tuple[float, float]] = deque(maxlen=_WINDOW_S)
+        self._window: deque[tuple[float, float, float]] = deque(maxlen=_WINDOW_S)
         self._recent: deque[Array] = deque(maxlen=_SLOW_S)
         self._left: deque[tuple[float, int]] = deque(maxlen=_SHIFT_S)
         self._sums(rows)
@@ -250,10 +257,11 @@ class Gain:
         if count >= _LEAST_ROWS:
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
-            kept = _FORGET * self._level
-            self._level = min(_MOST, max(0.0, kept + _ratio(score, drive2, reference, self._standards.loss)))
-            self._window.append((drive2, cross))
-            self._recent.append(sums)
+            self._window.append((drive2, cross, float(sums[0, 2])))
+            ratio = _ratio(score, drive2, reference, self._standards.loss)
+            if ratio < 0.0 or self._excited(reference):
+                self._level = min(_MOST, max(0.0, _FORGET * self._level + ratio))
+                self._recent.append(sums)
         value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
         if value is not None and error <= JUDGED_ERROR:
             self._full = self._full + 1 if value >= FULL else 0
@@ -287,7 +295,7 @@ class Gain:
         """Return the effectiveness of the last ten judged seconds and its standard error."""
         if len(self._window) < _WINDOW_S:
             return None, np.inf
-        drive2, cross = np.array(self._window).T
+        drive2, cross, _ = np.array(self._window).T
         total = float(drive2.sum())
         if total <= 0.0:
             return None, np.inf
@@ -297,6 +305,15 @@ class Gain:
         k = gain / reference.gain
         error = np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + _WINDOWS**2)
         return k, float(error)
+
+    def _excited(self, reference: Reference) -> bool:
+        """Return whether the last seconds were driven as the reference was, or nearly.
+
+        Gusts move the aircraft and, through the autopilot, the surfaces against it: where little else drives
+        them, the gain looks lower than it is.
+        """
+        drive2 = sum(one[0] for one in self._window) / len(self._window)
+        return drive2 >= _AS_DRIVEN * reference.power
 
     def _slower(self, reference: Reference) -> float | None:
         """Return the further lag that explains what happens since the loss began much better than a loss."""

@@ -30,7 +30,7 @@ def encode(tables: list[Table], seed: int, link: Link | None = None) -> bytes:
     Examples
     --------
     >>> encode([Table("HEARTBEAT", np.array([1.0]), {"type": 1})], 0)[8:11].hex()
-    'fd0900'
+    'fd0500'
     """
     link = link or Link()
     tables = [table for table in tables if table.times.size]

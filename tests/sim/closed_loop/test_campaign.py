@@ -32,9 +32,8 @@ def test_campaigns_cover_what_they_say(flights: ModuleType) -> None:
     assert {planned.rate for planned in jams} == set(flights.RATES)
     assert {planned.flight.air.turbulence for planned in jams} == set(flights.TURBULENCE)
     assert {planned.flight.mission for planned in jams} == {"waypoints", "loiter", "heading", "manual"}
-    assert {fault.value for planned in flights.losses() for fault in planned.flight.faults} == pytest.approx(
-        {0.0, 0.2, 0.4, 0.6, 0.8}
-    )
+    left = {round(fault.value, 3) for planned in flights.losses() for fault in planned.flight.faults}
+    assert left == {0.0, 0.2, 0.4, 0.6, 0.8}
     assert {c.kind for p in flights.confounders() for c in p.flight.confounders} == {
         "engine",
         "airspeed",

@@ -1,6 +1,6 @@
 """Roll: what the aircraft makes of the demand to the ailerons or elevons, against the reference.
 
-The limit is 1.3 times the highest level of the healthy development flights.
+The limit is 1.5 times the highest level of the healthy development flights.
 """
 
 from __future__ import annotations
@@ -16,5 +16,5 @@ class Detector(EffectivenessDetector):
     """A loss of effectiveness about the roll axis."""
 
     axis: ClassVar[str] = "roll"
-    limit: ClassVar[float] = 10.5
+    limit: ClassVar[float] = 9.0
     axes: ClassVar[tuple[str, ...]] = ("roll",)
