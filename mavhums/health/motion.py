@@ -60,16 +60,8 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     span[1:-1] = time_s[2:] - time_s[:-2]
     acceleration[1:-1] = (speed[2:] - speed[:-2]) / span[1:-1]
     around[1:-1] = (speed[2:] + speed[:-2]) / 2
-    way = np.sign(rev_min)
-    fast = np.abs(rev_min) > actuator.moving_speed_rev_min
-    gap = np.diff(time_s) > _PERIODS / actuator.min_rate_hz
-    turns = np.flatnonzero((way[1:] != way[:-1]) | gap)
-    run = np.searchsorted(turns, np.arange(time_s.size))
-    begin = time_s[np.concatenate([[0], turns + 1])[run]]
-    end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
-    lasting = (time_s - begin >= _LASTING_S) & (end - time_s >= _LASTING_S)
-    fast[1:-1] &= fast[2:] & fast[:-2]
-    moving = fast & lasting & (span < _PERIODS / actuator.min_rate_hz)
+    longest_s = _PERIODS / actuator.min_rate_hz
+    moving = lasting(time_s, rev_min, actuator.moving_speed_rev_min, longest_s) & (span < longest_s)
     own = slots.judged
     values = slots.values[own]
     return Motion(
