@@ -27,7 +27,7 @@ from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjud
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
-from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
+from mavhums.report.assessment import ALL, Assessment, LogSummary, ModelSummary, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
@@ -201,7 +201,7 @@ class Engine:
     def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
         actuators = [*self._verdicts(vehicle, tier, indicators)]
-        own = all(verdict.worst not in ("undecided", "unmonitored", "learning") for verdict in actuators)
+        own = any(v.condition != "unmonitored" and v.actuator != ALL for v in actuators)
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry answers for them

@@ -97,7 +97,11 @@ def unjudged_actuator(
     be held against its own earlier flights either.
     """
     if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
-        return _unmonitored(vehicle, actuator.name, tier, provenance)
+        unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
+        if actuator.travel_deg is not None or "V1" in actuator.fields:
+            return unmonitored
+        reason = f"{unmonitored.reason}; without travel_deg in the profile its command is no angle"
+        return unmonitored.model_copy(update={"reason": reason})
     reasons, remedies = [], []
     if own_gap:
         reasons.append(own_gap)

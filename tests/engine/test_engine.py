@@ -184,7 +184,7 @@ def test_a_standing_actuator_is_undecided() -> None:
             frozen.append(data)
     verdict = of(judge_records(frozen), "rudder")
     assert verdict.condition == "undecided"
-    assert "moved in 0 % of the samples" in str(verdict.reason)
+    assert "in 0 % of the samples" in str(verdict.reason)
     assert verdict.coverage.windows > 0
     assert verdict.coverage.decidable == 0
 
@@ -337,7 +337,7 @@ def test_silence_is_never_normal(growing_record: FlightRecord) -> None:
     assessment = judge_records(kept)
     rudder = of(assessment, "rudder")
     assert (rudder.condition, rudder.worst, rudder.gravest) == ("undecided", "normal", "undecided")
-    assert "ended at 20 s of 40 s, when it was normal" in str(rudder.reason)
+    assert "at 20 s of 40 s, when it was normal" in str(rudder.reason)
     assert rudder.remedy
     assert rudder.since is None
     elevator = of(assessment, "elevator")
@@ -411,7 +411,7 @@ def test_a_tier_that_cannot_tell_says_so(every_tier: FlightRecord, tiers: tuple[
     """Magnitudes without the command have no sign."""
     assessment = judge_records(data for _, data in packed(carrying(every_tier, *tiers)))
     for verdict in assessment.verdicts:
-        assert verdict.condition == "undecided"
+        assert verdict.condition in ("undecided", "unmonitored")
         assert verdict.reason
         assert verdict.remedy
 
@@ -522,7 +522,7 @@ def test_a_jam_is_found_although_the_servos_constants_are_unknown(tmp_path: Path
     assert aileron.since is not None
     assert aileron.since.flight_time_s == pytest.approx(20.0, abs=4.0)
     assert assessment.exit_code == ExitCode.EMERGENCY
-    assert {v.worst for v in assessment.verdicts if v.actuator != "aileron_1"} == {"undecided"}
+    assert {v.worst for v in assessment.verdicts if v.actuator != "aileron_1"} == {"unmonitored"}
 
 
 def test_the_supplys_sag_is_seen_by_an_esc_at_the_bus() -> None:

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter
 
+from mavhums.core.kernels import kernel
 from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = ["Following", "HighPass", "Lag", "Tail", "held"]
@@ -25,32 +25,56 @@ def held(values: Array, before: float) -> Array:
     return np.where(last < 0, before, values[np.maximum(last, 0)])
 
 
+@kernel
+def _smoothed(values: Array, share: float, before: float) -> Array:
+    """Return ``y[k] = y[k-1] + share · (values[k] - y[k-1])``, whose ``y[-1]`` is ``before``."""
+    out = np.empty_like(values)
+    for k in range(values.size):
+        before += share * (values[k] - before)
+        out[k] = before
+    return out
+
+
+@kernel
+def _followed(values: Array, coefficients: Array, state: Array) -> Array:
+    """Return the second-order recursion b1, b2, a1, a2 over values; the state is carried on."""
+    b1, b2, a1, a2 = coefficients
+    out = np.empty_like(values)
+    for k in range(values.size):
+        y = state[0]
+        out[k] = y
+        state[0] = state[1] + b1 * values[k] - a1 * y
+        state[1] = b2 * values[k] - a2 * y
+    return out
+
+
 class Lag:
     """A first-order lag of the time constant ``tau_s``; at zero it passes its input on."""
 
     def __init__(self, tau_s: float) -> None:
         self._share = 1.0 - exp(-_STEP_S / tau_s) if tau_s > 0 else 1.0
         self._last: float | None = None
-        self._state = np.zeros(1)
+        self._value = 0.0
 
     def feed(self, values: Array) -> Array:
         """Return the lagged values, shape (n,); where there are none the last one holds."""
         if self._last is None:
             finite = values[np.isfinite(values)]
-            self._last = float(finite[0]) if finite.size else 0.0
-            self._state = np.array([(1.0 - self._share) * self._last])
+            self._last = self._value = float(finite[0]) if finite.size else 0.0
         filled = held(values, self._last)
         self._last = float(filled[-1])
-        out, self._state = lfilter([self._share], [1.0, self._share - 1.0], filled, zi=self._state)
-        return np.asarray(out)
+        out = _smoothed(filled, self._share, self._value)
+        self._value = float(out[-1])
+        return out
 
 
 class Following:
     """How a controlled attitude follows its demand: second order, ``omega`` rad/s, critically damped."""
 
     def __init__(self, omega: float) -> None:
-        b, a, _ = cont2discrete((np.array([omega**2]), np.array([1.0, 2.0 * omega, omega**2])), _STEP_S)
-        self._b, self._a = b.ravel(), a
+        step = omega * _STEP_S
+        e = exp(-step)
+        self._coefficients = np.array([1 - e * (1 + step), e**2 + e * (step - 1), -2 * e, e**2])
         self._last: float | None = None
         self._state = np.zeros(2)
 
@@ -59,17 +83,11 @@ class Following:
         if self._last is None:
             finite = values[np.isfinite(values)]
             self._last = float(finite[0]) if finite.size else 0.0
-            self._state = _steady(self._b, self._a) * self._last
+            _, b2, _, a2 = self._coefficients
+            self._state = np.array([1.0, b2 - a2]) * self._last
         filled = held(values, self._last)
         self._last = float(filled[-1])
-        out, self._state = lfilter(self._b, self._a, filled, zi=self._state)
-        return np.asarray(out)
-
-
-def _steady(b: Array, a: Array) -> Array:
-    from scipy.signal import lfilter_zi
-
-    return np.asarray(lfilter_zi(b, a))
+        return _followed(filled, self._coefficients, self._state)
 
 
 class HighPass:
@@ -77,11 +95,12 @@ class HighPass:
 
     def __init__(self, memory_s: float) -> None:
         self._share = 1.0 - exp(-_STEP_S / memory_s)
-        self._state = np.zeros(1)
+        self._slow = 0.0
 
     def feed(self, values: Array) -> Array:
         """Return values (n,) without their slow part."""
-        slow, self._state = lfilter([self._share], [1.0, self._share - 1.0], values, zi=self._state)
+        slow = _smoothed(np.ascontiguousarray(values), self._share, self._slow)
+        self._slow = float(slow[-1])
         return np.asarray(values - slow)
 
 
