@@ -21,6 +21,8 @@ from mavhums.engine.options import EngineOptions
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
+from mavhums.health.own.registry import comparable
+from mavhums.health.own.verdict import held_against
 from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
@@ -32,6 +34,8 @@ from mavhums.report.assessment import (
     ModelSummary,
     Verdict,
 )
+from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
+from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
@@ -63,6 +67,7 @@ class Engine:
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._crowd = Crowd(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | RECORDED_MESSAGES
+        wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         wanted |= AXIS_MESSAGES
         self._axes = Axes(airframe)
@@ -72,6 +77,9 @@ class Engine:
         self._mappers = VehicleMappers(airframe)
         self._models = tuple(options.models)
         self._baselines = options.baselines
+        self._past = options.past
+        self._airspeeds = Airspeeds()
+        self._temperatures = EscTemperatures()
         self._false_alarms = options.false_alarms
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
@@ -116,7 +124,7 @@ class Engine:
             log=LogSummary(
                 path=path,
                 sha256=sha256,
-                start_utc=None if first is None or decoder.undated else _utc(first).isoformat(),
+                start_utc=begun.isoformat() if (begun := self._begun()) else None,
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=decoder.losses,
@@ -147,6 +155,8 @@ class Engine:
         self._identities.feed(tables)
         self._recorded.feed(tables)
         yield from self._listen(tables)
+        self._airspeeds.feed(tables)
+        self._temperatures.feed(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         start_us = self._decoder.first_time_us or 0
@@ -188,7 +198,8 @@ class Engine:
                 baselines=self._baselines_of(key, mapper.airframe.name),
                 false_alarms=self._false_alarms,
             )
-        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
+        airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
+        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v, airspeed)
 
     def _serving(self, airframe: Airframe) -> list[Model]:
         return [model for model in self._models if model.card.airframe == airframe.name]
@@ -197,10 +208,13 @@ class Engine:
         """Return what an actuator's own flights say, by fault."""
         baselines = self._baselines
         if callable(baselines):
-            first = self._decoder.first_time_us
-            undated = first is None or self._decoder.undated
-            baselines = baselines(airframe, None if undated else _utc(first or 0))
+            baselines = baselines(airframe, self._begun())
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
+
+    def _begun(self) -> datetime | None:
+        """Return when the flight began; None if no clock tells."""
+        first = self._decoder.first_time_us
+        return None if first is None or self._decoder.undated else _utc(first)
 
     def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
@@ -235,18 +249,22 @@ class Engine:
         if not self._crowd.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST)
             return
+        past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))
             own = mapper.tier(vehicle, actuator)
             provenance = mapper.provenance(vehicle, actuator)
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
-            elif actuator.blanks and monitor.worst == "undecided":
-                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance)
+                continue
+            findings = monitor.findings(
+                indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
+            )
+            if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
+                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
             else:
-                findings = monitor.findings(indicators=indicators)
                 voted = findings.network
-                yield judged(
+                verdict = judged(
                     vehicle,
                     actuator,
                     findings,
@@ -258,6 +276,8 @@ class Engine:
                     tier=tier_named(own),
                     model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),
                 )
+                flown = past.get((vehicle, actuator.name), ())
+                yield held_against(verdict, flown, self._false_alarms)
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6

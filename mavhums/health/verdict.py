@@ -78,17 +78,23 @@ def judged(
         provenance=provenance,
         evidence=tuple(_rounded_evidence(evidence) for evidence in findings.evidence),
         indicators=tuple(_rounded_indicator(indicator) for indicator in findings.indicators),
+        own=() if silent else findings.own,
         reason=reason,
         remedy=remedy,
     )
 
 
 def unjudged_actuator(
-    vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
+    vehicle: int,
+    actuator: Actuator,
+    tier: Tier | None,
+    provenance: dict[str, str],
+    own_gap: str | None = None,
 ) -> Verdict:
     """Return the verdict on an actuator of which the log carries, or its profile says, too little.
 
-    One that reports nothing back is not monitored, whatever its profile says.
+    One that reports nothing back is not monitored, whatever its profile says. ``own_gap`` is why it cannot
+    be held against its own earlier flights either.
     """
     if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
         unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
@@ -97,6 +103,9 @@ def unjudged_actuator(
         reason = f"{unmonitored.reason}; without travel_deg in the profile its command is no angle"
         return unmonitored.model_copy(update={"reason": reason})
     reasons, remedies = [], []
+    if own_gap:
+        reasons.append(own_gap)
+        remedies.append("record its telemetry faster, or a flight in which the surface works")
     if actuator.blanks:
         no_command = actuator.travel_deg is None and "V1" not in actuator.fields
         travel = ("travel_deg",) if no_command else ()

@@ -35,6 +35,7 @@ __all__ = [
     "Interval",
     "LogSummary",
     "ModelSummary",
+    "OwnRecord",
     "Since",
     "Suspect",
     "Verdict",
@@ -119,6 +120,10 @@ class Indicator(Contract):
         Value from which it is an emergency; None where the fault alone is none. A fault grows upwards.
     baseline
         What the actuator's own history says it is, as a 95 % prediction interval of one flight.
+    baseline_flights, needed_flights
+        How many flights that baseline rests on, and how many it takes; None where limits alone decide.
+    least_rise
+        Share of the baseline by which the quantity must rise to be found with 95 % probability.
     """
 
     fault: str
@@ -130,6 +135,35 @@ class Indicator(Contract):
     limit: float | None = None
     emergency: float | None = None
     baseline: Interval | None = None
+    baseline_flights: int | None = Field(default=None, ge=0)
+    needed_flights: int | None = Field(default=None, ge=1)
+    least_rise: float | None = Field(default=None, ge=0)
+
+
+class OwnRecord(Contract):
+    """What a flight leaves of one own-scale equation, for the comparison with the actuator's other flights.
+
+    Attributes
+    ----------
+    equation
+        That the sums belong to.
+    setup
+        How it was measured, in words; flights that were measured in another way are not compared.
+    rate_hz, duration_s
+        Of the samples, and the time that they cover.
+    temperature_c
+        Median over the flight; None where the log carries none.
+    groups
+        Sums over parts of the flight: the number of samples, and the upper triangle of the sums of products
+        of the equation's columns, the left side last.
+    """
+
+    equation: str
+    setup: str
+    rate_hz: float = Field(gt=0)
+    duration_s: float = Field(gt=0)
+    temperature_c: float | None = None
+    groups: tuple[tuple[float, ...], ...]
 
 
 class ModelSummary(Contract):
@@ -144,9 +178,11 @@ class Verdict(Contract):
 
     ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
     ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that it keeps.
-    ``condition`` is the last decidable state, ``worst`` the worst one reached.
-    ``undecided`` always carries ``reason`` and ``remedy``. ``model`` is the network that
-    ``p_emergency`` is of, the probability that its friction lies nearer to an emergency than to normal.
+    ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
+    ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``model``
+    is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an emergency
+    than to normal.
 
     Examples
     --------
@@ -171,6 +207,7 @@ class Verdict(Contract):
     provenance: dict[str, str] = {}
     evidence: tuple[Evidence, ...] = ()
     indicators: tuple[Indicator, ...] = ()
+    own: tuple[OwnRecord, ...] = ()
     reason: str | None = None
     remedy: str | None = None
 
@@ -304,9 +341,18 @@ class Assessment(Contract):
         if self.verdicts and not counted:
             return ExitCode.UNDECIDED
         gravest = counted[0].gravest if counted else "normal"
-        if gravest == "normal":
+        if gravest in ("normal", "unchanged"):
             return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
-        return ExitCode[gravest.upper()]
+        return _EXIT_CODES[gravest]
+
+
+_EXIT_CODES: dict[Condition, ExitCode] = {
+    "learning": ExitCode.UNDECIDED,
+    "undecided": ExitCode.UNDECIDED,
+    "changed": ExitCode.DEGRADED,
+    "degraded": ExitCode.DEGRADED,
+    "emergency": ExitCode.EMERGENCY,
+}
 
 
 def _line(verdict: Verdict) -> str:
@@ -320,7 +366,7 @@ def _line(verdict: Verdict) -> str:
     if verdict.since:
         text += f", since {verdict.since.flight_time_s:.1f} s"
     if verdict.reason:
-        text += f": {verdict.reason}; {verdict.remedy}"
+        text += f": {'; '.join(filter(None, (verdict.reason, verdict.remedy)))}"
     return text
 
 

@@ -23,6 +23,7 @@ __all__ = [
     "advice",
     "clock",
     "effectiveness",
+    "explained",
     "finding",
     "friction",
     "headline",
@@ -43,6 +44,9 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "emergency": (213, 94, 0),
     "undecided": (153, 153, 153),
     "unmonitored": (110, 110, 116),
+    "unchanged": (86, 180, 233),
+    "changed": (240, 228, 66),
+    "learning": (204, 121, 167),
 }
 """One colour per condition, of Okabe and Ito's palette, told apart by the colour-blind too."""
 
@@ -56,9 +60,15 @@ ADVICE: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log for the trend over flights",
     "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
     "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
+    "unchanged": "nothing to do; keep the log: later flights are compared with it",
+    "changed": "inspect {parts} before the next flight, and watch the trend over flights",
+    "learning": "keep the log: the baseline grows with every flight",
     "undecided": "undecided is not healthy: check it by other means, or record what is missing",
     "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
 }
+
+
+_COMPARED: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged")
 
 
 def name(verdict: Verdict, assessment: Assessment) -> str:
@@ -150,8 +160,11 @@ def headline(assessment: Assessment) -> str:
         worst = [verdict for verdict in ranked if verdict.gravest == "normal"]
         none = f"{_all(ranked, ranked)} unmonitored: {ranked[0].reason}"
         return f"{_all(worst, ranked)} normal, the others unmonitored" if worst else none
-    if word == "normal":
-        return f"{_all(worst, ranked)} normal"
+    if word in ("normal", "unchanged"):
+        return f"{_all(worst, ranked)} {word}"
+    if word == "learning":
+        flights = [why for condition, why, _ in explained(assessment) if condition == word]
+        return f"{_all(worst, ranked)} learning" + (f": {flights[0]}" if len(flights) == 1 else "")
     if word == "undecided":
         reasons = list(undecided(assessment))
         if ranked[0].actuator == ALL:
@@ -233,6 +246,15 @@ def finding(item: Evidence) -> str:
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
     return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
+
+
+def explained(assessment: Assessment) -> dict[tuple[Condition, str, str], list[Verdict]]:
+    """Return the actuators without a known limit by condition, reason and remedy."""
+    return {
+        (condition, *why): verdicts
+        for condition in _COMPARED
+        for why, verdicts in _by_reason(assessment, condition).items()
+    }
 
 
 def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import floor, log10
 from typing import Final
 
-from mavhums.core.conditions import SEVERITY
 from mavhums.core.quantities import QUANTITIES
 from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
 from mavhums.show._words import (
     advice,
     clock,
     effectiveness,
+    explained,
     finding,
     friction,
     headline,
@@ -53,8 +53,9 @@ def markdown(assessment: Assessment) -> str:
     if assessment.verdicts:
         sections.append(_table(assessment))
     ranked = assessment.ranked()
-    told = [verdict for verdict in ranked if SEVERITY[verdict.worst] > SEVERITY["normal"]]
+    told = [verdict for verdict in ranked if verdict.worst in ("degraded", "emergency")]
     sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
+    sections += _explained(assessment)
     sections += _doubtful(assessment)
     sections += _undecided(assessment)
     sections.append(_log(assessment))
@@ -172,6 +173,13 @@ def _figure(value: float, interval: Interval) -> str:
     half = (interval.high - interval.low) / 2
     digits = min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
     return f"{value:z.{digits}f}"
+
+
+def _explained(assessment: Assessment) -> Iterator[str]:
+    for (condition, reason, remedy), verdicts in explained(assessment).items():
+        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
+        why, what = _literal(reason), _literal(remedy)
+        yield f"## {names}: {condition}\n\n**Why:** {why}.\n\n**What to do:** {what}."
 
 
 def _doubtful(assessment: Assessment) -> Iterator[str]:

@@ -17,6 +17,7 @@ from mavhums.show._words import (
     advice,
     clock,
     effectiveness,
+    explained,
     finding,
     friction,
     headline,
@@ -112,7 +113,7 @@ def _condition(verdict: Verdict) -> Text:
 
 def _word(condition: Condition) -> Text:
     red, green, blue = COLOURS[condition]
-    word = condition.upper() if condition in ("degraded", "emergency") else condition
+    word = condition.upper() if condition in ("changed", "degraded", "emergency") else condition
     return Text(word, style=f"bold rgb({red},{green},{blue})")
 
 
@@ -124,6 +125,9 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
             if len(verdict.evidence) > len(shown):
                 lines.append(f"and {len(verdict.evidence) - len(shown)} more findings (--json has them all)")
             yield (printable(name(verdict, assessment)), [*lines, f"what to do: {advice(verdict)}"])
+    for (condition, reason, remedy), verdicts in explained(assessment).items():
+        names = join(name(verdict, assessment) for verdict in verdicts)
+        yield (printable(f"{names}: {condition}"), [f"why: {reason}", f"what to do: {remedy}"])
     for verdict in assessment.ranked():
         odd = implausible(verdict)
         if odd:
