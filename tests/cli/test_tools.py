@@ -190,4 +190,4 @@ def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
     assert card["selection"]["selected"] == list(model.card.selection.selected)
     outcome = run("model", "show", tmp_path / "none")
     assert outcome.code == ExitCode.ERROR
-    assert "no model to be read" in outcome.err
+    assert "no readable model file" in outcome.err
