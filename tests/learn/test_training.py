@@ -195,7 +195,7 @@ def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Pa
         ({"flights": np.zeros(3)}, "flights must be one number for each sample"),
         ({"networks": 0}, "at least one network"),
         ({"hidden": ()}, "at least one network"),
-        ({"emergency": np.zeros(480, dtype=bool)}, "each class needs samples enough"),
+        ({"emergency": np.zeros(480, dtype=bool)}, "each class needs enough samples"),
         ({"keys": ("V5", "V0")}, "not in tuple"),
     ],
 )
