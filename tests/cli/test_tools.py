@@ -84,7 +84,7 @@ def test_several_messages_are_a_file_each(run: Run, short_log: Path, tmp_path: P
 @pytest.mark.parametrize(
     ("output", "arguments", "code", "message"),
     [
-        ("t.xls", [], ExitCode.ERROR, "end it in .parquet or .csv"),
+        ("t.xls", [], ExitCode.ERROR, "use the extension .parquet or .csv"),
         ("t.csv", ["--messages", "ATITUDE"], ExitCode.ERROR, "did you mean ATTITUDE?"),
         ("t.csv", ["--messages", "ATTITUDE,XYZ"], ExitCode.ERROR, "holds no message XYZ"),
         ("t.csv", ["--messages", "ATTITUDE", "--airframe", "paper"], ExitCode.USAGE, "--airframe is for"),
