@@ -1,16 +1,22 @@
 # `make demo` and `make test` do all set-up themselves, in .venv.
 PYTHON ?= python3
 BIN := .venv/bin
+CORES ?= auto
+INSTALL := -m pip install --quiet --disable-pip-version-check -c constraints.txt -e
 
-.PHONY: demo test lint model docs pictures clean
+.PHONY: demo test test-all lint model docs pictures clean
 
-demo: .venv/.ready
+demo: .venv/.demo
 	$(BIN)/python examples/demo.py demo
 
+# What a change needs before it is proposed, in minutes; on as many cores as there are.
 test: .venv/.ready
+	$(BIN)/python -m pytest -q -n $(CORES) --dist worksteal -m "not slow"
+
+# Everything, with coverage: the long tests, too (hostile links, stalled readers, training, sweeps).
+test-all: .venv/.ready
 	$(BIN)/coverage erase
-	$(BIN)/coverage run -m pytest -q
-	$(BIN)/coverage combine -q
+	$(BIN)/python -m pytest -q -n $(CORES) --dist worksteal --cov --cov-report=
 	$(BIN)/coverage report --fail-under=95
 
 lint: .venv/.ready
@@ -36,7 +42,12 @@ pictures: .venv/.ready demo
 clean:
 	rm -rf .venv demo build dist .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
+.venv/.demo: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python $(INSTALL) '.[viewer]'
+	touch $@
+
 .venv/.ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all,dev]'
-	touch $@
+	$(BIN)/python $(INSTALL) '.[all,dev]'
+	touch $@ .venv/.demo

@@ -117,6 +117,8 @@ class Mapper:
                 by_track.setdefault((reading.vehicle, reading.actuator.name), []).append(reading)
         out = []
         for key, readings in by_track.items():
+            if not readings and not final:
+                continue  # what its messages can settle is settled
             if key not in self._tracks:
                 actuator = readings[0].actuator
                 aligner = Aligner(_TRUST, actuator.response_lag_s)

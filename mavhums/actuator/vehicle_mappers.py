@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
 from mavhums.actuator.airframe_name import Announcement, announcements
 from mavhums.actuator.mapping import Mapped, Mapper
 from mavhums.actuator.profile import Airframe, load_airframe
@@ -47,7 +49,11 @@ class VehicleMappers:
 
     def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[tuple[Mapper, Mapped]]:
         """Yield the samples that these messages settle; ``final`` says that nothing follows."""
-        for mapper in self._mappers:
+        mappers = self._mappers
+        if len(mappers) > 1 and not final:
+            speak = {system for table in tables.values() for system in np.unique(table.system).tolist()}
+            mappers = [mapper for mapper in mappers if any(map(mapper.serves, speak))]
+        for mapper in mappers:
             for mapped in mapper.feed(tables, final=final):
                 yield mapper, mapped
 

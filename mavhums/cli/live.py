@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import gc
 import logging
-import signal
+import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
 import click
 
 from mavhums.cli.options import AIRFRAME, BASELINE_FROM, DIALECT, FALSE_ALARMS, HISTORY, KEY, PATH
+from mavhums.cli.stopping import Stop
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from mavhums.live.detached import Detached
+    from mavhums.live.outlet import Spool
     from mavhums.live.session import Session
-    from mavhums.live.viewer import Drawn
     from mavhums.report.assessment import Assessment
 
 __all__ = ["live"]
 
+_LOG = logging.getLogger(__name__)
+_PATIENCE_S, _RECORDING_S = 0.5, 10.0  # with what does not read, and with a recording that is finished
 _LEVELS = ("debug", "info", "warning", "error")
 
 
@@ -69,7 +73,7 @@ _LEVELS = ("debug", "info", "warning", "error")
     "--duration",
     type=click.FloatRange(0, min_open=True),
     metavar="S",
-    help="Stop after this many seconds. Default: run until Ctrl-C or SIGTERM.",
+    help="Stop after this many seconds. Default: run until Ctrl-C, SIGTERM or SIGHUP.",
 )
 @click.option("-v", "--verbose", is_flag=True, help="The same as --log-level info.")
 @click.option(
@@ -95,7 +99,8 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
       mavhums live udpin:14550 --record flight-%Y%m%d-%H%M%S.tlog --alerts
       mavhums live serial:/dev/ttyACM0:115200 --json | tee events.jsonl
 
-    Ctrl-C and SIGTERM end the session and print the verdicts. Exit codes are those of analyse.
+    Ctrl-C, SIGTERM and SIGHUP end the session and print the verdicts. Exit codes are those of analyse.
+    Neither recording nor judging waits for an output: what nobody reads is dropped and counted.
     """
     if options["viewer"] and ":" in options["viewer"] and "://" not in options["viewer"]:
         options |= {"urls": (options["viewer"], *options["urls"]), "viewer": "window"}
@@ -106,48 +111,78 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
     if options["dates"] and options["history"] is None:
         raise click.UsageError("--baseline-from needs --history DIR")
     level = "info" if verbose and log_level == "warning" else log_level
-    with _told_to_stop(duration) as stop:
-        assessment = _follow(options, level, stop, as_json=as_json)
+    from mavhums.live.outlet import Spool
+
+    out, err = Spool(sys.stdout, "standard output"), Spool(sys.stderr, "standard error", report=None)
+    with Stop(duration) as stop:
+        try:
+            assessment, shown = _follow(options, level, stop, (out, err), as_json=as_json)
+        finally:
+            told = out.finish(time.monotonic() + _PATIENCE_S)
+            if out.outlet.dropped:
+                _LOG.warning("%s: %d dropped", out.outlet.name, out.outlet.dropped)
+            told = err.finish(time.monotonic() + _PATIENCE_S / 2) and told
+    if not (shown and told):
+        os._exit(assessment.exit_code)  # what hangs would hold up an orderly end
     raise SystemExit(assessment.exit_code)
 
 
-def _follow(options: dict[str, Any], level: str, stop: Callable[[], bool], *, as_json: bool) -> Assessment:
-    """Run a session with what shows it, and print its verdicts."""
+def _follow(
+    options: dict[str, Any], level: str, stop: Stop, outputs: tuple[Spool, Spool], *, as_json: bool
+) -> tuple[Assessment, bool]:
+    """Run a session with what shows it; return its verdicts, and whether every viewer took its end."""
     from rich.console import Console
 
     from mavhums.live.setup import Options, prepare
 
-    console = Console()
+    out, err = outputs
+    console = Console(file=cast("IO[str]", out))
     watched = console.is_terminal and not as_json
-    _log(level, console if watched else None)
+    _log(level, err, console if watched else None)
+    viewer, rrd, no_position = (options.pop(name) for name in ("viewer", "rrd", "no_position"))
+    wanted = Options(**options)
+    alone = not (viewer or rrd or wanted.record or wanted.alerts or wanted.alerts_to)
     with ExitStack() as exits:
-        viewer, rrd, no_position = (options.pop(name) for name in ("viewer", "rrd", "no_position"))
-        wanted = Options(**options)
         drawn = _drawn(viewer, rrd, no_position, exits)
         session = prepare(wanted, drawn, vehicle_states=bool(drawn))
+        session.watch.outlets += [out.outlet, err.outlet, *(one.outlet for one in drawn)]
         gc.collect()
-        gc.freeze()  # to look at all that start-up made takes the collector a tenth of a second in flight
-        exits.callback(gc.unfreeze)
-        return _show_until_end(session, options, stop, console, watched=watched, as_json=as_json)
+        gc.freeze()  # what start-up made costs the collector 0.1 s in flight, and a second at the end
+        stop.begun = True
+        assessment = _show_until_end(
+            session,
+            options,
+            lambda: stop() or (alone and out.outlet.gone),
+            console,
+            watched=watched,
+            as_json=as_json,
+        )
+        exits.pop_all()
+    taken = [one.finish() for one in drawn]
+    return assessment, all(taken)
 
 
-def _drawn(viewer: str | None, rrd: Path | None, no_position: bool, exits: ExitStack) -> list[Drawn]:
+def _drawn(viewer: str | None, rrd: Path | None, no_position: bool, exits: ExitStack) -> list[Detached]:
     """Open a viewer and a recording, where they are wanted."""
     if viewer is None and rrd is None:
         return []
+    from mavhums.live.detached import Detached
     from mavhums.live.viewer import Drawn
     from mavhums.show import LiveViewer, Recorder
 
     position = not no_position
     name = f"live-{time.time_ns():x}"
+    held = exits.enter_context(ExitStack())
     if viewer is None and rrd is not None:
-        return [Drawn(exits.enter_context(Recorder(rrd, recording_id=name, position=position)))]
-    live_viewer = exits.enter_context(
+        recorder = held.enter_context(Recorder(rrd, recording_id=name, position=position))
+        return [Detached(Drawn(recorder), "recording", held.close, patience_s=_RECORDING_S)]
+    live_viewer = held.enter_context(
         LiveViewer(viewer or "window", recording_id=name, recording=rrd, position=position)
     )
     if viewer != "window":
         click.echo(f"viewer: {live_viewer.url}", err=True)
-    return [Drawn(live_viewer)]
+    patience_s = _RECORDING_S if rrd else _PATIENCE_S
+    return [Detached(Drawn(live_viewer), "viewer", held.close, patience_s=patience_s)]
 
 
 def _show_until_end(
@@ -163,8 +198,9 @@ def _show_until_end(
     from mavhums.show import render
 
     names = [str(link.address) for link in session.links]
+    write = partial(click.echo, file=console.file)
     if as_json:
-        lines = JsonLines(click.echo, session.clock.now_us, session.watch)
+        lines = JsonLines(write, session.clock.now_us, session.watch)
         lines.start(names, airframe=options["airframe"], signed_only=options["key"] is not None)
         session.sinks.append(lines)
         return session.run(stop)
@@ -173,8 +209,8 @@ def _show_until_end(
 
         session.sinks.append(View(console, ", ".join(names)))
     else:
-        session.sinks.append(PlainLines(click.echo))
-        click.echo(f"listening: {', '.join(names)}")
+        session.sinks.append(PlainLines(write))
+        write(f"listening: {', '.join(names)}")
     assessment = session.run(stop)
     render(assessment, console)
     if session.recorder is not None:
@@ -182,28 +218,9 @@ def _show_until_end(
     return assessment
 
 
-@contextmanager
-def _told_to_stop(duration: float | None) -> Iterator[Callable[[], bool]]:
-    """Give what tells whether to stop: after a time, at Ctrl-C or SIGTERM; a second one breaks off."""
-    told = False
-    end = None if duration is None else time.monotonic() + duration
-
-    def tell(number: int, _: FrameType | None) -> None:
-        nonlocal told
-        told = True
-        signal.signal(number, signal.default_int_handler)
-
-    before = {number: signal.signal(number, tell) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: told or (end is not None and time.monotonic() >= end)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _log(level: str, console: Console | None) -> None:
+def _log(level: str, err: Spool, console: Console | None) -> None:
     """Send messages to the standard error; past the table where one is drawn."""
-    handler: logging.Handler = logging.StreamHandler(sys.stderr)
+    handler: logging.Handler = logging.StreamHandler(err)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     if console is not None:
         from rich.logging import RichHandler

@@ -11,13 +11,14 @@ from datetime import UTC, datetime
 
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, packaged_airframes
-from mavhums.actuator.tiers import tier_named
+from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
-from mavhums.health.verdict import judged, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
@@ -47,6 +48,7 @@ class Engine:
         options = options or EngineOptions()
         airframe = options.airframe
         wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"}
+        self._crowd = Crowd(wanted - {"STATUSTEXT"})
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
@@ -80,10 +82,18 @@ class Engine:
         """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
-        vehicles = vehicles_of(decoder.counts)
+        counts = decoder.counts
+        vehicles = vehicles_of(counts)
+        told: dict[int | None, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
+        for key, count in counts.items():
+            told.get(key[0], {})[key] = count
         names = self._mappers.airframes
         verdicts = tuple(
-            verdict for vehicle in vehicles or (None,) for verdict in self._verdicts(vehicle, indicators)
+            verdict
+            for vehicle in vehicles or (None,)
+            for verdict in self._verdicts(
+                vehicle, self._mappers.tier(vehicle, told.get(vehicle, {})), indicators
+            )
         )
         voted = {verdict.model for verdict in verdicts}
         return Assessment(
@@ -103,11 +113,12 @@ class Engine:
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
+        self._crowd.heed(tables)
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         for mapper, mapped in self._mappers.feed(tables, final=final):
-            if mapped.utc_us.size:
+            if mapped.utc_us.size and self._crowd.admits(mapped.vehicle):
                 yield from self._notice_clock(mapper, mapped)
                 yield from self._judge(mapper, mapped)
 
@@ -160,11 +171,13 @@ class Engine:
             baselines = baselines(airframe, None if undated else _utc(first or 0))
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 
-    def _verdicts(self, vehicle: int | None, indicators: bool) -> Iterator[Verdict]:
-        tier = self._mappers.tier(vehicle, self._decoder.counts)
+    def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
             yield unjudged_vehicle(vehicle, tier, packaged_airframes())
+            return
+        if not self._crowd.admits(vehicle):
+            yield crowded_out(vehicle, tier, MOST)
             return
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))

@@ -20,7 +20,7 @@ from mavhums.report.assessment import (
     Verdict,
 )
 
-__all__ = ["judged", "unjudged_actuator", "unjudged_vehicle"]
+__all__ = ["crowded_out", "judged", "unjudged_actuator", "unjudged_vehicle"]
 
 
 def judged(
@@ -124,6 +124,19 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
         tier=tier.name if tier else None,
         reason=reason,
         remedy=remedy,
+    )
+
+
+def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
+    """Return the verdict on a vehicle beyond those that are judged at once."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=ALL,
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        reason=f"more than {most} vehicles speak; this one came after them",
+        remedy="record each vehicle's link on its own; on a link, accept only signed frames (--key)",
     )
 
 

@@ -72,7 +72,7 @@ class Alerts:
     Parameters
     ----------
     send
-        Takes a frame to where it is heard.
+        Takes a frame, and the vehicle that it is about, to where it is heard.
     component
         Component id.
     key
@@ -87,7 +87,7 @@ class Alerts:
 
     def __init__(
         self,
-        send: Callable[[bytes], None],
+        send: Callable[[bytes, int], None],
         *,
         component: int = COMPONENT,
         key: bytes | None = None,
@@ -120,8 +120,12 @@ class Alerts:
         return list(self._announce(now_us))
 
     def tick(self, actuators: Sequence[ActuatorStatus], now_us: int) -> list[AlertObject]:
-        """Say that we are there, and how each actuator is; NaN where that is not known."""
-        vehicles = sorted({status.vehicle for status in actuators if status.vehicle})
+        """Say that we are there, and how each actuator is; NaN where that is not known.
+
+        Only of vehicles whose actuators were heard: on others there is nothing to say.
+        """
+        judged = [status for status in actuators if status.age_s is not None]
+        vehicles = sorted({status.vehicle for status in judged if status.vehicle})
         if not vehicles and self._unknown is not None:
             self.heartbeat(self._unknown, now_us)
         for vehicle in vehicles:
@@ -163,5 +167,5 @@ class Alerts:
         if self._key is not None:
             self._ticks = max(self._ticks + 1, self._newest_ticks() + 1, signing_ticks(now_us))
             voice.signing.timestamp = self._ticks
-        self._send(bytes(getattr(voice, f"{message}_encode")(*fields).pack(voice)))
+        self._send(bytes(getattr(voice, f"{message}_encode")(*fields).pack(voice)), vehicle)
         voice.seq = (voice.seq + 1) % 256

@@ -80,7 +80,15 @@ class JsonLines:
         """Write the verdicts."""
         now_us = self._now_us()
         link, record = self._watch.link(assessment, now_us), self._watch.record()
-        self._put(EndObject(utc=utc(now_us), link=link, record=record, assessment=assessment))
+        self._put(
+            EndObject(
+                utc=utc(now_us),
+                link=link,
+                record=record,
+                outputs=self._watch.outputs(),
+                assessment=assessment,
+            )
+        )
 
     def _put(self, told: LiveObject) -> None:
         self._write(told.model_dump_json(by_alias=True))

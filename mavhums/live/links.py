@@ -8,11 +8,12 @@ import logging
 import socket
 import struct
 import sys
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from typing import Protocol
 
 from mavhums.live.address import Address, AddressError
 from mavhums.live.clock import ReceiveClock
+from mavhums.live.outgoing import Outgoing
 from mavhums.log.mavlink.stamping import Piece
 
 __all__ = ["Link", "TcpLink", "UdpLink", "open_link"]
@@ -45,6 +46,11 @@ class Link(Protocol):
     dropped: int
     stamped: bool
 
+    @property
+    def unsent(self) -> int:
+        """Frames that could not be sent."""
+        ...
+
     def fileno(self) -> int:
         """Return what ``select`` waits on; -1 while there is nothing to wait on."""
         ...
@@ -54,7 +60,10 @@ class Link(Protocol):
         ...
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
-        """Send a frame to those of ``heard`` that are on this link; what cannot be sent is dropped."""
+        """Send a frame to those of ``heard`` that are on this link, without waiting.
+
+        What cannot be sent is dropped and counted.
+        """
         ...
 
     def close(self) -> None:
@@ -84,9 +93,9 @@ class UdpLink:
 
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         family, target = _resolve(address, socket.SOCK_DGRAM)
-        self.dropped = self._latest_us = 0
+        self.dropped = self.unsent = self._latest_us = 0
         self._buffer = memoryview(bytearray(_LARGEST))
-        self._clock = clock
+        self._clock, self._emptied_us = clock, clock.now_us()
         self._listens = address.kind == "udpin"
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
@@ -107,30 +116,46 @@ class UdpLink:
     def receive(self) -> list[Piece]:
         """Return the datagrams that have arrived, at most a few thousand."""
         came = []
-        # An error says that nothing is left, or that the peer's port is closed; it may open again.
-        with contextlib.suppress(OSError):
+        since_us, began_us = self._emptied_us, self._clock.now_us()
+        try:
             for _ in range(_AT_ONCE):
                 size, ancillary, _, peer = self._socket.recvmsg_into([self._buffer], _ANCILLARY)
                 came.append((peer, self._received_ns(ancillary), bytes(self._buffer[:size])))
+        except BlockingIOError:
+            self._emptied_us = began_us
+        except OSError:
+            pass  # the peer's port is closed; it may open again
         pieces = []
-        for (peer, _, data), time_us in zip(came, self._clock.at_us(ns for _, ns, _ in came), strict=True):
+        times_us = self._clock.at_us((ns for _, ns, _ in came), since_us)
+        for (peer, _, data), time_us in zip(came, times_us, strict=True):
             self._latest_us = max(self._latest_us, time_us)
             pieces.append(Piece((self.address, peer), self._latest_us, data))
         return pieces
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
         """Answer whoever was heard here; of ``udpout`` the peer, heard or not."""
-        with contextlib.suppress(OSError):
-            if not self._listens:
-                self._socket.send(data)
-                return
-            for sender in heard:
-                if isinstance(sender, tuple) and sender[0] == self.address:
-                    self._socket.sendto(data, sender[1])
+        if not self._listens:
+            self._try(self._socket.send, data)
+            return
+        for sender in heard:
+            if isinstance(sender, tuple) and sender[0] == self.address:
+                self._try(self._socket.sendto, data, sender[1])
 
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+
+    def _try(self, send: Callable[..., object], *arguments: object) -> None:
+        """Send; once more if the error was that of a datagram before."""
+        for _ in range(2):
+            try:
+                send(*arguments)
+            except ConnectionRefusedError:
+                continue
+            except OSError:
+                break
+            return
+        self.unsent += 1
 
     def _received_ns(self, ancillary: list[tuple[int, int, bytes]]) -> int | None:
         """Return when a datagram came, if the kernel tells, and note how many it has dropped."""
@@ -150,10 +175,15 @@ class TcpLink:
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         self._family, self._target = _resolve(address, socket.SOCK_STREAM)
         self.address, self.dropped, self.stamped = address, 0, False
-        self._clock = clock
+        self._clock, self._out = clock, Outgoing()
         self._socket: socket.socket | None = None
         self._connections, self._retry_us, self._told = 0, 0, False
         self._connected = False
+
+    @property
+    def unsent(self) -> int:
+        """Frames that could not be sent."""
+        return self._out.dropped
 
     def fileno(self) -> int:
         """Return the connection's descriptor, -1 without one."""
@@ -165,8 +195,9 @@ class TcpLink:
             self._connect()
         if self._socket is None or not self._connected:
             return []
+        self._out.pump(self._socket.send)
         try:
-            data = self._socket.recv(1 << 20)
+            data = self._socket.recv(1 << 18)
         except BlockingIOError:
             return []
         except OSError as error:
@@ -179,12 +210,15 @@ class TcpLink:
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
         """Send to the server."""
-        if self._socket is not None and self._connected:
-            with contextlib.suppress(OSError):
-                self._socket.send(data)
+        if self._socket is None or not self._connected:
+            self._out.refuse()
+            return
+        self._out.offer(data)
+        self._out.pump(self._socket.send)
 
     def close(self) -> None:
         """Close the connection."""
+        self._out.clear()
         if self._socket is not None:
             self._socket.close()
             self._socket, self._connected = None, False

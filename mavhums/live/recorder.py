@@ -14,6 +14,7 @@ __all__ = ["TlogRecorder"]
 
 _LOG = logging.getLogger(__name__)
 _SYNC_S = 1.0
+_CLOSE_S = 1.0
 
 
 class TlogRecorder:
@@ -21,7 +22,8 @@ class TlogRecorder:
 
     Each call hands its records to the operating system whole or not at all, so that the file always
     ends with a whole record, and once a second they are forced to the disk. After an error every
-    call tries again; what could not be written is counted.
+    call tries again; what could not be written is counted. Once a second the recorder looks whether
+    the file is still where it was.
 
     Parameters
     ----------
@@ -44,7 +46,8 @@ class TlogRecorder:
     def __init__(self, path: Path, *, start: datetime | None = None) -> None:
         self.path = Path((start or datetime.now(UTC)).strftime(str(path)))
         self.bytes = self.lost_frames = 0
-        self.error: str | None = None
+        self._failure: str | None = None
+        self._absence: str | None = None
         try:
             self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         except FileExistsError as error:
@@ -61,6 +64,11 @@ class TlogRecorder:
         self._syncer = threading.Thread(target=self._sync_often, name="tlog-sync", daemon=True)
         self._syncer.start()
 
+    @property
+    def error(self) -> str | None:
+        """Why nothing is recorded, or not where it should be; None if all is well."""
+        return self._failure or self._absence
+
     def write(self, records: bytes, frames: int) -> None:
         """Append whole records, ``frames`` in number."""
         if not records:
@@ -73,16 +81,16 @@ class TlogRecorder:
             self._fail(error, frames)
             return
         self.bytes += len(records)
-        if self.error is not None:
+        if self._failure is not None:
             _LOG.warning("%s: written again; %d frames are missing", self.path, self.lost_frames)
-            self.error = None
+            self._failure = None
 
     def close(self) -> None:
-        """Force everything to the disk and close the file."""
+        """Force everything to the disk and close the file; a disk that takes long is not waited for."""
         self._closing.set()
-        self._syncer.join()
-        self._sync()
-        os.close(self._file)
+        self._syncer.join(_CLOSE_S)
+        if self._syncer.is_alive():
+            _LOG.warning("%s: the disk is slow; the last seconds may be lost if power fails now", self.path)
 
     def _fail(self, error: OSError, frames: int) -> None:
         self.lost_frames += frames
@@ -90,13 +98,41 @@ class TlogRecorder:
             os.ftruncate(self._file, self.bytes)
         except OSError as again:
             error = again
-        if self.error is None:
+        if self._failure is None:
             _LOG.error("%s: %s; the flight is judged on, but not recorded", self.path, error.strerror)
-        self.error = error.strerror or str(error)
+        self._failure = error.strerror or str(error)
 
     def _sync_often(self) -> None:
         while not self._closing.wait(_SYNC_S):
             self._sync()
+            self._look()
+        self._sync()
+        self._look()
+        os.close(self._file)
+
+    def _look(self) -> None:
+        """See whether the file that is written is still there, under its name."""
+        absence = None
+        try:
+            written = os.fstat(self._file)
+            if not written.st_nlink:
+                absence = "the file was removed"
+            elif not os.path.samestat(written, self.path.stat()):
+                absence = "the file was moved"
+        except FileNotFoundError:
+            absence = "the file was moved"
+        except OSError as error:
+            absence = error.strerror or str(error)
+        if absence and absence != self._absence:
+            _LOG.error("%s: %s while it is written%s", self.path, absence, self._rescue(absence))
+        self._absence = absence
+
+    def _rescue(self, absence: str) -> str:
+        """Return how to save what was written."""
+        there = Path(f"/proc/{os.getpid()}/fd/{self._file}")
+        if absence != "the file was removed" or not there.exists():
+            return "; it is written on"
+        return f"; until this program ends, save it: cp {there} flight.tlog"
 
     def _sync(self) -> None:
         if self._synced == self.bytes:

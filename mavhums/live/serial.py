@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 from collections.abc import Hashable, Iterable
 from importlib.util import find_spec
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from mavhums.core.errors import MissingExtraError
 from mavhums.live.address import Address, AddressError
 from mavhums.live.clock import ReceiveClock
+from mavhums.live.outgoing import Outgoing
 from mavhums.log.mavlink.stamping import Piece
 
 __all__ = ["SerialLink"]
@@ -27,7 +29,7 @@ class SerialLink:
         if find_spec("serial") is None:
             raise MissingExtraError("a serial link", "serial")
         self.address, self.dropped, self.stamped = address, 0, False
-        self._clock = clock
+        self._clock, self._out = clock, Outgoing()
         self._openings, self._retry_us = 0, 0
         self._port: Any = None
         try:
@@ -40,11 +42,17 @@ class SerialLink:
         """Return the device's descriptor, -1 while it is not there."""
         return -1 if self._port is None or self._port.fd is None else int(self._port.fd)
 
+    @property
+    def unsent(self) -> int:
+        """Frames that could not be sent."""
+        return self._out.dropped
+
     def receive(self) -> list[Piece]:
         """Return what has arrived."""
         if self._port is None:
             self._open_again()
             return []
+        self._out.pump(self._write)
         try:
             data = bytes(self._port.port.read(min(self._port.port.in_waiting, _AT_ONCE)))
         except OSError as error:
@@ -54,21 +62,34 @@ class SerialLink:
         return [Piece((self.address, self._openings), self._clock.now_us(), data)] if data else []
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
-        """Write a frame."""
-        if self._port is not None:
-            with contextlib.suppress(OSError):
-                self._port.port.write(data)
+        """Write a frame, or what the device takes of it at once."""
+        if self._port is None:
+            self._out.refuse()
+            return
+        self._out.offer(data)
+        self._out.pump(self._write)
 
     def close(self) -> None:
-        """Close the device."""
+        """Close the device; what it has not taken is thrown away, else closing would wait for it."""
+        self._out.clear()
         if self._port is not None:
-            self._port.close()
+            with contextlib.suppress(Exception):  # termios has an error of its own
+                self._port.port.reset_output_buffer()
+            with contextlib.suppress(OSError):
+                self._port.close()
             self._port = None
+
+    def _write(self, data: bytes) -> int:
+        """Write without waiting; pyserial itself would wait, whatever its time-out."""
+        if os.name == "posix":
+            return os.write(self._port.fd, data)
+        return int(self._port.port.write(data) or 0)
 
     def _open(self) -> None:
         from pymavlink.mavutil import mavserial
 
         self._port = mavserial(self.address.host, baud=self.address.port)
+        self._port.port.write_timeout = 0
         self._openings += 1
 
     def _open_again(self) -> None:

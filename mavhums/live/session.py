@@ -13,6 +13,7 @@ from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.live.alerts import Alerts
 from mavhums.live.clock import ReceiveClock
 from mavhums.live.links import Link
+from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.watch import Watch
 from mavhums.log.mavlink.stamping import Piece, Stamper
@@ -28,8 +29,9 @@ BLOCK_S = 0.1
 _TICK_US = 1_000_000
 _CALM_S, _BUSY_S = 0.05, 0.005
 _MANY = 100
+_CONTESTED_US = 60_000_000
 _REMEMBER_EVERY = 10
-_PENDING = 1 << 16
+_PENDING = 1 << 13
 
 
 class Sink(Protocol):
@@ -76,6 +78,10 @@ class Session:
         Take events, state and verdicts.
     clock
         Of reception.
+    peers
+        Who speaks over the links; the stamper tells it.
+    ground
+        Links over which alerts are sent, and nothing is heard.
 
     Examples
     --------
@@ -97,16 +103,23 @@ class Session:
         remember: Callable[[], None] | None = None,
         sinks: Sequence[Sink] = (),
         clock: ReceiveClock | None = None,
+        peers: Peers | None = None,
+        ground: Sequence[Link] = (),
     ) -> None:
         self.clock = clock or ReceiveClock()
         self.links, self.recorder, self.sinks = links, recorder, list(sinks)
-        self.watch = Watch(stamper, links, recorder, self.clock.now_us())
+        self.peers = Peers() if peers is None else peers
+        self._ground = ground
+        self.watch = Watch(stamper, links, recorder, self.clock.now_us(), self.peers)
+        self.watch.told = [*links, *ground]
+        self._contested: dict[int, int] = {}
         self._engine, self._stamper, self._alerts = engine, stamper, alerts
         self._greet, self._remember = greet, remember
         self._ticks = 0
         self._busy = False
         self._latest_us = 0
         self._due_us = self.clock.now_us()
+        self._first_us: int | None = None
 
     def run(self, stop: Callable[[], bool]) -> Assessment:
         """Follow the links until ``stop`` says so, and return the verdicts."""
@@ -147,6 +160,8 @@ class Session:
         assessment = self._engine.assessment(indicators=False)
         status, stale = self.watch.look(assessment, now_us)
         self._ticks += 1
+        self.peers.forget(now_us)
+        self._tell_contested(status.link.contested, now_us)
         if self._remember and self._ticks % _REMEMBER_EVERY == 0:
             self._remember()
         if self._greet:
@@ -171,16 +186,35 @@ class Session:
         if self._remember:
             self._remember()
         path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
-        assessment = self._engine.assessment(path or None)
-        for link in self.links:
+        assessment = self._heard(self._engine.assessment(path or None))
+        for link in (*self.links, *self._ground):
             link.close()
         for sink in self.sinks:
             sink.close(assessment)
         return assessment
 
+    def _heard(self, assessment: Assessment) -> Assessment:
+        """Say what is missing where no frame counted: there is no log that could be without a vehicle."""
+        counts = self._stamper.counts
+        if counts.frames:
+            return assessment
+        where = ", ".join(str(link.address) for link in self.links) or "any link"
+        reason, remedy = f"nothing was received on {where}", "send the vehicle's telemetry there"
+        if counts.bytes:
+            refused = counts.unsigned_frames + counts.bad_signatures + counts.replayed_frames
+            what = "no new frame signed with the key" if refused else "no MAVLink frame"
+            reason = f"{what} in the {counts.bytes:,} bytes that were received on {where}"
+            remedy = (
+                "sign with this key" if refused else "check what sends there, of a serial link its baud rate"
+            )
+        verdicts = [v.model_copy(update={"reason": reason, "remedy": remedy}) for v in assessment.verdicts]
+        return assessment.model_copy(update={"verdicts": tuple(verdicts)})
+
     def _record(self, records: bytes, frames_before: int) -> None:
         if not records:
             return
+        if self._first_us is None:
+            self._first_us = int.from_bytes(records[:8], "big")
         if self.recorder:
             self.recorder.write(records, self._stamper.frames - frames_before)
         events = self._engine.feed(records)
@@ -200,6 +234,20 @@ class Session:
             sink.consume(events, faults)
         if self._alerts:
             self._announce(self._alerts.take(events, faults, now_us))
+
+    def _tell_contested(self, vehicles: Sequence[int], now_us: int) -> None:
+        """Say for which vehicles more than one sender speaks, each at most once a minute."""
+        told = []
+        for vehicle in vehicles:
+            if now_us - self._contested.get(vehicle, 0) >= _CONTESTED_US:
+                self._contested[vehicle] = now_us
+                text = f"more than one sender speaks for vehicle {vehicle}; its verdicts mix them"
+                _LOG.warning("%s", text)
+                time_s = (now_us - (self._first_us or now_us)) / 1e6
+                told.append(Notice(time_s, vehicle, text))
+        if told:
+            for sink in self.sinks:
+                sink.consume(told, {})
 
     def _announce(self, alerts: Sequence[AlertObject]) -> None:
         for alert in alerts:

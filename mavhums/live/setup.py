@@ -21,6 +21,7 @@ from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
 from mavhums.live.clock import ReceiveClock
 from mavhums.live.links import Link, open_link
+from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.seen import Seen
 from mavhums.live.session import Session, Sink
@@ -31,8 +32,8 @@ from mavhums.log.mavlink.stamping import Piece, Stamper
 __all__ = ["Options", "prepare"]
 
 _LOG = logging.getLogger(__name__)
-_HEARD_US = 10_000_000
 _UNKNOWN_VEHICLE = 1
+_HEADERS = 28  # of a datagram, IPv4 and UDP
 _SERVO_OUTPUT_RAW = bytes.fromhex("fe150001012401000000dc05dc05dc05dc050000000000000000007188")
 
 
@@ -92,17 +93,21 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
         _LOG.warning("%s", error)
     judged_by = replace(options.judging, history=history, vehicle_states=vehicle_states).resolved()
     seen = Seen(options.key) if options.key else None
-    guard = Guard(key, latest=seen.load()) if key and seen else None
+    guard = Guard(key, before=seen.load()) if key and seen else None
     _warm_up(judged_by)
     recorder = TlogRecorder(options.record) if options.record else None
     clock = ReceiveClock()
     links = _open(addresses, clock, signed_only=key is not None)
     ground_links = _open(ground, clock, signed_only=key is not None) if ground else links
-    stamper = Stamper(load_dialect(options.dialect), guard)
+    peers = Peers()
+    stamper = Stamper(load_dialect(options.dialect), guard, hear=peers.hear)
 
     def voice(to: Sequence[Link], unknown: int | None) -> Alerts:
-        def send(frame: bytes) -> None:
-            heard = stamper.heard_since(clock.now_us() - _HEARD_US)
+        def send(frame: bytes, vehicle: int) -> None:
+            heard = []
+            if any(link.address.kind == "udpin" for link in to):
+                speaking = peers.speaking_for(vehicle, clock.now_us())
+                heard = [peer for peer in speaking if peers.afford(peer, len(frame) + _HEADERS)]
             for link in to:
                 link.send(frame, heard)
 
@@ -129,6 +134,8 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
         remember=(lambda: seen.save(guard.latest)) if seen and guard else None,
         sinks=sinks,
         clock=clock,
+        peers=peers,
+        ground=ground_links if ground else (),
     )
 
 

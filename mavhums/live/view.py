@@ -80,6 +80,13 @@ def draw(status: StatusObject, title: str, told: Sequence[str] = ()) -> Group:
             )
         else:
             parts.append(Text(f"recording {record.path}, {record.bytes / 1e6:.1f} MB", style="dim"))
+    parts += [
+        Text(
+            f"{output.name}: {output.dropped:,} dropped{f' ({output.error})' if output.error else ''}",
+            "yellow",
+        )
+        for output in status.outputs
+    ]
     parts.append(Text("Ctrl-C ends and prints the verdicts", style="dim"))
     return Group(*parts)
 
@@ -127,7 +134,12 @@ def _link_lines(link: LinkStatus) -> list[tuple[str, str]]:
         (link.dropped_datagrams, "datagrams not fetched in time"),
     )
     lost = ", ".join(f"{count:,} {what}" for count, what in counts if count)
+    contested = [
+        (f"vehicle {vehicle}: more than one sender speaks for it", "bold yellow")
+        for vehicle in link.contested
+    ]
     return [
+        *contested,
         (f"{rates}; {link.frames:,} frames", "dim"),
         (f"lost or refused: {lost or 'nothing'}", "yellow" if lost else "dim"),
     ]

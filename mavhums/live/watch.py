@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 from mavhums.engine.events import Event, Samples
 from mavhums.live.links import Link
+from mavhums.live.outlet import Outlet
+from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
 from mavhums.log.mavlink.stamping import Stamper
 from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.report.live import ActuatorStatus, LinkStatus, RecordStatus, StaleObject, StatusObject
+from mavhums.report.live import (
+    ActuatorStatus,
+    LinkStatus,
+    OutputStatus,
+    RecordStatus,
+    StaleObject,
+    StatusObject,
+)
 
 __all__ = ["STALE_S", "Watch", "utc"]
 
@@ -39,11 +49,28 @@ class Watch:
         What is watched.
     start_us
         When the session began, microseconds of UTC.
+    peers
+        Who speaks over the links.
+
+    Attributes
+    ----------
+    outlets
+        Outputs, to tell what they drop.
+    told
+        Links over which alerts are sent.
     """
 
     def __init__(
-        self, stamper: Stamper, links: Sequence[Link], recorder: TlogRecorder | None, start_us: int
+        self,
+        stamper: Stamper,
+        links: Sequence[Link],
+        recorder: TlogRecorder | None,
+        start_us: int,
+        peers: Peers | None = None,
     ) -> None:
+        self.outlets: list[Outlet[Any]] = []
+        self.told: Sequence[Link] = links
+        self._peers = Peers() if peers is None else peers
         self._stamper, self._links, self._recorder = stamper, links, recorder
         self._start_us = self._looked_us = start_us
         self._heard: dict[Key, _Heard] = {}
@@ -80,6 +107,7 @@ class Watch:
             actuators=tuple(self._actuator(verdict, now_us, elapsed_s) for verdict in verdicts),
             link=self.link(assessment, now_us, elapsed_s),
             record=self.record(),
+            outputs=self.outputs(),
         )
         for heard in self._heard.values():
             heard.samples = 0
@@ -101,8 +129,21 @@ class Watch:
             reordered_frames=sum(loss.reordered for loss in sequence),
             duplicated_frames=sum(loss.duplicated for loss in sequence),
             dropped_datagrams=sum(link.dropped for link in self._links),
+            contested=tuple(self._peers.contested(now_us)),
             **counts,
         )
+
+    def outputs(self) -> tuple[OutputStatus, ...]:
+        """Return the outputs that dropped something."""
+        told = [
+            OutputStatus(name=o.name, dropped=o.dropped, error=o.error) for o in self.outlets if o.dropped
+        ]
+        unsent = [
+            OutputStatus(name=f"alerts to {link.address}", dropped=link.unsent, error=None)
+            for link in self.told
+            if link.unsent
+        ]
+        return (*told, *unsent)
 
     def record(self) -> RecordStatus | None:
         """Return the state of the recording."""

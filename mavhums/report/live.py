@@ -26,6 +26,7 @@ __all__ = [
     "LinkStatus",
     "LiveObject",
     "NoticeObject",
+    "OutputStatus",
     "RecordStatus",
     "StaleObject",
     "StartObject",
@@ -149,7 +150,7 @@ class LinkStatus(Contract):
 
     ``frames`` were accepted. ``missing_frames``, ``reordered_frames`` and ``duplicated_frames`` are
     what the sequence numbers of the senders say; ``dropped_datagrams`` those that this computer
-    was too slow to fetch.
+    was too slow to fetch. ``contested`` are the vehicles for which more than one sender speaks now.
     """
 
     age_s: float | None
@@ -168,6 +169,7 @@ class LinkStatus(Contract):
     reordered_frames: int
     duplicated_frames: int
     dropped_datagrams: int
+    contested: tuple[int, ...] = ()
 
 
 class RecordStatus(Contract):
@@ -179,14 +181,23 @@ class RecordStatus(Contract):
     error: str | None
 
 
+class OutputStatus(Contract):
+    """An output that does not take everything: how much was dropped, and why, while that lasts."""
+
+    name: str
+    dropped: int
+    error: str | None
+
+
 class StatusObject(_Event):
-    """Once a second: every actuator, the links and the recording."""
+    """Once a second: every actuator, the links, the recording, and outputs that dropped something."""
 
     event: Literal["status"] = "status"
     uptime_s: float
     actuators: tuple[ActuatorStatus, ...]
     link: LinkStatus
     record: RecordStatus | None
+    outputs: tuple[OutputStatus, ...] = ()
 
 
 class EndObject(_Event):
@@ -195,6 +206,7 @@ class EndObject(_Event):
     event: Literal["end"] = "end"
     link: LinkStatus
     record: RecordStatus | None
+    outputs: tuple[OutputStatus, ...] = ()
     assessment: Assessment
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-_ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "sim")])}
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "sim")])}
 
 
 def free_port() -> int:
@@ -60,7 +60,7 @@ def running(folder: Path, name: str, *command: str) -> Iterator[Program]:
     out = folder / f"{name}.out"
     with out.open("w") as file:
         process = subprocess.Popen(
-            command, stdout=file, stderr=subprocess.STDOUT, text=True, cwd=folder, env=_ENVIRONMENT
+            command, stdout=file, stderr=subprocess.STDOUT, text=True, cwd=folder, env=ENVIRONMENT
         )
     try:
         yield Program(process, out)

@@ -43,6 +43,9 @@ class Ground:
             self._mav.signing.secret_key = key
             self._mav.signing.timestamp = 0
 
+    def hear(self, frame: bytes, vehicle: int) -> None:
+        self.frames.append(frame)
+
     def heard(self) -> list[Any]:
         frames, self.frames = self.frames, []
         return [message for frame in frames for message in self._mav.parse_buffer(frame) or []]
@@ -70,7 +73,7 @@ def test_names_of_health_are_told_apart() -> None:
 
 def test_an_episode_is_told_once() -> None:
     ground = Ground()
-    alerts = Alerts(ground.frames.append)
+    alerts = Alerts(ground.hear)
     told = alerts.take([changed("degraded", "undecided")], {(3, "elevator"): "backlash"}, EPOCH_US)
     assert [alert.text for alert in told] == ["elevator DEGRADED: backlash, inspect after landing"]
     for k in range(100):
@@ -86,7 +89,7 @@ def test_an_episode_is_told_once() -> None:
 
 
 def test_flapping_is_told_every_half_minute_at_most() -> None:
-    alerts = Alerts(lambda frame: None)
+    alerts = Alerts(lambda frame, vehicle: None)
     told = 0
     for k in range(0, 300, 5):
         condition: Condition = "normal" if k % 10 else "degraded"
@@ -95,7 +98,7 @@ def test_flapping_is_told_every_half_minute_at_most() -> None:
 
 
 def test_what_came_too_soon_is_told_when_it_lasts() -> None:
-    alerts = Alerts(lambda frame: None)
+    alerts = Alerts(lambda frame, vehicle: None)
     assert alerts.take([changed("degraded")], {}, EPOCH_US)
     assert not alerts.take([changed("normal"), changed("degraded")], {}, EPOCH_US + 5 * SECOND)
     assert not alerts.tick([], EPOCH_US + 20 * SECOND)
@@ -104,13 +107,13 @@ def test_what_came_too_soon_is_told_when_it_lasts() -> None:
 
 
 def test_normal_is_no_alert() -> None:
-    alerts = Alerts(lambda frame: None)
+    alerts = Alerts(lambda frame, vehicle: None)
     assert not alerts.take([changed("normal", "undecided"), changed("undecided")], {}, EPOCH_US)
 
 
 def test_each_second_there_is_a_heartbeat_and_the_health_of_each() -> None:
     ground = Ground()
-    alerts = Alerts(ground.frames.append, component=77, start_us=EPOCH_US)
+    alerts = Alerts(ground.hear, component=77, start_us=EPOCH_US)
     conditions: tuple[Condition, ...] = ("normal", "degraded", "emergency", "undecided")
     actuators = [status(f"servo{k}", condition) for k, condition in enumerate(conditions)]
     alerts.tick([*actuators, status("rudder", "normal", vehicle=4)], EPOCH_US + 5 * SECOND)
@@ -133,7 +136,7 @@ def test_each_second_there_is_a_heartbeat_and_the_health_of_each() -> None:
 
 def test_mavlink_1_is_spoken_where_nobody_speaks_2() -> None:
     ground = Ground(v1)
-    alerts = Alerts(ground.frames.append)
+    alerts = Alerts(ground.hear)
     alerts.mavlink2 = False
     alerts.tick([status("elevator", "normal")], EPOCH_US)
     assert {frame[0] for frame in ground.frames} == {0xFE}
@@ -144,7 +147,7 @@ def test_mavlink_1_is_spoken_where_nobody_speaks_2() -> None:
 def test_what_is_said_is_signed_and_newer_than_all_that_was_heard(newest: int) -> None:
     key = bytes(range(32))
     ground = Ground(key=key)
-    alerts = Alerts(ground.frames.append, key=key, newest_ticks=lambda: newest)
+    alerts = Alerts(ground.hear, key=key, newest_ticks=lambda: newest)
     alerts.mavlink2 = False
     for k in range(5):
         alerts.tick([status("elevator", "normal")], EPOCH_US + k)

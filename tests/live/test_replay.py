@@ -1,4 +1,4 @@
-"""Live ≡ replay on every real log, sent over UDP on the loopback."""
+"""Live ≡ replay: every tier, with and without a key, the second session; every real log over UDP."""
 
 from __future__ import annotations
 
@@ -9,11 +9,18 @@ import time
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
 from mavhums.live import Options, prepare
+from mavhums.log.mavlink.stamping import Piece
+from mavhums_sim import Flight, fly
+from mavhums_sim.link import Link
+from mavhums_sim.tiers import TIERS
 from tests.conftest import real_logs
-from tests.live.conftest import verdicts
+from tests.live.conftest import KEY, Rig, pieces, verdicts
 
 REAL = [path for path in real_logs() if ".tlog" in path.name]
 PROFILES = {"plane_lua_csrv.link1.tlog": Path(__file__).parents[2] / "examples" / "profiles" / "csrv.toml"}
@@ -78,3 +85,70 @@ def test_a_session_gives_what_its_recording_gives(log: Path, tmp_path: Path) -> 
     if not heard.losses.line_ends_restored:
         intact = sum(heard.counts.values()) - heard.losses.padded_frames
         assert counts.frames - counts.unknown_frames >= 0.99 * intact
+
+
+class _Flown:
+    """A short flight of each tier, as datagrams; flown once."""
+
+    def __init__(self) -> None:
+        self._pieces: dict[tuple[tuple[str, ...], int, bool], list[Piece]] = {}
+
+    def __call__(self, tiers: tuple[str, ...], day: int, *, signed: bool) -> list[Piece]:
+        if (tiers, day, signed) not in self._pieces:
+            record = fly(
+                Flight(
+                    seed=7,
+                    duration_s=16.0,
+                    rate_hz=25.0,
+                    friction_nm={"elevator": (1.0, 1.0)},
+                    tiers=tiers,
+                )
+            )
+            link = Link(key=KEY if signed else None, day=day, loss=0.02, late=0.02)
+            self._pieces[tiers, day, signed] = pieces(record, link)
+        return self._pieces[tiers, day, signed]
+
+
+FLOWN = _Flown()
+ALONE = tuple((tier,) for tier in TIERS)
+
+
+@pytest.mark.parametrize("tiers", [*ALONE, ("instrumented", "esc-unsigned", "pwm")], ids="+".join)
+@pytest.mark.parametrize("signed", [False, True], ids=["unsigned", "signed"])
+def test_each_session_is_its_recording(tiers: tuple[str, ...], signed: bool, tmp_path: Path) -> None:
+    """The second session knows of the first, its recording does not, and both judge alike."""
+    latest: dict[tuple[int, int, int], int] = {}
+    for session, day in enumerate((0, 1)):
+        folder = tmp_path / str(session)
+        folder.mkdir()
+        rig = Rig(folder, key=KEY if signed else None, latest=latest)
+        rig.hear(FLOWN(tiers, day, signed=signed))
+        assert rig.end().log.vehicles == (1,)
+        latest = rig.guard.latest if rig.guard else {}
+
+
+@given(
+    day=st.sampled_from([0, 1]),
+    older_s=st.integers(0, 300),
+    strangers=st.integers(0, 3),
+    swap=st.booleans(),
+)
+@settings(max_examples=12, deadline=None)
+def test_a_second_session_admits_what_its_recording_admits(
+    tmp_path_factory: pytest.TempPathFactory, day: int, older_s: int, strangers: int, swap: bool
+) -> None:
+    """Streams whose clocks differ by minutes, known and unknown from before, in any order."""
+    flown = FLOWN(("instrumented",), 1, signed=True)
+    newest = int.from_bytes(flown[0].data[-12:-6], "little")
+    signer = v2.MAVLink(None, srcSystem=1, srcComponent=7)
+    signer.signing.secret_key, signer.signing.sign_outgoing, signer.signing.link_id = KEY, True, 5
+    others = []
+    for k in range(40):
+        signer.signing.timestamp = newest - older_s * 100_000 + k
+        text = v2.MAVLink_servo_output_raw_message(1000 * k, 0, *[1500 + k] * 8)
+        others.append(Piece("stranger", flown[50 * k].time_us + 1, bytes(text.pack(signer))))
+    known = {(5, 1, 7): newest - 400 * 100_000, (0, 1, 1): newest - (2 - day) * 86_400 * 100_000}
+    rig = Rig(tmp_path_factory.mktemp("second"), key=KEY, latest=dict(list(known.items())[strangers % 2 :]))
+    rig.now_us = rig.wall_us = flown[0].time_us
+    rig.hear(others[:3] + flown if swap else flown + others)
+    rig.end()

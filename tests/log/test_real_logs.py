@@ -40,7 +40,6 @@ def by_pymavlink(path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[
     while (message := connection.recv_msg()) is not None:
         messages[message.get_type()].append(message)
     connection.close()
-    messages.pop("BAD_DATA", None)
     return messages
 
 
@@ -70,10 +69,13 @@ def assert_same_fields(table: Table, messages: list[Any]) -> None:
 def test_every_field_is_that_of_pymavlink(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = read_log(path)
     theirs = by_pymavlink(path, monkeypatch)
+    bad = len(theirs.pop("BAD_DATA", ()))
     unknown = Counter({name: len(found) for name, found in theirs.items() if name.startswith("UNKNOWN_")})
     if path.name.startswith(DAMAGED):
         return assert_nothing_that_pymavlink_found_is_missing(log.tables, theirs)
     assert not log.losses.any
+    if bad:  # after a payload of two bytes pymavlink takes the next record's time stamp for a frame
+        return assert_nothing_that_pymavlink_found_is_missing(log.tables, theirs)
     ours = set(log.tables) - NOT_IN_PYMAVLINK
     assert ours == set(theirs) - set(unknown)
     for name in ours:

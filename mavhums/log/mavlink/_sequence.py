@@ -46,11 +46,13 @@ SENDER = np.dtype(
         ("reordered", "i8"),
         ("duplicated", "i8"),
         ("link", "i8"),
+        ("latest", "i8"),
         ("links", LINK, (_LINKS,)),
     ],
     align=True,
 )
-"""``id`` is 256 · system + component; ``link`` the counter that spoke last."""
+"""``id`` is 256 · system + component; ``link`` the counter that spoke last; ``latest`` the number of
+its latest frame among all."""
 
 
 @kernel
@@ -174,7 +176,8 @@ def account(
     senders, counts
         Updated; ``counts`` has shape (rows, messages).
     totals
-        Updated, shape (3,): number of frames of known messages, times of the first and the latest.
+        Updated, shape (4,): number of frames of known messages, times of the first and the latest;
+        number of all frames.
 
     Returns
     -------
@@ -193,6 +196,8 @@ def account(
             known += 1
         sender = senders[place]
         sender.frames += 1
+        totals[3] += 1
+        sender.latest = totals[3]
         if row.message >= 0:
             counts[place, row.message] += 1
             if totals[0] == 0:

@@ -14,10 +14,15 @@ from mavhums.log.mavlink.dialect import Dialect
 __all__ = ["Ledger"]
 
 _IDS_KEPT = 1000
+_SENDERS_KEPT = 1024
+_SUMS = ("frames", "missing", "gaps", "reordered", "duplicated")
 
 
 class Ledger:
-    """Counts the frames of a stream.
+    """Counts the frames of a stream, in memory that does not grow.
+
+    Of more than about a thousand senders those that were silent longest are counted together, as
+    component 0 (MAVLink's "all") of their system.
 
     Attributes
     ----------
@@ -28,7 +33,7 @@ class Ledger:
 
     def __init__(self, dialect: Dialect) -> None:
         self.unknown: dict[int, int] = {}
-        self._totals = np.zeros(3, dtype=np.int64)
+        self._totals = np.zeros(4, dtype=np.int64)
         self._names = [definition.name for definition in dialect.definitions.values()]
         self._places = np.full(1 << 16, -1, dtype=np.int32)
         self._known = 0
@@ -46,8 +51,11 @@ class Ledger:
             )
             if done == rows.size:
                 break
-            self._senders = np.concatenate([self._senders, np.zeros_like(self._senders)])
-            self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])
+            if self._known == _SENDERS_KEPT:
+                self._fold()
+            else:
+                self._senders = np.concatenate([self._senders, np.zeros_like(self._senders)])
+                self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])
         if self.frames - before < rows.size:
             numbers = rows["id"][rows["message"] < 0]
             for number, count in zip(*np.unique(numbers, return_counts=True), strict=True):
@@ -86,3 +94,22 @@ class Ledger:
             if any(found.values()):
                 system, component = divmod(int(sender["id"]), 256)
                 yield SequenceLoss(system=system, component=component, frames=int(sender["frames"]), **found)
+
+    def _fold(self) -> None:
+        """Add the half of the senders that were silent longest to component 0 of their systems."""
+        identity = self._senders["id"]
+        single = np.flatnonzero(identity & 0xFF)
+        folded = single[np.argsort(self._senders["latest"][single], kind="stable")[: _SENDERS_KEPT // 2]]
+        kept = np.setdiff1d(np.arange(_SENDERS_KEPT), folded)
+        systems = np.setdiff1d(identity[folded] & ~0xFF, identity[kept])
+        self._known = kept.size + systems.size
+        senders, counts = np.zeros_like(self._senders), np.zeros_like(self._counts)
+        senders[: kept.size], counts[: kept.size] = self._senders[kept], self._counts[kept]
+        senders["id"][kept.size : self._known] = systems
+        self._places[:] = -1
+        self._places[senders["id"][: self._known]] = np.arange(self._known)
+        target = self._places[identity[folded] & ~0xFF]
+        for name in _SUMS:
+            np.add.at(senders[name], target, self._senders[name][folded])
+        np.add.at(counts, target, self._counts[folded])
+        self._senders, self._counts = senders, counts

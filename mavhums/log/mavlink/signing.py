@@ -30,6 +30,9 @@ _KEY_BYTES = 32
 _DIGEST_BYTES = 6
 _EPOCH_2015_US = 1_420_070_400_000_000
 
+Stream = tuple[int, int, int]
+"""A stream of signed frames: link, system, component."""
+
 
 class KeyFileError(MavhumsError):
     """The file holds no signing key."""
@@ -85,31 +88,36 @@ class Guard:
 
     Nothing a frame says has an effect before its signature is found good. Per link, system and
     component the time stamps must increase; the first one of a new stream may be up to a minute
-    older than the newest of all.
+    older than the newest of all. Twice: among what was admitted before, and in this session as if it
+    were the first. So the frames that a session admits are admitted, all of them, by one that knows
+    of nothing before: a recording is judged as the session was.
 
     Parameters
     ----------
     key
         32 bytes.
-    latest
-        Time stamp of the newest frame that was admitted before, by link, system and component.
+    before
+        Time stamp of the newest frame that former sessions admitted, by link, system and component.
 
     Attributes
     ----------
-    latest
-        The same, so far.
     newest
-        The greatest of them; 0 if there is none.
+        The greatest time stamp that was ever admitted; 0 if there is none.
     unsigned, bad, replayed
         Number of frames refused: without a signature, with a wrong one, and with one whose time
         stamp is not newer than what was admitted before.
     """
 
-    def __init__(self, key: bytes, *, latest: Mapping[tuple[int, int, int], int] | None = None) -> None:
-        self.latest = dict(latest or {})
-        self.newest = max(self.latest.values(), default=0)
+    def __init__(self, key: bytes, *, before: Mapping[Stream, int] | None = None) -> None:
+        self._before, self._now = _Streams(before or {}), _Streams({})
+        self.newest = self._before.newest
         self.unsigned = self.bad = self.replayed = 0
         self._keyed = hashlib.sha256(key)
+
+    @property
+    def latest(self) -> dict[Stream, int]:
+        """Time stamp of the newest frame that was ever admitted, by link, system and component."""
+        return self._before.latest | self._now.latest
 
     def admit(self, batch: Batch) -> NDArray[np.bool_]:
         """Return which of a batch's rows are admitted, shape (n,)."""
@@ -133,10 +141,25 @@ class Guard:
             return False
         stream = (frame[-SIGNATURE], system, component)
         ticks = int.from_bytes(frame[1 - SIGNATURE : -_DIGEST_BYTES], "little")
-        latest = self.latest.get(stream, self.newest - TICKS_PER_MINUTE - 1)
-        if ticks <= latest:
+        if not (self._before.precede(stream, ticks) and self._now.precede(stream, ticks)):
             self.replayed += 1
             return False
-        self.latest[stream] = ticks
+        self._now.take(stream, ticks)
         self.newest = max(self.newest, ticks)
         return True
+
+
+class _Streams:
+    """The newest time stamp of each stream."""
+
+    def __init__(self, latest: Mapping[Stream, int]) -> None:
+        self.latest = dict(latest)
+        self.newest = max(self.latest.values(), default=0)
+
+    def precede(self, stream: Stream, ticks: int) -> bool:
+        """Return whether a time stamp is a new one."""
+        return ticks > self.latest.get(stream, self.newest - TICKS_PER_MINUTE - 1)
+
+    def take(self, stream: Stream, ticks: int) -> None:
+        self.latest[stream] = ticks
+        self.newest = max(self.newest, ticks)

@@ -8,10 +8,10 @@ could be put back: on a link a bad CRC is a bit error, far more often than such 
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,10 @@ _STAMP = 8
 
 
 class Piece(NamedTuple):
-    """A datagram, or bytes of a stream: who sent it, and when it came (microseconds of UTC)."""
+    """A datagram, or bytes of a stream: who sent it, and when it came (microseconds of UTC).
+
+    Of several links a sender is a pair: the link, and who it is there.
+    """
 
     sender: Hashable
     time_us: int
@@ -65,11 +68,17 @@ class _Found(NamedTuple):
     arrival: NDArray[np.int64]
 
 
+class Hear(Protocol):
+    """Told which systems' frames came from a sender, how many bytes, and when, microseconds of UTC."""
+
+    def __call__(self, sender: Hashable, systems: set[int], size: int, time_us: int, /) -> None: ...
+
+
 class Stamper:
     """Makes records of pieces, in memory that does not grow.
 
-    Of more than 64 senders those that were silent longest are forgotten, with the beginnings of
-    frames that they had left.
+    Of more than 64 senders one is forgotten, with the beginning of a frame that it had left: of the
+    link with most senders one that never sent a frame, else the one that was silent longest.
 
     Parameters
     ----------
@@ -77,6 +86,8 @@ class Stamper:
         Whose messages are known.
     guard
         Who decides which signed frames count; None if signatures do not matter.
+    hear
+        Told of each sender whose frames count.
 
     Attributes
     ----------
@@ -84,13 +95,13 @@ class Stamper:
         Whether a frame of MAVLink 2 has come.
     """
 
-    def __init__(self, dialect: Dialect, guard: Guard | None = None) -> None:
+    def __init__(self, dialect: Dialect, guard: Guard | None = None, *, hear: Hear | None = None) -> None:
         self.speaks_mavlink2 = False
         self._dialect = dialect
         self._guard = guard
         self._counts = Counts()
         self._streams: OrderedDict[Hashable, _Stream] = OrderedDict()
-        self._heard: dict[Hashable, int] = {}
+        self._hear = hear
 
     @property
     def counts(self) -> Counts:
@@ -109,10 +120,6 @@ class Stamper:
         """Number of frames that became records."""
         return self._counts.frames
 
-    def heard_since(self, time_us: int) -> list[Hashable]:
-        """Return the senders of which a frame counted since a time, microseconds of UTC."""
-        return [sender for sender, latest in self._heard.items() if latest >= time_us]
-
     def feed(self, pieces: Sequence[Piece]) -> bytes:
         """Return the records of the frames that these pieces complete; their times must not decrease."""
         found: list[_Found] = []
@@ -126,10 +133,10 @@ class Stamper:
                 stream = self._streams[sender] = _Stream(self._dialect)
             self._streams.move_to_end(sender)
             batch, by = stream.feed([pieces[k].data for k in places])
+            self._forget()
             if batch.rows.size:
                 arrival = np.array(places)[by]
                 found.append(_Found(sender, batch, arrived_us[arrival], arrival))
-        self._forget()
         self._counts.pieces += len(pieces)
         self._counts.bytes += sum(len(piece.data) for piece in pieces)
         return self._records(found)
@@ -146,9 +153,11 @@ class Stamper:
         return self._records([part for part in found if part.batch.rows.size])
 
     def _forget(self) -> None:
-        while len(self._streams) > _SENDERS:
-            sender, stream = self._streams.popitem(last=False)
-            self._heard.pop(sender, None)
+        if len(self._streams) > _SENDERS:
+            ((crowded, _),) = Counter(map(_link, self._streams)).most_common(1)
+            there = [sender for sender in self._streams if _link(sender) == crowded]
+            sender = next((sender for sender in there if not self._streams[sender].frames), there[0])
+            stream = self._streams.pop(sender)
             stream.scanner.feed(b"", final=True)
             _add_losses(self._counts, stream)
 
@@ -162,13 +171,29 @@ class Stamper:
             admitted = self._guard.admit(Batch(data, GUARD, 0, rows))
             rows, starts, time_us = rows[admitted], starts[admitted], time_us[admitted]
             owner = owner[admitted]
-        for k in np.unique(owner).tolist():
-            self._heard[found[k].sender] = int(found[k].time_us[-1])
         sizes = frame_sizes(rows)
+        if self._hear and rows.size:
+            self._tell(found, rows["system"], sizes, owner, int(time_us[-1]))
         self._count(rows)
         out = np.empty(int(sizes.sum()) + _STAMP * sizes.size, dtype=np.uint8)
         _pack(data, starts, sizes, time_us, out)
         return out.tobytes()
+
+    def _tell(
+        self,
+        found: Sequence[_Found],
+        system: NDArray[np.uint8],
+        sizes: NDArray[np.int64],
+        owner: NDArray[np.int64],
+        time_us: int,
+    ) -> None:
+        """Tell whose frames came from which sender."""
+        assert self._hear
+        order = np.argsort(owner, kind="stable")
+        cuts = np.flatnonzero(np.diff(owner[order])) + 1
+        for part in np.split(order, cuts):
+            sender = found[owner[part[0]]].sender
+            self._hear(sender, set(system[part].tolist()), int(sizes[part].sum()), time_us)
 
     def _count(self, rows: NDArray[np.void]) -> None:
         self._counts.frames += rows.size
@@ -182,6 +207,7 @@ class _Stream:
 
     def __init__(self, dialect: Dialect) -> None:
         self.scanner = FrameScanner(dialect, stamp=0, mend=False)
+        self.frames = 0
         self._fed = 0
 
     def feed(self, pieces: Sequence[bytes]) -> tuple[Batch, NDArray[np.int64]]:
@@ -189,6 +215,7 @@ class _Stream:
         batch = self.scanner.feed(b"".join(pieces))
         ends = self._fed + np.cumsum([len(piece) for piece in pieces])
         self._fed = int(ends[-1])
+        self.frames += batch.rows.size
         return batch, np.searchsorted(ends, batch.rows["offset"] + frame_sizes(batch.rows))
 
 
@@ -216,6 +243,10 @@ def _in_order(
         np.concatenate([part.time_us for part in found])[order],
         np.repeat(np.arange(len(found)), sizes)[order],
     )
+
+
+def _link(sender: Hashable) -> Hashable:
+    return sender[0] if isinstance(sender, tuple) else None
 
 
 def _add_losses(counts: Counts, stream: _Stream) -> None:

@@ -107,3 +107,34 @@ def test_any_number_of_unknown_ids_fills_no_memory() -> None:
     assert len(ledger.unknown) == 1001
     assert ledger.unknown[60_000] == 2
     assert sum(ledger.unknown.values()) == 10_000
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 40), st.sets(st.integers(1, 8999), max_size=5))
+@settings(max_examples=15, deadline=None)
+def test_any_number_of_senders_fills_no_memory_and_none_is_uncounted(
+    seed: int, systems: int, cuts: set[int]
+) -> None:
+    """Those silent longest are counted as component 0 of their system, wherever blocks end."""
+    dice = np.random.default_rng(seed)
+    rows = np.zeros(9000, dtype=ROW)
+    rows["system"], rows["component"] = dice.integers(0, systems, 9000), dice.integers(0, 256, 9000)
+    rows["sequence"], rows["message"] = dice.integers(0, 256, 9000), dice.integers(0, 2, 9000)
+    steady = np.arange(0, 9000, 10)
+    rows["system"][steady], rows["component"][steady] = 77, 1
+    rows["sequence"][steady] = np.arange(steady.size) % 256
+    whole, cut = Ledger(load_dialect()), Ledger(load_dialect())
+    whole.add(rows)
+    for part in np.split(rows, sorted(cuts)):
+        cut.add(part)
+    assert whole.counts == cut.counts
+    assert list(whole.sequence_losses()) == list(cut.sequence_losses())
+    assert whole._senders.size <= 1024
+    names = [definition.name for definition in load_dialect().definitions.values()]
+    for system in range(systems):
+        for message in range(2):
+            sent = np.count_nonzero((rows["system"] == system) & (rows["message"] == message))
+            told = [n for (s, _, name), n in whole.counts.items() if s == system and name == names[message]]
+            assert sum(told) == sent
+    steadily = [count for (s, component, _), count in whole.counts.items() if (s, component) == (77, 1)]
+    assert sum(steadily) == steady.size, "who goes on speaking is kept"
+    assert not [loss for loss in whole.sequence_losses() if (loss.system, loss.component) == (77, 1)]

@@ -12,7 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
 from mavhums.log import Decoder
-from mavhums.log.mavlink.signing import TICKS_PER_MINUTE, KeyFileError, load_key
+from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.log.mavlink.scanner import FrameScanner
+from mavhums.log.mavlink.signing import TICKS_PER_MINUTE, Guard, KeyFileError, load_key
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import REAL_LOGS, Run
@@ -181,3 +183,39 @@ def test_analyse_takes_a_key(run: Run, tmp_path: Path) -> None:
     assessment = mavhums.analyse(signed, mavhums.Options(key=key))
     mavhums.record(assessment, tmp_path / "signed.rrd", mavhums.Options(key=KEY))
     assert (tmp_path / "signed.rrd").read_bytes().startswith(b"RRF")
+
+
+STREAMS = st.tuples(st.integers(0, 2), st.integers(1, 2), st.integers(1, 2))
+NEAR = st.integers(0, 3 * TICKS_PER_MINUTE)
+
+
+def admitted(guard: Guard, frames: list[bytes]) -> list[bytes]:
+    """Feed frames back to back, and return those that are admitted."""
+    scanner = FrameScanner(load_dialect(), stamp=0)
+    batch = scanner.feed(b"".join(frames), final=True)
+    assert batch.rows.size == len(frames)
+    return [frame for frame, new in zip(frames, guard.admit(batch), strict=True) if new]
+
+
+@given(
+    before=st.dictionaries(STREAMS, NEAR, max_size=4),
+    sent=st.lists(st.tuples(STREAMS, NEAR), max_size=30),
+)
+@settings(max_examples=150, deadline=None)
+def test_a_recording_is_admitted_whole_by_who_knows_of_nothing_before(
+    before: dict[tuple[int, int, int], int], sent: list[tuple[tuple[int, int, int], int]]
+) -> None:
+    """The law of live and replay from the second session on; and nothing old is admitted."""
+    signers = {stream: Signer(link=stream[0], system=stream[1], component=stream[2]) for stream, _ in sent}
+    frames = [signers[stream].frame(NOW + ticks) for stream, ticks in sent]
+    session = Guard(KEY, before={stream: NOW + ticks for stream, ticks in before.items()})
+    recorded = admitted(session, frames)
+    assert admitted(Guard(KEY), recorded) == recorded
+    newest = {stream: NOW + ticks for stream, ticks in before.items()}
+    times = [int.from_bytes(frame[-12:-6], "little") for frame in recorded]
+    streams = [(frame[-13], frame[5], frame[6]) for frame in recorded]
+    for stream, ticks in zip(streams, times, strict=True):
+        assert ticks > newest.get(stream, 0)
+        newest[stream] = ticks
+    assert session.latest == newest
+    assert session.newest == max(newest.values(), default=0)

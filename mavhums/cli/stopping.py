@@ -1,0 +1,51 @@
+"""When a command that runs until it is told to stop is told to."""
+
+from __future__ import annotations
+
+import signal
+import time
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+__all__ = ["Stop"]
+
+
+class Stop:
+    """Tells whether to stop: after a time, at Ctrl-C, SIGTERM or SIGHUP; a second one breaks off.
+
+    Until ``begun`` there is nothing to end in order, and a signal ends the program at once. SIGHUP is
+    left alone where the program was started to ignore it (``nohup``).
+
+    Parameters
+    ----------
+    duration
+        Seconds; None for no end.
+    """
+
+    def __init__(self, duration: float | None) -> None:
+        self.begun = False
+        self._told = False
+        self._end = None if duration is None else time.monotonic() + duration
+        self._before: dict[int, Any] = {}
+
+    def __call__(self) -> bool:
+        """Return whether to stop."""
+        return self._told or (self._end is not None and time.monotonic() >= self._end)
+
+    def __enter__(self) -> Self:
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                self._before[number] = signal.signal(number, self._tell)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _tell(self, number: int, frame: FrameType | None) -> None:
+        if self._told or not self.begun:
+            signal.default_int_handler(number, frame)
+        self._told = True

@@ -1,0 +1,206 @@
+"""Outputs that never make anybody wait: a bounded queue, and a thread that empties it.
+
+A terminal that is stopped, a pipe that nobody reads, a disk that is full, a viewer that hangs: each
+costs what it should have shown, and nothing else.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Generic, TextIO, TypeVar
+
+__all__ = ["Outlet", "Spool"]
+
+_LOG = logging.getLogger(__name__)
+_ROOM: Final = 4 << 20
+
+Item = TypeVar("Item")
+
+
+class Outlet(Generic[Item]):
+    """Hands items to ``take`` in a thread of its own.
+
+    Parameters
+    ----------
+    name
+        As messages call the output.
+    take
+        Called with each item, in order; whatever it raises costs that item.
+    room
+        Weight of the items that may wait; beyond it the oldest are dropped.
+    report
+        Takes a message when the output fails and when it works again; None for none.
+
+    Attributes
+    ----------
+    dropped
+        Number of items that were dropped or failed.
+    error
+        Why the last item failed; None if it did not.
+    gone
+        Whether nobody is at the other end any more.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        take: Callable[[Item], object],
+        *,
+        room: int = _ROOM,
+        report: Callable[[str], object] | None = _LOG.warning,
+    ) -> None:
+        self.name, self.dropped, self.gone = name, 0, False
+        self.error: str | None = None
+        self._take, self._room, self._report = take, room, report
+        self._waiting: deque[tuple[Item, int]] = deque()
+        self._weight = 0
+        self._closing = False
+        self._busy = False
+        self._change = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def put(self, item: Item, weight: int = 1) -> None:
+        """Queue an item, at once; where there is no room the oldest make it."""
+        with self._change:
+            if self._closing:
+                self.dropped += 1
+                return
+            self._waiting.append((item, weight))
+            self._weight += weight
+            while self._weight > self._room and len(self._waiting) > 1:
+                self._weight -= self._waiting.popleft()[1]
+                self.dropped += 1
+            self._change.notify_all()
+
+    def close(self, timeout_s: float) -> bool:
+        """Take nothing more; return whether all that waited was handed over within the time."""
+        with self._change:
+            self._closing = True
+            self._change.notify_all()
+            emptied = self._change.wait_for(lambda: not self._waiting and not self._busy, timeout_s)
+            if not emptied:
+                self.dropped += len(self._waiting)
+                self._waiting.clear()
+        return emptied
+
+    def _run(self) -> None:
+        while True:
+            with self._change:
+                self._busy = False
+                self._change.notify_all()
+                self._change.wait_for(lambda: self._waiting or self._closing)
+                if not self._waiting:
+                    return
+                item, weight = self._waiting.popleft()
+                self._weight -= weight
+                self._busy = True
+            self._hand_over(item)
+
+    def _hand_over(self, item: Item) -> None:
+        try:
+            self._take(item)
+        except Exception as error:
+            self.dropped += 1
+            self.gone = self.gone or isinstance(error, BrokenPipeError)
+            why = (error.strerror if isinstance(error, OSError) else None) or str(error) or repr(error)
+            before, self.error = self.error, why
+            if before is None and self._report:
+                self._report(f"{self.name}: {why}; what it should have shown is dropped, all else goes on")
+        else:
+            if self.error is not None and self._report:
+                self._report(f"{self.name}: works again; {self.dropped} dropped")
+            self.error = None
+
+
+class Spool(io.TextIOBase):
+    """A text stream whose writer never waits; what is flushed together is shown together or not at all.
+
+    Parameters
+    ----------
+    stream
+        Where the text goes; None, as of a program that was started without it, for nowhere.
+    name
+        As messages call it.
+    report
+        As of :class:`Outlet`.
+    """
+
+    def __init__(
+        self, stream: TextIO | None, name: str, *, report: Callable[[str], object] | None = _LOG.warning
+    ) -> None:
+        if stream:
+            stream.flush()
+        self._stream = stream
+        self._torn = False
+        self._pending: list[str] = []
+        self._descriptor = _descriptor(self._stream)
+        self.outlet: Outlet[str] = Outlet(name, self._show, report=report)
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """Of the stream beneath."""
+        return (self._stream and self._stream.encoding) or "utf-8"
+
+    def isatty(self) -> bool:
+        """Return whether somebody may watch."""
+        return bool(self._stream and self._stream.isatty())
+
+    def fileno(self) -> int:
+        """Return the descriptor of the stream beneath."""
+        if self._stream is None:
+            raise io.UnsupportedOperation("fileno")
+        return self._stream.fileno()
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def write(self, text: str) -> int:
+        """Keep text until it is flushed."""
+        self._pending.append(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Queue what was written."""
+        pending, self._pending = "".join(self._pending), []
+        if pending:
+            self.outlet.put(pending, len(pending))
+
+    def finish(self, until_s: float) -> bool:
+        """Return whether everything was shown by a moment of the monotonic clock."""
+        self.flush()
+        return self.outlet.close(max(until_s - time.monotonic(), 0.0))
+
+    def _show(self, text: str) -> None:
+        if self._stream is None:
+            return
+        if self._descriptor is None:
+            self._stream.write(text)
+            self._stream.flush()
+            return
+        data = text.encode(self.encoding, "replace")
+        if self._torn:
+            data = b"\n" + data
+        start, left = len(data), memoryview(data)
+        try:
+            while left:
+                left = left[os.write(self._descriptor, left) :]
+        finally:
+            self._torn = bool(left) and (self._torn or len(left) < start)
+
+
+def _descriptor(stream: TextIO | None) -> int | None:
+    """Return the file beneath, which has no lock that a stalled write would hold; None if there is none."""
+    if os.name != "posix" or stream is None:
+        return None
+    try:
+        return stream.fileno()
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,86 @@
+"""Who speaks for which vehicle over a link, and how much may be said back to each.
+
+An address of a datagram is what its sender claims. So a peer is told only of vehicles that it speaks
+for, never more bytes than came from it, and not once it has been silent for ten seconds.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+__all__ = ["Peers"]
+
+_PEERS: Final = 64
+_HEARD_US: Final = 10_000_000
+_CREDIT: Final = 1 << 16
+
+
+@dataclass(slots=True)
+class _Peer:
+    """``credit`` is how many bytes may be said to it; ``latest_us`` when it spoke, by vehicle."""
+
+    credit: int = 0
+    latest_us: dict[int, int] = field(default_factory=dict)
+
+
+class Peers:
+    """Remembers at most 64 peers, those from which most came."""
+
+    def __init__(self) -> None:
+        self._peers: dict[Hashable, _Peer] = {}
+
+    def __len__(self) -> int:
+        return len(self._peers)
+
+    def hear(self, sender: Hashable, vehicles: Iterable[int], size: int, time_us: int) -> None:
+        """Note that ``size`` bytes of accepted frames of these vehicles came."""
+        if sender not in self._peers and len(self._peers) >= 2 * _PEERS:
+            self.forget(time_us)
+        peer = self._peers.setdefault(sender, _Peer())
+        peer.credit = min(peer.credit + size, _CREDIT)
+        for vehicle in vehicles:
+            peer.latest_us[vehicle] = time_us
+
+    def forget(self, now_us: int) -> None:
+        """Forget who is silent, and of too many those from which least came."""
+        since_us = now_us - _HEARD_US
+        for peer in self._peers.values():
+            peer.latest_us = {k: latest for k, latest in peer.latest_us.items() if latest >= since_us}
+        kept = {sender: peer for sender, peer in self._peers.items() if peer.latest_us}
+        if len(kept) > _PEERS:
+            most = sorted(kept, key=lambda sender: kept[sender].credit, reverse=True)[:_PEERS]
+            kept = {sender: kept[sender] for sender in most}
+        self._peers = kept
+
+    def speaking_for(self, vehicle: int | None, now_us: int) -> list[Hashable]:
+        """Return who lately spoke for a vehicle; for any vehicle if None."""
+        since_us = now_us - _HEARD_US
+        return [
+            sender
+            for sender, peer in self._peers.items()
+            if any(
+                latest >= since_us and vehicle in (None, spoken) for spoken, latest in peer.latest_us.items()
+            )
+        ]
+
+    def afford(self, sender: Hashable, size: int) -> bool:
+        """Return whether so many bytes may be said to a peer, and count them."""
+        peer = self._peers.get(sender)
+        if peer is None or peer.credit < size:
+            return False
+        peer.credit -= size
+        return True
+
+    def contested(self, now_us: int) -> list[int]:
+        """Return the vehicles for which more than one peer lately spoke."""
+        since_us = now_us - _HEARD_US
+        claims = Counter(
+            vehicle
+            for peer in self._peers.values()
+            for vehicle, latest in peer.latest_us.items()
+            if latest >= since_us
+        )
+        return sorted(vehicle for vehicle, peers in claims.items() if peers > 1)

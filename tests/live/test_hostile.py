@@ -1,0 +1,133 @@
+"""A hostile link: memory, time and answers stay bounded, whoever speaks."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import mavhums
+from mavhums.engine.crowd import MOST, Crowd
+from mavhums.engine.engine import Engine
+from mavhums.log.mavlink.stamping import Piece
+from mavhums_sim.link import EPOCH_US
+from tests.live.attacks import ATTACKS, attitude, endure, flown, heartbeat, named
+from tests.live.conftest import RIGHT, Rig, conditions
+
+
+def test_a_burst_of_spoofed_senders_leaves_nothing(rig: Rig, worn_pieces: list[Piece]) -> None:
+    """A heartbeat from each of 4,080 senders within a second, in mid-flight, each from its own port."""
+    burst = [
+        Piece(("udp", (system, component)), EPOCH_US + 10_000_000 + 15 * (256 * system + component), frame)
+        for system in range(1, 256)
+        for component in range(0, 256, 16)
+        for frame in [heartbeat(system, component)]
+    ]
+    held = []
+    forget = rig.stamper._forget
+
+    def watched() -> None:
+        held.append(len(rig.stamper._streams))
+        forget()
+
+    rig.stamper._forget = watched  # type: ignore[method-assign]
+    rig.hear(worn_pieces + burst)
+    assert max(held) <= 65, "64 senders and the one that takes another's place"
+    assert len(rig.peers) <= 64
+    decoder = rig.session._engine._decoder
+    assert decoder._ledger._senders.size <= 1024
+    assert len(decoder.counts) <= 1100
+    assert sum(decoder.counts.values()) == len(worn_pieces) + len(burst), "and none is uncounted"
+    assert conditions(rig.end()) == RIGHT
+
+
+def test_a_stream_is_not_cut_by_senders_of_another_link(rig: Rig, worn_pieces: list[Piece]) -> None:
+    """Half frames over a serial line, and between the halves a hundred datagrams, each of its own port."""
+    spoofed = (
+        Piece(("udp", k), 0, heartbeat(9, k % 256) if k % 2 else b"\xfd half") for k in itertools.count()
+    )
+    both: list[Piece] = []
+    for piece in worn_pieces[:40]:
+        half = len(piece.data) // 2
+        for part in (piece.data[:half], piece.data[half:]):
+            both.append(Piece(("serial", 1), piece.time_us, part))
+            both += [next(spoofed)._replace(time_us=piece.time_us) for _ in range(100)]
+    for k in range(0, len(both), 1000):
+        rig.session.take(both[k : k + 1000])
+    counts = rig.session._engine._decoder.counts
+    assert sum(count for (system, _, _), count in counts.items() if system == 1) == 40
+    rig.session.close()
+
+
+def test_more_vehicles_than_can_be_judged(tmp_path: Path) -> None:
+    """The first are judged, in the order of the log, live as in the recording, whatever the blocks."""
+    order = list(range(1, 37))
+    random.Random(1).shuffle(order)
+    frames = [(EPOCH_US, named(system)) for system in order]
+    frames += [
+        (EPOCH_US + 200_000 * step + k, frame)
+        for step in range(1, 8)
+        for k, system in enumerate(order)
+        for frame in flown(system, 200_000 * step)
+    ]
+    rig = Rig(tmp_path)
+    rig.hear(Piece("swarm", time_us, data) for time_us, data in frames)
+    live = rig.end()
+    assert [v for v in live.verdicts if v.reason and "more than 32 vehicles speak" in v.reason]
+    judged = {verdict.vehicle for verdict in live.verdicts if verdict.actuator != "all"}
+    assert judged == set(order[:MOST])
+    record = rig.recorder.path.read_bytes()
+    for size in (10_000, 77_777):
+        engine = Engine()
+        for k in range(0, len(record), size):
+            engine.feed(record[k : k + size])
+        engine.finish()
+        again = {v.vehicle for v in engine.assessment().verdicts if v.actuator != "all"}
+        assert again == judged
+
+
+def test_a_place_is_not_taken_by_who_says_nothing_of_actuators(tmp_path: Path) -> None:
+    log = tmp_path / "flight.tlog"
+    stamped = [
+        (EPOCH_US + 1000 * k).to_bytes(8, "big") + frame
+        for k, frame in enumerate([*(attitude(system, 1) for system in range(1, 100)), named(200)])
+    ]
+    stamped += [
+        (EPOCH_US + 200_000 * k).to_bytes(8, "big") + frame
+        for k in range(1, 10)
+        for frame in flown(200, 200_000 * k)
+    ]
+    log.write_bytes(b"".join(stamped))
+    names = Counter(v.actuator for v in mavhums.analyse(log).verdicts if v.vehicle == 200)
+    assert set(names) == {"aileron_left", "aileron_right", "elevator", "rudder"}
+
+
+def test_a_crowd_admits_everyone_while_there_is_room() -> None:
+    crowd = Crowd({"DEBUG_FLOAT_ARRAY"})
+    crowd.heed({})
+    assert crowd.admits(7)
+    assert crowd.admits(None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ATTACKS)
+def test_an_attack_costs_little(
+    name: str, tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
+    """Limits with room for a computer that does other things; the figures are reported."""
+    cost = endure(ATTACKS[name], tmp_path)
+    for what in ("memory_mb", "cpu", "shutdown_s", "shutdown_cpu_s"):
+        record_property(what, getattr(cost, what))
+    print(f"{cost.memory_mb:.0f} MB, {cost.cpu:.1%} of a core after it, {cost.shutdown_s:.2f} s to end")
+    assert cost.memory_mb < 512, "MemoryMax of the unit in docs/live.md"
+    assert cost.shutdown_cpu_s < 1.5
+    assert cost.shutdown_s < 20.0, "2 s on a computer that has nothing else to do"
+    if not ATTACKS[name].lasts:
+        assert cost.cpu < 0.25
+    recording = tmp_path / "live.tlog"
+    log = mavhums.read_log(recording) if recording.stat().st_size else None
+    assert log is None or not log.losses.any

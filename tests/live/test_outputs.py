@@ -1,0 +1,299 @@
+"""No output holds up recording or judging: what nobody takes is dropped, counted and said."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import mavhums
+from mavhums.cli.stopping import Stop
+from mavhums.engine.events import Samples
+from mavhums.live.detached import Detached
+from mavhums.live.outlet import Outlet, Spool
+from mavhums.log.mavlink.stamping import Piece
+from tests.live.conftest import Rig
+from tests.live.programs import ENVIRONMENT, free_port
+from tests.live.programs import mavhums as command
+from tests.live.test_command import send
+
+
+class Gate:
+    """Takes items only while it is open."""
+
+    def __init__(self) -> None:
+        self.open = threading.Event()
+        self.taken: list[Any] = []
+
+    def take(self, item: Any) -> None:
+        self.open.wait(30)
+        self.taken.append(item)
+
+
+def test_an_outlet_that_is_stuck_drops_the_oldest_and_counts() -> None:
+    gate = Gate()
+    outlet = Outlet("gate", gate.take, room=10)
+    for k in range(100):
+        outlet.put(k)
+    assert 88 <= outlet.dropped <= 90, "one is being taken, ten wait"
+    assert not outlet.close(0.01)
+    dropped = outlet.dropped
+    assert dropped == 100 - 1, "what still waits is dropped, too"
+    outlet.put("late")
+    assert outlet.dropped == dropped + 1
+    gate.open.set()
+
+
+def test_an_outlet_hands_everything_over_in_order() -> None:
+    gate = Gate()
+    outlet = Outlet("gate", gate.take)
+    for k in range(1000):
+        outlet.put(k)
+    gate.open.set()
+    assert outlet.close(30)
+    assert gate.taken == list(range(1000))
+    assert outlet.dropped == 0
+
+
+def test_what_fails_is_said_once_and_again_when_it_works() -> None:
+    said: list[str] = []
+    full = True
+
+    def take(item: int) -> None:
+        if full:
+            raise OSError(28, "No space left on device")
+
+    outlet = Outlet("disk", take, report=said.append)
+    for k in range(5):
+        outlet.put(k)
+    while outlet.dropped < 5:
+        time.sleep(0.001)
+    assert outlet.error == "No space left on device"
+    full = False
+    outlet.put(6)
+    assert outlet.close(30)
+    assert outlet.error is None
+    assert said == [
+        "disk: No space left on device; what it should have shown is dropped, all else goes on",
+        "disk: works again; 5 dropped",
+    ]
+
+
+def test_a_closed_pipe_is_known_to_be_gone() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w") as stream:
+        spool = Spool(stream, "pipe", report=None)
+        print("nobody hears", file=spool, flush=True)
+        assert spool.finish(time.monotonic() + 30)
+        assert spool.outlet.gone
+        assert spool.outlet.dropped == 1
+
+
+def test_a_spool_never_waits_and_keeps_lines_whole() -> None:
+    reader, writer = os.pipe()
+    with os.fdopen(writer, "w") as stream:
+        spool = Spool(stream, "pipe")
+        line = "x" * 9_999 + "\n"
+        for _ in range(2000):
+            spool.write(line)
+            spool.flush()
+        assert spool.outlet.dropped > 1000, "20 MB go into 4 MB of queue and a pipe"
+        assert not spool.finish(time.monotonic() + 0.01)
+        data = os.read(reader, 1 << 20)
+        os.close(reader)
+        assert data[:10_000] == line.encode()
+
+
+def test_a_spool_shows_what_the_stream_cannot_encode() -> None:
+    raw = io.BytesIO()
+    spool = Spool(io.TextIOWrapper(raw, encoding="cp1252", errors="replace"), "old terminal")
+    spool.write("undecided → emergency\n")
+    assert spool.finish(time.monotonic() + 30)
+    assert raw.getvalue().startswith(b"undecided ? emergency")
+    assert (spool.encoding, spool.isatty()) == ("cp1252", False)
+
+
+def test_a_program_without_an_output_runs() -> None:
+    spool = Spool(None, "none")
+    print("nothing", file=spool, flush=True)
+    assert spool.finish(time.monotonic() + 30)
+    assert not spool.isatty()
+    with pytest.raises(io.UnsupportedOperation):
+        spool.fileno()
+
+
+class Hanging:
+    """A viewer that hangs in the first call."""
+
+    def __init__(self) -> None:
+        self.gate = Gate()
+
+    def consume(self, events: object, faults: object) -> None:
+        self.gate.take(events)
+
+    def tick(self, status: object, stale: object) -> None: ...
+
+    def announce(self, alerts: object) -> None: ...
+
+    def close(self, assessment: object) -> None: ...
+
+
+def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]) -> None:
+    viewer, released = Hanging(), threading.Event()
+    detached = Detached(viewer, "viewer", released.set, patience_s=0.01)
+    rig.session.sinks.append(detached)
+    rig.session.watch.outlets.append(detached.outlet)
+    rig.hear(worn_pieces)
+    rig.end()
+    assert not detached.finish()
+    assert detached.outlet.dropped > 100
+    viewer.gate.open.set()
+
+
+def test_a_viewer_that_keeps_up_sees_everything(rig: Rig, worn_pieces: list[Piece]) -> None:
+    viewer, released = Hanging(), threading.Event()
+    viewer.gate.open.set()
+    detached = Detached(viewer, "viewer", released.set, patience_s=30)
+    rig.session.sinks.append(detached)
+    rig.hear(worn_pieces[:3000])
+    rig.end()
+    assert detached.finish()
+    assert released.is_set()
+    seen = [event for events in viewer.gate.taken for event in events]
+    assert sum(e.time_s.size for e in seen if isinstance(e, Samples)) == sum(
+        e.time_s.size for e in rig.shown.events if isinstance(e, Samples)
+    )
+
+
+def test_before_it_has_begun_a_signal_ends_it_at_once() -> None:
+    with pytest.raises(KeyboardInterrupt), Stop(None):
+        signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_second_signal_breaks_off(number: signal.Signals) -> None:
+    with Stop(None) as stop:
+        stop.begun = True
+        assert not stop()
+        signal.raise_signal(number)
+        assert stop()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+
+
+def test_a_hang_up_that_was_to_be_ignored_is() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with Stop(None) as stop:
+            stop.begun = True
+            signal.raise_signal(signal.SIGHUP)
+            assert not stop()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@contextlib.contextmanager
+def live(folder: Path, out: int | str, *arguments: str | Path) -> Iterator[subprocess.Popen[bytes]]:
+    """``mavhums live`` whose standard output is a file, or a descriptor."""
+    with contextlib.ExitStack() as exits:
+        stdout: Any = exits.enter_context(Path(out).open("w")) if isinstance(out, str) else out
+        stderr = exits.enter_context((folder / "err").open("w"))
+        process = subprocess.Popen(
+            command("live", *arguments), stdout=stdout, stderr=stderr, cwd=folder, env=ENVIRONMENT
+        )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def await_bytes(path: Path, size: int, process: subprocess.Popen[bytes]) -> None:
+    until = time.monotonic() + 60
+    while not path.exists() or path.stat().st_size < size:
+        assert process.poll() is None, (path.parent / "err").read_text()
+        assert time.monotonic() < until, "it is not recorded"
+        time.sleep(0.05)
+
+
+@pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
+def test_nobody_reads_standard_output_nor_alerts(tmp_path: Path, worn_pieces: list[Piece]) -> None:
+    """The pipe and the serial port are full before it starts; it records, and ends when told to."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writer, bytes(1 << 12))
+    os.set_blocking(writer, True)
+    master, slave = pty.openpty()
+    tty.setraw(master)
+    recording, port = tmp_path / "live.tlog", free_port()
+    links = [f"udpin:{port}", f"serial:{os.ttyname(slave)}:115200"]
+    with live(tmp_path, writer, *links, "--json", "--alerts", "--record", recording) as process:
+        await_bytes(recording, 0, process)
+        time.sleep(0.5)
+        send(port, worn_pieces)
+        await_bytes(recording, sum(len(piece.data) + 8 for piece in worn_pieces), process)
+        began = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == mavhums.analyse(recording).exit_code
+        assert time.monotonic() - began < 20, "2 s on a computer that has nothing else to do"
+    for descriptor in (reader, writer, master, slave):
+        os.close(descriptor)
+    assert "standard output: " in (tmp_path / "err").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("out", ["/dev/full", "closed pipe"])
+def test_an_output_that_fails_ends_nothing(tmp_path: Path, worn_pieces: list[Piece], out: str) -> None:
+    recording, port = tmp_path / "live.tlog", free_port()
+    stdout: int | str = out
+    if out == "closed pipe":
+        reader, stdout = os.pipe()
+        os.close(reader)
+    with live(tmp_path, stdout, f"udpin:{port}", "--json", "--record", recording) as process:
+        await_bytes(recording, 0, process)
+        time.sleep(0.5)
+        send(port, worn_pieces)
+        await_bytes(recording, sum(len(piece.data) + 8 for piece in worn_pieces), process)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == mavhums.analyse(recording).exit_code
+    assert "what it should have shown is dropped, all else goes on" in (tmp_path / "err").read_text()
+
+
+@pytest.mark.slow
+def test_a_closed_pipe_ends_what_has_no_other_purpose(tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with live(tmp_path, writer, "udpin:0", "--json") as process:
+        assert process.wait(60) == 12
+
+
+@pytest.mark.slow
+def test_sigterm_at_the_start_leaves_no_part_of_a_file(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    with live(tmp_path, os.devnull, "udpin:0", "--rrd", tmp_path / "live.rrd") as process:
+        until = time.monotonic() + 60
+        while not list(tmp_path.glob(".live.rrd.*.part")) and time.monotonic() < until:
+            time.sleep(0.002)
+        process.send_signal(signal.SIGTERM)
+        process.wait(60)
+    assert not list(tmp_path.glob(".*"))
+
+
+if sys.platform == "win32":
+    pytest.skip("pipes and signals of POSIX", allow_module_level=True)
