@@ -97,7 +97,7 @@ def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:
     assert len(read.flights) == 1
     assert read.errors == ()
     assert len(read.notices) == 3
-    assert all("is no assessment" in notice for notice in read.notices)
+    assert all("not an assessment" in notice for notice in read.notices)
 
 
 @pytest.mark.parametrize(

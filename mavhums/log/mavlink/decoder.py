@@ -1,4 +1,4 @@
-"""Blocks of bytes in, tables of messages out."""
+"""Decoder of MAVLink streams: converts blocks of bytes to tables of messages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _REGIONS_TOLD = 100
 
 
 class Decoder:
-    """Incremental decoder of a telemetry log, in memory that does not grow with it.
+    """Incremental decoder of a telemetry log, in bounded memory.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Decoder:
 
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:
-        """Number of intact messages by (system, component, name), wanted or not."""
+        """Number of intact messages by (system, component, name), including unwanted ones."""
         return self._ledger.counts
 
     @property
@@ -94,7 +94,7 @@ class Decoder:
 
     @property
     def losses(self) -> Losses:
-        """What could not be read so far."""
+        """Losses so far."""
         if self._scanner is None:
             return Losses()
         totals = self._scanner.totals
