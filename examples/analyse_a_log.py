@@ -31,6 +31,8 @@ def main(path: str, airframe: str | None = None) -> int:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("usage: analyse_a_log.py LOG [AIRFRAME]")
     try:
         print(f"{main(*sys.argv[1:3])} actuators need work")
     except mavhums.MavhumsError as error:

@@ -58,6 +58,8 @@ def frames(datagram: bytes) -> Iterator[bytes]:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2 or not sys.argv[1].isdecimal():
+        sys.exit("usage: follow_udp.py PORT [AIRFRAME]")
     try:
         main(int(sys.argv[1]), *sys.argv[2:3])
     except mavhums.MavhumsError as error:

@@ -18,6 +18,8 @@ import mavhums
 def main(path: str, recording: str, airframe: str | None = None) -> None:
     """Record V1, V3 and their difference of each actuator."""
     histories = mavhums.actuators(mavhums.read_log(path), airframe)
+    if not histories:
+        raise mavhums.MavhumsError(f"{path}: carries nothing of the actuators", f"mavhums inspect {path}")
     stream = rr.RecordingStream("own_recording")
     stream.save(recording)
     for name, history in histories.items():
@@ -26,7 +28,10 @@ def main(path: str, recording: str, airframe: str | None = None) -> None:
         curves = {"command": frame["V1"], "angle": frame["V3"], "behind": frame["V1"] - frame["V3"]}
         for curve, values in curves.items():
             stream.send_columns(f"{name}/{curve}", [time], rr.Scalars.columns(scalars=values.to_numpy()))
-        print(f"{name}: up to {curves['behind'].abs().max():.1f}° behind its command")
+        if curves["behind"].notna().any():
+            print(f"{name}: up to {curves['behind'].abs().max():.1f}° behind its command")
+        else:
+            print(f"{name}: command or angle is not in the log")
     stream.disconnect()
     print(f"open it with: rerun {recording}")
 

@@ -139,4 +139,6 @@ def _study(demo: Path, picture: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit("usage: pictures.py FOLDER PICTURES")
     main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from mavhums.actuator.airframe_name import announcements
 from mavhums.actuator.mapping import Mapped, Mapper
-from mavhums.actuator.profile import Airframe, ProfileError, load_airframe, packaged_airframes
+from mavhums.actuator.profile import Airframe, ProfileError, load_airframe
 from mavhums.core.quantities import KEYS
 from mavhums.log import Log
 
@@ -69,10 +69,8 @@ def actuators(
         named = (said.name for said in announcements(log.tables) if said.known)
         name = airframe if airframe is not None else next(named, None)
         if name is None:
-            known = ", ".join(packaged_airframes())
-            raise ProfileError(
-                f"{log.path}: the log names no airframe profile", f"name one, for example: {known}"
-            )
+            remedy = "name yours: `mavhums profile new LOG -o mine.toml` drafts it from the log's parameters"
+            raise ProfileError(f"{log.path}: the log names no airframe profile", remedy)
         airframe = load_airframe(name)
     mapper = Mapper(airframe)
     mapped = mapper.feed(log.tables, final=True)

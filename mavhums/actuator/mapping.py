@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import Deriver
+from mavhums.actuator.plausible import Gate
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.readings import Reading
 from mavhums.actuator.sources import SOURCES
@@ -60,6 +61,7 @@ class _Track:
     actuator: Actuator
     aligner: Aligner
     deriver: Deriver
+    gate: Gate
     tier: str = ""
     _used: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, len(KEYS)), dtype=np.int64))
     _origins: list[NDArray[np.int8]] = field(default_factory=list)
@@ -122,9 +124,10 @@ class Mapper:
             if key not in self._tracks:
                 actuator = readings[0].actuator
                 aligner = Aligner(_TRUST, actuator.response_lag_s)
-                self._tracks[key] = _Track(key[0], actuator, aligner, Deriver(actuator))
+                self._tracks[key] = _Track(key[0], actuator, aligner, Deriver(actuator), Gate(actuator))
             track = self._tracks[key]
-            for aligned in track.aligner.feed(readings, final=final):
+            admitted = [reading._replace(values=track.gate.admit(reading.values)) for reading in readings]
+            for aligned in track.aligner.feed(admitted, final=final):
                 track.note(aligned)
                 values = track.deriver.complete(aligned)
                 measured = aligned.origin >= 0
@@ -157,6 +160,17 @@ class Mapper:
         track = self._tracks.get((vehicle, actuator.name))
         return track.aligner.late if track else 0
 
+    def implausible(self, vehicle: int, actuator: Actuator) -> dict[str, tuple[int, int]]:
+        """Return by quantity how many values no such actuator can have, and of how many.
+
+        They count as not measured.
+        """
+        track = self._tracks.get((vehicle, actuator.name))
+        if track is None or not track.gate.refused.any():
+            return {}
+        counts = zip(KEYS, track.gate.refused.tolist(), track.gate.told.tolist(), strict=True)
+        return {key: (refused, told) for key, refused, told in counts if refused}
+
     def provenance(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
         """Return where each quantity came from.
 
@@ -178,9 +192,9 @@ class Mapper:
                 merged[key] = f"derived: {_fill_in(how, fields)}"
         return {key: merged[key] for key in KEYS if key in merged}
 
-    def clock_segments(self, vehicle: int) -> int:
-        """Return how many segments the vehicle's clock has had; more than one is a reboot or a jump."""
-        return self._clocks.segments(vehicle)
+    def clock_jumps(self) -> list[tuple[int, int]]:
+        """Return the vehicle and time, microseconds of UTC, of each jump of a clock since the last call."""
+        return self._clocks.jumps()
 
     def _ours(self, table: Table) -> Table:
         if self._vehicle is None and self._from_frame == 0:

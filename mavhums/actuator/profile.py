@@ -20,8 +20,12 @@ from mavhums.core.quantities import KEYS
 
 __all__ = ["Actuator", "Airframe", "Ema", "Limits", "ProfileError", "load_airframe", "packaged_airframes"]
 
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
-_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_LARGEST = 1e9
+_SMALLEST = 1e-12
+_Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
+_Positive = Annotated[float, Field(ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)]
+_Pulse = Annotated[int, Field(ge=0, le=65_535)]
+_NotNegative = Annotated[float, Field(ge=0, le=_LARGEST, allow_inf_nan=False)]
 
 FILL_IN = "fill in the constants from the EMA's data sheet and the friction limits from its maker"
 
@@ -61,7 +65,7 @@ class Ema(Contract):
     inertia: _Positive
     torque_uncertainty: Annotated[float, Field(ge=0, lt=1)] = 0.02
     inertia_uncertainty: Annotated[float, Field(gt=0, le=10)] = 0.5
-    viscous: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    viscous: _NotNegative = 0.0
     viscous_uncertainty: _Positive = 0.05
     stiffness: _Positive | None = None
     supply_voltage: _Positive | None = None
@@ -113,8 +117,8 @@ class FieldMapping(Contract):
     message: Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]*$")]
     field: Annotated[str, Field(pattern=r"^[a-z_][a-z0-9_]*(\[\d{1,3}\])?$")]
     where: dict[str, str | int] = {}
-    scale: Annotated[float, Field(allow_inf_nan=False)] = 1.0
-    offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    scale: _Finite = 1.0
+    offset: _Finite = 0.0
 
     @model_validator(mode="after")
     def _exists(self) -> FieldMapping:
@@ -158,9 +162,9 @@ class Actuator(Contract):
     servo: Annotated[int, Field(ge=1, le=32)]
     esc: Annotated[int, Field(ge=0, le=31)] | None = None
     esc_side: Literal["motor", "bus"] = "motor"
-    electronics_a: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    electronics_a: _NotNegative = 0.0
     travel_deg: tuple[_Finite, _Finite] | None = None
-    pwm_us: tuple[int, int, int]
+    pwm_us: tuple[_Pulse, _Pulse, _Pulse]
     moving_speed_deg_s: _Positive = 1.0
     response_lag_s: Annotated[float, Field(ge=0.04, le=1.0)] = 0.05
     min_rate_hz: _Positive = 5.0

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from difflib import get_close_matches
 from pathlib import Path
 
 import pandas as pd
 
 from mavhums.actuator.mapping import Mapped, messages_for
-from mavhums.actuator.profile import Airframe, ProfileError, load_airframe, packaged_airframes
+from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airframe
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
@@ -44,7 +44,8 @@ def export_quantities(
     output
         Ends in ``.parquet`` or ``.csv``; it appears whole or not at all.
     airframe
-        A profile, its name or its path; if None, each vehicle's own, if the log names it.
+        A profile, its name or its path; if None, each vehicle's own, if the log names it, else none: then
+        what needs no profile is written, by servo and by ESC.
     progress
         Called with the number of bytes read after each block.
 
@@ -58,7 +59,7 @@ def export_quantities(
     UnreadableLogError
         If the log is missing or not a telemetry log.
     ProfileError
-        If there is no profile, or it cannot be used.
+        If the profile cannot be used, or the log comes from the standard input and names none.
     MavhumsError
         If the log carries nothing of its actuators, or the file cannot be written.
     MissingExtraError
@@ -66,10 +67,24 @@ def export_quantities(
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     output = Path(output)
-    writer = writer_for(output)
-    decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"})
-    fleet = VehicleMappers(given)
-    with written_whole(output) as temporary, writer(temporary) as table:
+    writer_for(output)
+    fleet, rows = _write(path, output, given, progress)
+    if not fleet.airframes:
+        if str(path) == "-":
+            raise ProfileError("-: the log names no airframe profile", "name one with --airframe")
+        fleet, rows = _write(path, output, _nameless(), progress)
+    if not rows:
+        raise MavhumsError(*_nothing(path, given, fleet))
+    return {output: rows}
+
+
+def _write(
+    path: str | os.PathLike[str], output: Path, airframe: Airframe | None, progress: Progress
+) -> tuple[VehicleMappers, int]:
+    """Write what a profile makes of a log, and return its vehicles and the number of rows; none, no file."""
+    decoder = Decoder(messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"})
+    fleet = VehicleMappers(airframe)
+    with suppress(_EmptyError), written_whole(output) as temporary, writer_for(output)(temporary) as table:
         for tables, size, final in decode_blocks(path, decoder):
             for _ in fleet.listen(tables):
                 pass
@@ -78,14 +93,36 @@ def export_quantities(
                     table.write(_rows(mapped, decoder.first_time_us or 0))
             if progress:
                 progress(size)
-        if not fleet.airframes:
-            known = ", ".join(packaged_airframes())
-            remedy = f"name one with --airframe (a TOML file, or one of: {known})"
-            raise ProfileError(f"{path}: the log names no airframe profile", remedy)
         if not table.rows:
-            problem = f"{path}: carries nothing of the actuators of {', '.join(fleet.airframes)}"
-            raise MavhumsError(problem, f"see what it holds with: mavhums inspect {path}")
-    return {output: table.rows}
+            raise _EmptyError
+    return fleet, table.rows
+
+
+class _EmptyError(Exception):
+    """There is nothing to write."""
+
+
+def _nameless() -> Airframe:
+    """Return a profile that claims nothing: servos by their channel, ESCs by their number, no angles."""
+    pulses = (1000, 1500, 2000)
+    servos = [Actuator(name=f"servo_{n}", servo=n, pwm_us=pulses) for n in range(1, 17)]
+    escs = [Actuator(name=f"esc_{k}", servo=17 + k, esc=k, pwm_us=pulses) for k in range(16)]
+    return Airframe(name="none", actuators=(*servos, *escs))
+
+
+def _nothing(
+    path: str | os.PathLike[str], airframe: Airframe | None, fleet: VehicleMappers
+) -> tuple[str, str]:
+    """Say why nothing of a log was written, and what would be."""
+    pulses = "or write its pulses as they are: --messages SERVO_OUTPUT_RAW"
+    if airframe is None and fleet.airframes == ["none"]:
+        remedy = f"name a profile with --airframe, {pulses}"
+        return f"{path}: names no airframe profile, and carries no V1–V12 without one", remedy
+    if airframe is not None and all(actuator.travel_deg is None for actuator in airframe.actuators):
+        problem = f"{path}: the profile {airframe.name} has no travel_deg, without which a pulse is no angle"
+        return problem, f"fill it in, {pulses}"
+    problem = f"{path}: carries nothing of the actuators of {', '.join(fleet.airframes)}"
+    return problem, f"see what it holds with: mavhums inspect {path}"
 
 
 def export_messages(

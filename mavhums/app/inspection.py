@@ -8,13 +8,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mavhums.actuator.mapping import Mapper, messages_for
-from mavhums.actuator.profile import Airframe, load_airframe, packaged_airframes
-from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
+from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe, packaged_airframes
+from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
+from mavhums.health.obstacles import obstacle
 from mavhums.log import Decoder, decode_blocks
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.inspection import ActuatorTelemetry, Inspection, MessageRate, VehicleTelemetry
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 
 __all__ = ["inspect_log"]
 
@@ -49,17 +51,18 @@ def inspect_log(
         If the XML cannot be used.
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
-    decoder = Decoder(messages_for(given.actuators if given else ()) | {"STATUSTEXT"}, dialect=dialect)
-    fleet = VehicleMappers(given)
+    decoder = Decoder(messages_for(given.actuators if given else ()) | IDENTITY_MESSAGES, dialect=dialect)
+    fleet, identities = VehicleMappers(given), Identities()
     size = 0
     for tables, size, final in decode_blocks(path, decoder, dialect=dialect):
+        identities.feed(tables)
         for _ in (*fleet.listen(tables), *fleet.feed(tables, final=final)):
             pass
         if progress:
             progress(size)
     first, last = decoder.first_time_us, decoder.last_time_us
     duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
-    vehicles = vehicles_of(decoder.counts)
+    vehicles = vehicles_of(decoder.counts) or identities.vehicles
     return Inspection(
         path=str(path),
         size_bytes=size,
@@ -68,7 +71,7 @@ def inspect_log(
         else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
         duration_s=duration_s,
         vehicles=tuple(
-            _vehicle(vehicle, fleet.tier(vehicle, decoder.counts), fleet.mapper(vehicle))
+            _vehicle(identities.of(vehicle), fleet.tier(vehicle, decoder.counts), fleet.mapper(vehicle))
             for vehicle in vehicles
         ),
         messages=tuple(
@@ -91,33 +94,51 @@ def _iso(time_us: int) -> str:
     return datetime.fromtimestamp(time_us / 1e6, tz=UTC).isoformat()
 
 
-def _vehicle(vehicle: int, tier: Tier | None, mapper: Mapper | None) -> VehicleTelemetry:
-    rows = []
-    for actuator in mapper.airframe.actuators if mapper else ():
+def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None) -> VehicleTelemetry:
+    """Return what is known of a vehicle of which ``sent`` is the richest tier, whosever it is."""
+    vehicle = identity.vehicle
+    airframe = mapper.airframe if mapper else None
+    rows, own = [], set()
+    for actuator in airframe.actuators if airframe and mapper else ():
         provenance = mapper.provenance(vehicle, actuator) if mapper else {}
-        missing = tuple(key for key in KEYS if key not in provenance)
+        own.add(mapper.tier(vehicle, actuator) if mapper else None)
         rows.append(
             ActuatorTelemetry(
-                actuator=actuator.name, servo=actuator.servo, provenance=provenance, missing=missing
+                actuator=actuator.name,
+                servo=actuator.servo,
+                provenance=provenance,
+                missing=tuple(key for key in KEYS if key not in provenance),
             )
         )
-    airframe = mapper.airframe if mapper else None
-    judged = tier is not None and tier.judged
-    if not judged:
-        remedy = TO_BE_JUDGED
-    elif airframe is None:
-        known = ", ".join(packaged_airframes())
-        remedy = (
-            f"name an airframe profile with --airframe (`mavhums profile new LOG` drafts one, or: {known})"
-        )
-    else:
-        remedy = None
+    tier = sent if airframe is None else next((tier for tier in TIERS if tier.name in own), None)
+    judged = tier is not None and tier.judged and not (airframe is None and identity.multirotor)
     return VehicleTelemetry(
         vehicle=vehicle,
+        kind=identity.kind,
+        autopilot=identity.autopilot,
+        firmware=identity.firmware,
+        board=identity.board,
         airframe=airframe.name if airframe else None,
         tier=tier.name if tier else None,
         gives=tier.gives if tier else "nothing of the actuators",
         judged=judged,
-        remedy=remedy,
+        remedy=_remedy(airframe, tier, sent, identity),
         actuators=tuple(rows),
     )
+
+
+def _remedy(
+    airframe: Airframe | None, tier: Tier | None, sent: Tier | None, identity: Identity
+) -> str | None:
+    """Return what stands in the way of a verdict and how it is overcome; None if nothing does."""
+    if airframe is None:
+        return "; ".join(obstacle(sent, packaged_airframes(), identity))
+    blanks = sorted({blank for actuator in airframe.actuators for blank in actuator.blanks})
+    if any(actuator.travel_deg is None and "V1" not in actuator.fields for actuator in airframe.actuators):
+        blanks.append("travel_deg, without which a pulse is no angle")
+    parts = [f"the profile has no {', no '.join(blanks)}: {FILL_IN}"] if blanks else []
+    if tier is None or not tier.judged:
+        if sent is not None and sent.judged:
+            parts.append(f"the log's {sent.name} telemetry is of none of the profile's actuators")
+        parts.append(TO_BE_JUDGED)
+    return "; ".join(parts) or None

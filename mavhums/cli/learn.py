@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.options import AIRFRAME, LOG, PATH
+from mavhums.cli.output import say
 from mavhums.cli.progress import reading, steps
 
 if TYPE_CHECKING:
@@ -84,11 +85,11 @@ def train(
             progress=progress,
         )
     model = save_model(output, network, card)
-    click.echo(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
+    say(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
     for name, value in card.metrics.items():
-        click.echo(f"  {name.replace('_', ' ')}: {100 * value:.2f} %")
+        say(f"  {name.replace('_', ' ')}: {100 * value:.2f} %")
     for name, value in (card.calibration.metrics if card.calibration else {}).items():
-        click.echo(f"  {name.replace('_', ' ')}: {value:.4g}")
+        say(f"  {name.replace('_', ' ')}: {value:.4g}")
 
 
 @click.group()
@@ -122,7 +123,7 @@ def add_precedent(
             progress=progress,
         )
     for precedent in added:
-        click.echo(f"{precedent.path}: {precedent.provenance.actuator}, {label}, {precedent.samples} samples")
+        say(f"{precedent.path}: {precedent.provenance.actuator}, {label}, {precedent.samples} samples")
 
 
 @precedents.command("list")
@@ -134,7 +135,7 @@ def list_precedents(folder: Path) -> None:
     for precedent in PrecedentBase(folder):
         said = precedent.provenance
         whose = f"{said.airframe} {said.actuator} (vehicle {said.vehicle}, {said.tier})"
-        click.echo(f"{said.label:9}  {said.origin:9}  {whose}  {precedent.samples} samples  {said.log}")
+        say(f"{said.label:9}  {said.origin:9}  {whose}  {precedent.samples} samples  {said.log}")
 
 
 @click.group()
@@ -153,4 +154,4 @@ def study_paper(output: Path, quick: bool, seed: int) -> None:
     with steps("study") as progress:
         files = write_study(output, quick=quick, seed=seed, progress=progress)
     for file in files:
-        click.echo(str(file))
+        say(str(file))

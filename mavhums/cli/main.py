@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums import __version__
+from mavhums.cli.ending import heed_signals
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
 from mavhums.cli.options import (
@@ -27,9 +28,11 @@ from mavhums.cli.options import (
     LOGS,
     PATH,
 )
+from mavhums.cli.output import complain, say, say_json, sound_output
 from mavhums.cli.progress import reading
 from mavhums.cli.tools import export, model, profile
-from mavhums.cli.trend import complain, opened_history, trend
+from mavhums.cli.trend import opened_history, trend
+from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
@@ -95,8 +98,8 @@ def analyse(
 
     \b
     Exit codes, the first that applies:
-      2 usage    1 error    11 an emergency    10 degraded    12 undecided
-      3 log or history read with losses    0 all normal
+      2 usage    11 an emergency    10 degraded    1 a log that cannot be read
+      12 undecided    3 log or history read with losses    0 all normal
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.app.analysis import analyse as judge
@@ -120,7 +123,7 @@ def analyse(
     )
     recordings = _recordings(logs, rrd)
     assessments: list[Assessment] = []
-    failed = False
+    failures: list[dict[str, str]] = []
     for log in logs:
         try:
             with reading(log) as progress:
@@ -129,19 +132,19 @@ def analyse(
                 )
             assessments.append(assessment)
             if not as_json:
-                _show(assessment, recordings.get(log))
+                _show(assessment, recordings.get(log), several=len(logs) > 1)
             if keep and history is not None:
                 keep_assessment(assessment, history)
                 options = replace(options, history=options.flights().with_flight(assessment))
         except MavhumsError as error:
             complain(error)
-            failed = True
-    if as_json and assessments:
-        click.echo(_json(assessments, many=len(logs) > 1))
+            failures.append({"log": str(log), "problem": error.problem, "remedy": error.remedy})
+    if as_json:
+        say_json(_json(assessments, failures, several=len(logs) > 1))
     if open_viewer and assessments:
         _open([recordings[log] for log in logs if recordings[log].exists()])
     unread = bool(options.flights().errors)
-    raise SystemExit(ExitCode.ERROR if failed else _exit_code(assessments, losses=unread))
+    raise SystemExit(_exit_code(assessments, failed=bool(failures), losses=unread))
 
 
 @cli.command()
@@ -159,7 +162,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     with reading(log) as progress:
         inspection = inspect_log(log, airframe=airframe, dialect=dialect, progress=progress)
     if as_json:
-        click.echo(inspection.to_json())
+        say_json(inspection.to_json())
     else:
         from rich.console import Console
 
@@ -169,26 +172,26 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (live, trend, train, precedents, study, export, model, profile):
+for _command in (live, trend, train, precedents, study, export, model, profile, warm_up):
     cli.add_command(_command)
 
 
 def main() -> None:
     """Run the command line; errors that a user can act on are one line and a remedy."""
-    try:
-        cli.main(prog_name="mavhums", standalone_mode=False)
-    except MavhumsError as error:
-        complain(error)
-        sys.exit(ExitCode.ERROR)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(ExitCode.USAGE)
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("mavhums: stopped; no output was left half-written", err=True)
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(ExitCode.ERROR)
+    heed_signals()
+    announce_compiling()
+    with sound_output():
+        try:
+            cli.main(prog_name="mavhums", standalone_mode=False)
+        except MavhumsError as error:
+            complain(error)
+            sys.exit(ExitCode.ERROR)
+        except click.ClickException as error:
+            error.show()
+            sys.exit(ExitCode.USAGE)
+        except (click.Abort, KeyboardInterrupt):
+            say("mavhums: stopped; no output was left half-written", err=True)
+            sys.exit(130)
 
 
 def _recordings(logs: tuple[Path, ...], rrd: Path | None) -> dict[Path, Path]:
@@ -207,31 +210,41 @@ def _recordings(logs: tuple[Path, ...], rrd: Path | None) -> dict[Path, Path]:
     return {log: rrd / f"{log.stem}.rrd" for log in logs}
 
 
-def _show(assessment: Assessment, recording: Path | None) -> None:
+def _show(assessment: Assessment, recording: Path | None, *, several: bool) -> None:
     from rich.console import Console
 
     from mavhums.show import render
 
+    if several:
+        say(f"=== {assessment.log.path} ===")
     render(assessment, Console())
     if recording is not None:
-        click.echo(f"recording: {recording}   open it with: rerun {recording}\n")
+        say(f"recording: {recording}   open it with: rerun {recording}\n")
 
 
-def _json(assessments: list[Assessment], *, many: bool) -> str:
+def _json(assessments: list[Assessment], failures: list[dict[str, str]], *, several: bool) -> str:
+    """Return one assessment as it is; several, or a failure, as one object."""
     from mavhums.report.assessment import SCHEMA
 
-    if not many:
+    if not several and not failures:
         return assessments[0].to_json()
     objects = [json.loads(assessment.to_json()) for assessment in assessments]
-    return json.dumps({"schema": SCHEMA, "assessments": objects}, indent=2, ensure_ascii=False)
+    whole = {"schema": SCHEMA, "assessments": objects, "failures": failures}
+    return json.dumps(whole, indent=2, ensure_ascii=False)
 
 
-def _exit_code(assessments: list[Assessment], *, losses: bool) -> ExitCode:
-    order = (ExitCode.EMERGENCY, ExitCode.DEGRADED, ExitCode.UNDECIDED, ExitCode.READ_WITH_LOSSES)
-    codes = {assessment.exit_code for assessment in assessments}
-    return next(
-        (code for code in order if code in codes), ExitCode.READ_WITH_LOSSES if losses else ExitCode.OK
+def _exit_code(assessments: list[Assessment], *, failed: bool, losses: bool) -> ExitCode:
+    order = (
+        ExitCode.EMERGENCY,
+        ExitCode.DEGRADED,
+        ExitCode.ERROR,
+        ExitCode.UNDECIDED,
+        ExitCode.READ_WITH_LOSSES,
     )
+    codes = {assessment.exit_code for assessment in assessments}
+    codes |= {ExitCode.ERROR} if failed else set()
+    codes |= {ExitCode.READ_WITH_LOSSES} if losses else set()
+    return next((code for code in order if code in codes), ExitCode.OK)
 
 
 def _open(recordings: list[Path]) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from mavhums.cli.options import AIRFRAME, LOG, PATH
+from mavhums.cli.output import say, say_json
 from mavhums.cli.progress import reading
 from mavhums.core.errors import MavhumsError
 
@@ -46,7 +47,7 @@ def export(log: Path, output: Path, messages: str | None, airframe: str | None) 
             names = [name.strip() for name in messages.split(",") if name.strip()]
             written = export_messages(log, output, names, progress=progress)
     for path, rows in written.items():
-        click.echo(f"{path}: {rows:,} rows")
+        say(f"{path}: {rows:,} rows")
 
 
 @click.group()
@@ -78,7 +79,7 @@ def show_model(file: Path | None, as_json: bool) -> None:
     network = packaged.get(wanted) or load_model(wanted)
     if as_json:
         card = {"hash": network.hash, **network.card.model_dump(mode="json")}
-        click.echo(json.dumps(card, indent=2, ensure_ascii=False))
+        say_json(json.dumps(card, indent=2, ensure_ascii=False))
         return
     from rich.console import Console
 
@@ -111,9 +112,9 @@ def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str |
     with reading(log) as progress:
         text = draft_profile(log, vehicle=vehicle, name=name, progress=progress)
     if output is None:
-        click.echo(text, nl=False)
+        say(text.rstrip("\n"))
     else:
         with written_whole(output) as temporary:
             temporary.write_text(text, encoding="utf-8")
-        click.echo(f"{output}: drafted {text.count('[[actuators]]')} actuators")
-        click.echo(f"  fill in: {_TO_FILL_IN}")
+        say(f"{output}: drafted {text.count('[[actuators]]')} actuators")
+        say(f"  fill in: {_TO_FILL_IN}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.options import BASELINE_FROM, JSON, PATH
+from mavhums.cli.output import complain, say, say_json
 from mavhums.cli.progress import steps
 from mavhums.core.errors import MavhumsError
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from mavhums.history.flights import FlightHistory
     from mavhums.report.trend import ActuatorTrend
 
-__all__ = ["complain", "opened_history", "trend"]
+__all__ = ["opened_history", "trend"]
 
 _SHOWN_NOTICES = 5
 
@@ -81,7 +82,7 @@ def trend(
     if output is not None:
         _write(output, report.trends)
     if as_json:
-        click.echo(report.to_json())
+        say_json(report.to_json())
     else:
         from rich.console import Console
 
@@ -124,14 +125,7 @@ def opened_history(folder: Path | None, *, may_be_new: bool = False) -> FlightHi
     for error in history.errors:
         complain(error)
     for notice in history.notices[:_SHOWN_NOTICES]:
-        click.echo(f"mavhums: {notice}", err=True)
+        say(f"mavhums: {notice}", err=True)
     if len(history.notices) > _SHOWN_NOTICES:
-        click.echo(f"mavhums: and {len(history.notices) - _SHOWN_NOTICES} more notices", err=True)
+        say(f"mavhums: and {len(history.notices) - _SHOWN_NOTICES} more notices", err=True)
     return history
-
-
-def complain(error: MavhumsError) -> None:
-    """Say on standard error what went wrong, and the remedy."""
-    click.echo(f"mavhums: {error.problem}", err=True)
-    if error.remedy:
-        click.echo(f"  remedy: {error.remedy}", err=True)

@@ -10,7 +10,7 @@ __all__ = ["ExitCode", "MavhumsError", "MissingExtraError", "UnreadableLogError"
 class ExitCode(IntEnum):
     """Exit codes of ``mavhums analyse``; if several apply, the first in this order is used.
 
-    2, 1, 11, 10, 12, 3, 0.
+    2, 11, 10, 1, 12, 3, 0.
     """
 
     OK = 0

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import stat
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,26 +13,103 @@ from secrets import token_hex
 
 from mavhums.core.errors import MavhumsError
 
-__all__ = ["written_whole"]
+__all__ = ["WholeFile", "written_whole"]
+
+
+class WholeFile:
+    """A file that is written beside its place, and put there once it is complete.
+
+    A regular file is replaced by rename and keeps its permissions; a symbolic link stays, and the file
+    that it names is replaced. A device, a FIFO or a socket is never replaced: the complete content is
+    copied into it.
+
+    Parameters
+    ----------
+    path
+        Where the file shall appear.
+
+    Attributes
+    ----------
+    temporary
+        Where to write it until then; a new path, at which there is nothing yet.
+
+    Raises
+    ------
+    OSError
+        If ``path`` is a folder.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = Path(path)
+        self._mode = _mode(self._path)
+        self._through = self._mode is not None and not stat.S_ISREG(self._mode)
+        if self._through:
+            self.temporary = Path(tempfile.mkdtemp(prefix="mavhums-")) / self._path.name
+        else:
+            self._path = Path(os.path.realpath(self._path))
+            self.temporary = self._path.with_name(f".{self._path.name[:200]}.{token_hex(4)}.part")
+
+    def publish(self) -> None:
+        """Put the complete file in its place.
+
+        Raises
+        ------
+        OSError
+            If that fails; what was there before is then still there, unless it was no regular file.
+        """
+        if self._through:
+            with self.temporary.open("rb") as source, self._path.open("wb") as target:
+                shutil.copyfileobj(source, target)
+            return
+        if self._mode is not None:
+            self.temporary.chmod(stat.S_IMODE(self._mode))
+        self.temporary.replace(self._path)
+
+    def discard(self) -> None:
+        """Remove what is left of the temporary file; nothing after :meth:`publish`."""
+        self.temporary.unlink(missing_ok=True)
+        if self._through:
+            shutil.rmtree(self.temporary.parent, ignore_errors=True)
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
-    """Give the path of a temporary file, and rename it to ``path`` if all goes well.
+def written_whole(
+    path: str | os.PathLike[str],
+    *,
+    error: type[MavhumsError] = MavhumsError,
+    remedy: str = "choose another place",
+) -> Iterator[Path]:
+    """Give the path of a temporary file, and put it at ``path`` if all goes well (:class:`WholeFile`).
+
+    Parameters
+    ----------
+    path
+        Where the file shall appear.
+    error, remedy
+        What is raised if it cannot be written.
 
     Raises
     ------
     MavhumsError
         If the file cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{token_hex(4)}.part")
     try:
+        file = WholeFile(path)
         try:
-            yield temporary
-            temporary.replace(path)
+            yield file.temporary
+            file.publish()
         finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise MavhumsError(
-            f"cannot write {path}: {error.strerror or error}", "choose another place"
-        ) from error
+            file.discard()
+    except OSError as problem:
+        raise error(f"cannot write {path}: {problem.strerror or problem}", remedy) from problem
+
+
+def _mode(path: Path) -> int | None:
+    """Return type and permissions of what a path leads to; None where there is nothing yet."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(21, "is a folder")
+    return mode

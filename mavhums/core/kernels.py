@@ -10,6 +10,9 @@ from collections.abc import Callable
 from typing import TypeVar, cast
 
 import numba
+from numba.core import event
+
+from mavhums.core import compiling
 
 __all__ = ["inlined", "kernel"]
 
@@ -24,3 +27,16 @@ def kernel(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Compile into every caller: for what runs once a frame, where a call would cost as much."""
     return cast(Function, numba.njit(cache=True, nogil=True, inline="always")(function))
+
+
+class _Teller(event.Listener):
+    """Passes on that numba compiles, which it does not where the result is on disk."""
+
+    def on_start(self, event: event.Event) -> None:
+        compiling.tell()
+
+    def on_end(self, event: event.Event) -> None:
+        """Do nothing: what matters is that it takes a while."""
+
+
+event.register("numba:compile", _Teller())  # type: ignore[no-untyped-call]

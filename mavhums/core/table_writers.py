@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.text import no_formula
 
 __all__ = ["TableWriter", "writer_for"]
 
@@ -72,11 +73,25 @@ class _CsvWriter(TableWriter):
 
     def _append(self, frame: pd.DataFrame) -> None:
         with self._path.open("w" if self._is_new else "a", encoding="utf-8", newline="") as file:
-            frame.to_csv(file, header=self._is_new, index=False, date_format=_TIME)
+            _harmless(frame).to_csv(file, header=self._is_new, index=False, date_format=_TIME)
         self._is_new = False
 
     def _close(self) -> None:
         pass
+
+
+def _harmless(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return the table without texts that a spreadsheet would compute."""
+    texts = [name for name in frame.columns if _is_text(frame[name])]
+    return frame.assign(**{name: frame[name].map(_cell) for name in texts}) if texts else frame
+
+
+def _is_text(column: pd.Series[Any]) -> bool:
+    return bool(pd.api.types.is_object_dtype(column) or pd.api.types.is_string_dtype(column))
+
+
+def _cell(value: object) -> object:
+    return no_formula(value) if isinstance(value, str) else value
 
 
 class _ParquetWriter(TableWriter):

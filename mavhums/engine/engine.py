@@ -23,6 +23,7 @@ from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 
 __all__ = ["Engine"]
@@ -47,18 +48,19 @@ class Engine:
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
         airframe = options.airframe
-        wanted = messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"}
+        wanted = messages_for(airframe.actuators if airframe else ())
         self._crowd = Crowd(wanted - {"STATUSTEXT"})
+        wanted |= IDENTITY_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
+        self._identities = Identities()
         self._mappers = VehicleMappers(airframe)
         self._models = tuple(options.models)
         self._baselines = options.baselines
         self._false_alarms = options.false_alarms
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
-        self._segments: dict[int, int] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return what they bring about."""
@@ -83,7 +85,7 @@ class Engine:
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
         counts = decoder.counts
-        vehicles = vehicles_of(counts)
+        vehicles = vehicles_of(counts) or self._identities.vehicles
         told: dict[int | None, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
         for key, count in counts.items():
             told.get(key[0], {})[key] = count
@@ -114,12 +116,18 @@ class Engine:
         if not tables and not final:
             return
         self._crowd.heed(tables)
+        self._identities.feed(tables)
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
-        for mapper, mapped in self._mappers.feed(tables, final=final):
+        settled = list(self._mappers.feed(tables, final=final))
+        for vehicle, time_us in self._mappers.clock_jumps():
+            if not self._crowd.admits(vehicle):
+                continue
+            text = "its clock jumped: it rebooted, or its time was set"
+            yield Notice(self._flight_time(time_us), vehicle, text)
+        for mapper, mapped in settled:
             if mapped.utc_us.size and self._crowd.admits(mapped.vehicle):
-                yield from self._notice_clock(mapper, mapped)
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
@@ -135,14 +143,6 @@ class Engine:
             for k, text in enumerate(texts.texts("text")):
                 if text and not text.startswith("mavhums airframe="):
                     yield Notice(self._flight_time(int(texts.time_us[k])), int(texts.system[k]), text)
-
-    def _notice_clock(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
-        """Say that a vehicle's clock jumped, so that nobody wonders at the gap."""
-        segments = mapper.clock_segments(mapped.vehicle)
-        if segments > self._segments.get(mapped.vehicle, 1):
-            self._segments[mapped.vehicle] = segments
-            time_s = self._flight_time(int(mapped.utc_us[-1]))
-            yield Notice(time_s, mapped.vehicle, "its clock jumped: it rebooted, or its time was set")
 
     def _judge(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
         actuator = mapped.actuator
@@ -174,7 +174,8 @@ class Engine:
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
-            yield unjudged_vehicle(vehicle, tier, packaged_airframes())
+            identity = None if vehicle is None else self._identities.of(vehicle)
+            yield unjudged_vehicle(vehicle, tier, packaged_airframes(), identity)
             return
         if not self._crowd.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST)
@@ -197,6 +198,7 @@ class Engine:
                     start_utc=_utc(self._decoder.first_time_us or 0),
                     end_s=self._flight_time(self._decoder.last_time_us or 0),
                     late=mapper.late(vehicle, actuator),
+                    implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
                     model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),

@@ -110,6 +110,7 @@ class Monitor:
         self._condition: Condition = "undecided"
         self._worst: Condition = "undecided"
         self._since_s: float | None = None
+        self._changed_s = -np.inf
         self._windows = self._decidable = self._samples = self._moving = 0
         self._friction: Interval | None = None
         self._vote: tuple[float, Outcome] | None = None
@@ -252,6 +253,7 @@ class Monitor:
                 if c.condition == self._condition and name in self._deciding()
             ]
             since_s, why, rule = min(holding, default=(end_s, fault, change.rule))
+            since_s = self._changed_s = max(since_s, self._changed_s)  # never before the last change
             self._since_s = None if self._condition == "undecided" else since_s
             yield ConditionChanged(
                 self.vehicle, self.actuator.name, end_s, since_s, before, self._condition, rule, why

@@ -14,6 +14,7 @@ from mavhums.health.slots import APART, BUS, GUARD_S, Slots
 __all__ = ["Motion", "motion"]
 
 _PERIODS = 2.5
+_LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; how they round must not decide
 _V7 = column("V7")
 
 Array = NDArray[np.float64]
@@ -66,7 +67,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     run = np.searchsorted(turns, np.arange(time_s.size))
     begin = time_s[np.concatenate([[0], turns + 1])[run]]
     end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
-    lasting = (time_s - begin >= GUARD_S) & (end - time_s >= GUARD_S)
+    lasting = (time_s - begin >= _LASTING_S) & (end - time_s >= _LASTING_S)
     fast[1:-1] &= fast[2:] & fast[:-2]
     moving = fast & lasting & (span < _PERIODS / actuator.min_rate_hz)
     own = slots.judged

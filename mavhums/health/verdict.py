@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.monitor import WINDOW_S, Findings
+from mavhums.health.obstacles import obstacle
 from mavhums.report.assessment import (
     ALL,
     Coverage,
@@ -19,8 +21,11 @@ from mavhums.report.assessment import (
     Suspect,
     Verdict,
 )
+from mavhums.vehicle.identity import Identity
 
 __all__ = ["crowded_out", "judged", "unjudged_actuator", "unjudged_vehicle"]
+
+_MOSTLY = 0.1
 
 
 def judged(
@@ -31,6 +36,7 @@ def judged(
     start_utc: datetime,
     end_s: float,
     late: int,
+    implausible: Mapping[str, tuple[int, int]],
     provenance: dict[str, str],
     tier: Tier,
     model: ModelSummary | None = None,
@@ -38,13 +44,14 @@ def judged(
     """Return the verdict on an actuator whose telemetry was followed.
 
     Where its telemetry ended more than a window before the log did, at ``end_s``, its condition is
-    undecided: silence is never normal. What was found until then remains.
+    undecided: silence is never normal. What was found until then remains. ``implausible`` tells by quantity
+    how many values no such actuator can have, and of how many.
     """
     silent = findings.last_s < end_s - WINDOW_S
     condition: Condition = "undecided" if silent else findings.condition
     reason, remedy = None, None
     if findings.condition == "undecided":
-        reason, remedy = _why_undecided(actuator, findings, provenance)
+        reason, remedy = _absurd(implausible) or _why_undecided(actuator, findings, provenance)
     elif silent:
         ended = f"its telemetry ends at {findings.last_s:.0f} s of {end_s:.0f} s"
         reason = f"{ended}, when it was {findings.condition}"
@@ -64,6 +71,7 @@ def judged(
             windows=findings.coverage.windows,
             decidable=findings.coverage.decidable,
             late=findings.coverage.late + late,
+            implausible={key: refused for key, (refused, _) in implausible.items()},
         ),
         tier=tier.name,
         provenance=provenance,
@@ -102,20 +110,21 @@ def unjudged_actuator(
 def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
     if tier is None:
         return f"the log carries no telemetry of servo {actuator.servo}"
+    if tier.name.startswith("esc") and actuator.esc is None:
+        return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
     if tier.judged:
         return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
     return f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
 
 
-def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str]) -> Verdict:
+def unjudged_vehicle(
+    vehicle: int | None, tier: Tier | None, airframes: list[str], identity: Identity | None = None
+) -> Verdict:
     """Return the verdict on all actuators of a vehicle without a profile, or of a log without one."""
     if vehicle is None:
         reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"
     else:
-        known = ", ".join(airframes)
-        reason = "no airframe profile: one actuator's limits say nothing about another's"
-        drafted = "which `mavhums profile new LOG` drafts"
-        remedy = f"name one with --airframe (a TOML file, {drafted}, or one of: {known})"
+        reason, remedy = obstacle(tier, airframes, identity)
     return Verdict(
         vehicle=vehicle,
         actuator=ALL,
@@ -124,6 +133,19 @@ def unjudged_vehicle(vehicle: int | None, tier: Tier | None, airframes: list[str
         tier=tier.name if tier else None,
         reason=reason,
         remedy=remedy,
+    )
+
+
+def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
+    """Say that most values of some quantities cannot be this actuator's, if it is so."""
+    shares = {key: refused / told for key, (refused, told) in implausible.items()}
+    worst = [key for key, share in shares.items() if share > _MOSTLY]
+    if not worst:
+        return None
+    share = f"{100 * max(shares.values()):.0f} %"
+    return (
+        f"up to {share} of the values of {', '.join(worst)} are beyond what the profile's actuator can do",
+        "check the unit and scale of these fields, and the profile's constants, travel and voltage",
     )
 
 

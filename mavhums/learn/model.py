@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
 from mavhums.learn.card import Card
 from mavhums.learn.inference import Network
 
@@ -70,18 +70,8 @@ def save_model(path: str | Path, network: Network, card: Card) -> Model:
     if card.features != network.keys:
         raise ValueError(f"the card names the features {card.features}, the network {network.keys}")
     data = safetensors.numpy.save(network.tensors, metadata={_CARD_KEY: card.model_dump_json()})
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        try:
-            temporary.write_bytes(data)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise ModelError(
-            f"{path}: cannot be written: {error.strerror}", "name a folder that exists"
-        ) from error
+    with written_whole(path, error=ModelError, remedy="name a folder that exists") as temporary:
+        temporary.write_bytes(data)
     return Model(network, card, hashlib.sha256(data).hexdigest())
 
 

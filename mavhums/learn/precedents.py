@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 
 if TYPE_CHECKING:
@@ -122,18 +123,13 @@ class PrecedentBase:
         table = pa.table(columns, schema=_schema())
         name = f"{provenance.sha256[:16]}-{provenance.vehicle}-{provenance.actuator}.parquet"
         path = self.folder / name
-        temporary = path.with_name(f".{name}.{os.getpid()}")
+        remedy = "name a folder that you may write to"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            try:
-                pq.write_table(table, temporary, compression="zstd")
-                temporary.replace(path)
-            finally:
-                temporary.unlink(missing_ok=True)
         except OSError as error:
-            raise PrecedentError(
-                f"{self.folder}: cannot be written: {error.strerror}", "name a folder that you may write to"
-            ) from error
+            raise PrecedentError(f"cannot write {self.folder}: {error.strerror}", remedy) from error
+        with written_whole(path, error=PrecedentError, remedy=remedy) as temporary:
+            pq.write_table(table, temporary, compression="zstd")
         return Precedent(path, provenance, len(time_us))
 
     def __iter__(self) -> Iterator[Precedent]:

@@ -70,13 +70,15 @@ class Since(Contract):
 class Coverage(Contract):
     """How much of the flight could be judged: windows of 10 s, one each second.
 
-    ``late`` counts samples that came too late to be judged.
+    ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
+    such actuator can have, which count as not measured.
     """
 
     moving_fraction: float = Field(ge=0, le=1)
     windows: int = Field(ge=0)
     decidable: int = Field(ge=0)
     late: int = Field(default=0, ge=0)
+    implausible: dict[str, int] = {}
 
 
 class Evidence(Contract):

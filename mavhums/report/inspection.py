@@ -28,9 +28,17 @@ class ActuatorTelemetry(Frozen):
 
 
 class VehicleTelemetry(Frozen):
-    """What the log carries of one vehicle's actuators, and how to get more."""
+    """What the log carries of one vehicle's actuators, and how to get more.
+
+    ``kind``, ``autopilot``, ``firmware`` and ``board`` are what the vehicle says of itself. ``tier`` is the
+    best of its actuators, or where no profile tells which those are, of the log.
+    """
 
     vehicle: int
+    kind: str | None = None
+    autopilot: str | None = None
+    firmware: str | None = None
+    board: str | None = None
     airframe: str | None
     tier: str | None
     gives: str

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from mavhums.core.conditions import Condition
+from mavhums.core.text import printable
 from mavhums.health.detector import to_inspect
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, Verdict
@@ -23,7 +24,9 @@ __all__ = [
     "finding",
     "friction",
     "headline",
+    "implausible",
     "join",
+    "link_loss",
     "losses",
     "name",
     "percent",
@@ -85,6 +88,20 @@ def friction(interval: Interval) -> str:
     '0.521 (0.500–0.540)'
     """
     return f"{interval.estimate:.3f} ({interval.low:.3f}–{interval.high:.3f})"
+
+
+def implausible(verdict: Verdict) -> str | None:
+    """Return how many values no such actuator can have; None if there are none.
+
+    Examples
+    --------
+    >>> implausible(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
+    """
+    counts = verdict.coverage.implausible
+    if not counts:
+        return None
+    values = ", ".join(f"{count:,} of {key}" for key, count in counts.items())
+    return f"values that no such actuator can have, counted as not measured: {values}"
 
 
 def percent(fraction: float) -> str:
@@ -176,17 +193,6 @@ def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
     return groups
 
 
-def printable(text: str) -> str:
-    r"""Return a text from outside without what a terminal or a viewer would obey.
-
-    Examples
-    --------
-    >>> printable("S1\x1b[31m")
-    'S1�[31m'
-    """
-    return "".join(letter if letter.isprintable() else "�" for letter in text)
-
-
 def losses(lost: Losses) -> str:
     """Return the losses of the log, in one line."""
     counts = (
@@ -202,4 +208,23 @@ def losses(lost: Losses) -> str:
         (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
-    return join(parts) if parts else "none"
+    missing = link_loss(lost)
+    if missing is None:
+        return join(parts) if parts else "none"
+    return f"{join(parts) if parts else 'file intact'}; {missing}"
+
+
+def link_loss(lost: Losses) -> str | None:
+    """Return what never reached the log, by the senders' sequence numbers; None if nothing is missing.
+
+    Examples
+    --------
+    >>> sender = dict(gaps=3, reordered=0, duplicated=0)
+    >>> link_loss(Losses(sequence=[dict(system=1, component=1, frames=952, missing=48, **sender)]))
+    'the radio link lost 4.8 %'
+    """
+    missing = sum(sender.missing for sender in lost.sequence)
+    if not missing:
+        return None
+    sent = missing + sum(sender.frames for sender in lost.sequence)
+    return f"the radio link lost {max(100 * missing / sent, 0.1):.1f} %"

@@ -8,7 +8,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from mavhums.core.text import printable
 from mavhums.report.inspection import Inspection, VehicleTelemetry
+from mavhums.show._words import link_loss
 
 __all__ = ["render_inspection"]
 
@@ -18,7 +20,7 @@ def render_inspection(inspection: Inspection, console: Console) -> None:
     size = f"{inspection.size_bytes / 1e6:.2f} MB"
     start = inspection.start_utc[:19].replace("T", " ") + " UTC" if inspection.start_utc else "no message"
     header = f"{inspection.path}  {size}, {inspection.duration_s:.1f} s from {start}"
-    console.print(header, markup=False, highlight=False, soft_wrap=True)
+    console.print(printable(header), markup=False, highlight=False, soft_wrap=True)
     if not inspection.vehicles:
         console.print("\nNo vehicle speaks in this log: ground station or other traffic only.")
     for vehicle in inspection.vehicles:
@@ -40,24 +42,31 @@ def render_inspection(inspection: Inspection, console: Console) -> None:
 
 
 def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
-    airframe = vehicle.airframe or "not named"
+    airframe = printable(vehicle.airframe or "not named")
     console.print(
-        f"\n[bold]Vehicle {vehicle.vehicle}[/]: airframe {escape(airframe)}; telemetry tier "
-        f"{vehicle.tier or 'none'}, which gives {vehicle.gives}",
+        f"\n[bold]Vehicle {vehicle.vehicle}[/]{escape(_who(vehicle))}: airframe {escape(airframe)}; "
+        f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}",
         highlight=False,
     )
     if not vehicle.judged:
         console.print("  Health cannot be judged from this log.", highlight=False)
     if vehicle.remedy:
-        console.print(f"  Remedy: {escape(vehicle.remedy)}", highlight=False)
+        console.print(f"  Remedy: {escape(printable(vehicle.remedy))}", highlight=False)
+    nothing = "nothing without travel_deg" if "travel_deg" in (vehicle.remedy or "") else "no telemetry"
     for actuator in vehicle.actuators:
-        sources = _shorten(actuator.provenance)
+        sources = _shorten(actuator.provenance) or nothing
         missing = f"; missing {', '.join(actuator.missing)}" if actuator.missing else ""
         console.print(
-            f"  {actuator.actuator} (servo {actuator.servo}): {sources}{missing}",
+            printable(f"  {actuator.actuator} (servo {actuator.servo}): {sources}{missing}"),
             markup=False,
             highlight=False,
         )
+
+
+def _who(vehicle: VehicleTelemetry) -> str:
+    told = (vehicle.kind, vehicle.firmware or vehicle.autopilot, vehicle.board and f"board {vehicle.board}")
+    names = ", ".join(printable(name) for name in told if name)
+    return f" ({names})" if names else ""
 
 
 def _shorten(provenance: dict[str, str]) -> str:
@@ -69,7 +78,7 @@ def _shorten(provenance: dict[str, str]) -> str:
     for source, keys in by_source.items():
         named = f"{keys[0]}–{keys[-1]}" if len(keys) > 2 and _consecutive(keys) else ", ".join(keys)
         parts.append(f"{named} from {source}")
-    return "; ".join(parts) or "no telemetry"
+    return "; ".join(parts)
 
 
 def _consecutive(keys: list[str]) -> bool:
@@ -82,7 +91,8 @@ def _losses(inspection: Inspection, console: Console) -> None:
     for note in _notes(inspection):
         console.print(f"\n{note}", highlight=False, markup=False)
     if not losses.any:
-        console.print("\nLog losses: none.")
+        missing = link_loss(losses)
+        console.print(f"\nFile intact; {missing}." if missing else "\nLog losses: none.", highlight=False)
         return
     parts = []
     if losses.bytes_skipped:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from secrets import token_hex
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.files import WholeFile
 from mavhums.engine.events import Event
 from mavhums.report.assessment import Assessment
 
@@ -52,12 +52,13 @@ class Recorder:
 
     def __init__(self, path: str | os.PathLike[str], *, recording_id: str, position: bool = True) -> None:
         self._path = Path(path)
-        self._temporary = self._path.with_name(f".{self._path.name}.{token_hex(4)}.part")
+        self._file: WholeFile | None = None
         self._stream, self._scene = draw(recording_id, position=position)
 
     def __enter__(self) -> Self:
         try:
-            self._stream.save(self._temporary)
+            self._file = WholeFile(self._path)
+            self._stream.save(self._file.temporary)
         except Exception as error:
             raise MavhumsError(f"cannot write {self._path}: {error}", "choose another place") from error
         return self
@@ -69,7 +70,8 @@ class Recorder:
         trace: TracebackType | None,
     ) -> None:
         self._stream.disconnect()
-        self._temporary.unlink(missing_ok=True)
+        if self._file:
+            self._file.discard()
 
     def consume(self, events: Iterable[Event]) -> None:
         """Take what the engine reports, in its order."""
@@ -78,18 +80,19 @@ class Recorder:
     def close(self, assessment: Assessment) -> None:
         """Write the report, the properties and the layout, and put the recording in its place."""
         end(self._stream, self._scene, assessment, self._path.stem)
-        self._publish()
+        if self._file:
+            self._publish(self._file)
 
-    def _publish(self) -> None:
+    def _publish(self, file: WholeFile) -> None:
         """Finish the temporary file and rename it; rerun only logs what fails at a file's end, so look."""
         try:
             self._stream.flush()
             self._stream.disconnect()
-            with self._temporary.open("rb") as file:
-                file.seek(-_FOOTER_SIZE, os.SEEK_END)
-                if not file.read().startswith(_FOOTER):
+            with file.temporary.open("rb") as written:
+                written.seek(-_FOOTER_SIZE, os.SEEK_END)
+                if not written.read().startswith(_FOOTER):
                     raise OSError("its end is missing")
-            self._temporary.replace(self._path)
+            file.publish()
         except (OSError, RuntimeError) as error:
             raise MavhumsError(f"cannot write {self._path}: {error}", "is the disk full?") from error
 

@@ -15,6 +15,7 @@ from mavhums.show._words import (
     finding,
     friction,
     headline,
+    implausible,
     join,
     losses,
     name,
@@ -51,6 +52,7 @@ def markdown(assessment: Assessment) -> str:
     ranked = assessment.ranked()
     told = [verdict for verdict in ranked if verdict.worst not in ("normal", "undecided")]
     sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
+    sections += _doubtful(assessment)
     sections += _undecided(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
@@ -123,10 +125,9 @@ def _section(verdict: Verdict, title: str) -> str:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if verdict.p_emergency is not None:
         sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
-    sure.append(
-        f"{coverage.decidable} of {coverage.windows} windows are decidable, "
-        f"the actuator moved {percent(coverage.moving_fraction)} of the time"
-    )
+    moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
+    judged = f"{coverage.decidable} of {coverage.windows} windows are decidable"
+    sure.append(judged + moved if "V7" in verdict.provenance else judged)
     lines.append(f"**How sure:** {'; '.join(sure)}.")
     return "\n\n".join(lines)
 
@@ -163,6 +164,14 @@ def _figure(value: float, interval: Interval) -> str:
     half = (interval.high - interval.low) / 2
     digits = min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
     return f"{value:z.{digits}f}"
+
+
+def _doubtful(assessment: Assessment) -> Iterator[str]:
+    for verdict in assessment.ranked():
+        odd = implausible(verdict)
+        if odd:
+            title = _literal(name(verdict, assessment))
+            yield f"## {title}: values in doubt\n\n{_literal(odd[:1].upper() + odd[1:])}."
 
 
 def _undecided(assessment: Assessment) -> Iterator[str]:

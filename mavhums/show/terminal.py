@@ -19,6 +19,7 @@ from mavhums.show._words import (
     finding,
     friction,
     headline,
+    implausible,
     join,
     losses,
     name,
@@ -44,7 +45,7 @@ def render(assessment: Assessment, console: Console) -> None:
     """
     console.print(Text(printable(headline(assessment)), style="bold"))
     if assessment.verdicts:
-        console.print(_table(assessment))
+        console.print(_table(assessment, console.width))
     for title, lines in _paragraphs(assessment):
         console.print(Text(title, style="bold"))
         for line in lines:
@@ -53,27 +54,46 @@ def render(assessment: Assessment, console: Console) -> None:
     console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
 
 
-def _table(assessment: Assessment) -> Table:
+_COLUMNS = ("actuator", "condition", "friction, N·m", "network", "since", "moving", "judged")
+_KEPT = (0, 1, 2, 4, 5, 3, 6)  # the first two always, the others as far as the terminal is wide
+
+
+def _table(assessment: Assessment, width: int) -> Table:
+    rows = [_row(verdict, assessment) for verdict in assessment.ranked()]
+    widths = [
+        max(len(title), *(len(row[column]) for row in rows)) + 1 for column, title in enumerate(_COLUMNS)
+    ]
+    shown, taken = set(_KEPT[:2]), widths[0] + widths[1]
+    for column in _KEPT[2:]:
+        taken += widths[column]
+        if taken <= width:
+            shown.add(column)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("actuator", overflow="fold")
-    table.add_column("condition")
-    table.add_column("friction, N·m", no_wrap=True)
-    table.add_column("network", justify="right")
-    table.add_column("since", justify="right", no_wrap=True)
-    table.add_column("moving", justify="right")
-    table.add_column("judged", justify="right", no_wrap=True)
-    for verdict in assessment.ranked():
-        coverage = verdict.coverage
-        table.add_row(
-            Text(printable(name(verdict, assessment))),
-            _condition(verdict),
-            friction(verdict.friction_nm) if verdict.friction_nm else "—",
-            percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
-            clock(verdict.since.flight_time_s) if verdict.since else "—",
-            percent(coverage.moving_fraction),
-            f"{coverage.decidable}/{coverage.windows}",
+    for column in sorted(shown):
+        least = min(widths[0] - 1, width * 2 // 3) if column == 0 else None
+        table.add_column(
+            _COLUMNS[column],
+            overflow="fold",
+            justify="left" if column < 3 else "right",
+            no_wrap=column in (2, 4, 6),
+            min_width=least,
         )
+    for row in rows:
+        table.add_row(*(row[column] for column in sorted(shown)))
     return table
+
+
+def _row(verdict: Verdict, assessment: Assessment) -> list[Text]:
+    coverage = verdict.coverage
+    return [
+        Text(printable(name(verdict, assessment))),
+        _condition(verdict),
+        Text(friction(verdict.friction_nm) if verdict.friction_nm else "—"),
+        Text(percent(verdict.p_emergency) if verdict.p_emergency is not None else "—"),
+        Text(clock(verdict.since.flight_time_s) if verdict.since else "—"),
+        Text(percent(coverage.moving_fraction) if "V7" in verdict.provenance else "—"),
+        Text(f"{coverage.decidable}/{coverage.windows}"),
+    ]
 
 
 def _condition(verdict: Verdict) -> Text:
@@ -95,6 +115,10 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
             if len(verdict.evidence) > len(shown):
                 lines.append(f"and {len(verdict.evidence) - len(shown)} more findings (--json has them all)")
             yield (printable(name(verdict, assessment)), [*lines, f"what to do: {advice(verdict)}"])
+    for verdict in assessment.ranked():
+        odd = implausible(verdict)
+        if odd:
+            yield (printable(f"{name(verdict, assessment)}: values in doubt"), [odd])
     for (reason, remedy), verdicts in undecided(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])

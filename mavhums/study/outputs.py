@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
 
 __all__ = ["Folder", "markdown_table"]
 
@@ -50,15 +50,8 @@ class Folder:
             If the file cannot be written.
         """
         path = self.path / name
-        temporary = path.with_name(f".{os.getpid()}.{name}")
-        try:
-            try:
-                save(temporary)
-                temporary.replace(path)
-            finally:
-                temporary.unlink(missing_ok=True)
-        except OSError as error:
-            raise MavhumsError(f"{path}: {error.strerror}", "name a folder that you may write to") from error
+        with written_whole(path, remedy="name a folder that you may write to") as temporary:
+            save(temporary)
         self.written.append(path)
         return path
 

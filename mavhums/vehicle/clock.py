@@ -28,10 +28,13 @@ class SenderClock:
     ----------
     segments
         Number of segments so far.
+    restarts
+        Of the latest call: the rows with which a segment after the first began, and its number.
     """
 
     def __init__(self, wrap_us: int | None = None) -> None:
         self.segments = 0
+        self.restarts: list[tuple[int, int]] = []
         self._wrap_us = wrap_us
         self._offset_us = 0
         self._astray = 0
@@ -52,6 +55,7 @@ class SenderClock:
             sent_us = sent_us + laps * self._wrap_us
             lag = received_us - sent_us
         utc = np.empty_like(lag)
+        self.restarts = []
         start = 0
         while start < lag.size:
             if self.segments == 0:
@@ -61,6 +65,7 @@ class SenderClock:
             utc[start:end] = np.where(ahead, received_us[start:end], sent_us[start:end] + self._offset_us)
             if end < lag.size:
                 self._start_segment(int(lag[end]))
+                self.restarts.append((end, self.segments))
             start = end
         return utc
 

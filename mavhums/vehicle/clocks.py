@@ -22,6 +22,8 @@ class Clocks:
 
     def __init__(self) -> None:
         self._clocks: dict[tuple[int, int, str], SenderClock] = {}
+        self._restarts: list[tuple[int, int, int, int]] = []
+        self._told: dict[int, int] = {}
 
     def utc_us(
         self, table: Table, scale: int, field: str, *, wrap_us: int | None = None
@@ -45,11 +47,24 @@ class Clocks:
             key = (sender // 256, sender % 256, table.name)
             clock = self._clocks.setdefault(key, SenderClock(wrap_us))
             utc_us[rows] = clock.to_utc_us(sent_us[rows], table.time_us[rows])
+            frame, time_us = table.frame[rows], utc_us[rows]
+            for row, segment in clock.restarts:
+                self._restarts.append((int(frame[row]), sender // 256, segment, int(time_us[row])))
         return utc_us
 
-    def segments(self, vehicle: int) -> int:
-        """Return how many segments a vehicle's clock has had; more than one is a reboot or a jump."""
-        return max((clock.segments for key, clock in self._clocks.items() if key[0] == vehicle), default=0)
+    def jumps(self) -> list[tuple[int, int]]:
+        """Return the vehicle and time, microseconds of UTC, of each jump since the last call.
+
+        A reboot moves the clocks of all of a vehicle's messages; it is told once, as the first of them in
+        the order of the log shows it.
+        """
+        found = []
+        for _, vehicle, segment, time_us in sorted(self._restarts):
+            if segment > self._told.get(vehicle, 1):
+                self._told[vehicle] = segment
+                found.append((vehicle, time_us))
+        self._restarts.clear()
+        return found
 
 
 def each(keys: NDArray[Any], among: NDArray[np.bool_] | None = None) -> Iterator[tuple[int, Rows]]:

@@ -53,6 +53,7 @@ class VehicleStates:
             if good.any():
                 metres = table["alt"][good] / 1e3
                 yield Position(vehicle, (time_us[good] - start_us) / 1e6, degrees[good], metres)
+        self._clocks.jumps()  # are told by those who map the actuators
         yield from self._flight_modes(tables.get("HEARTBEAT"), start_us)
 
     def _each(self, table: Table | None) -> Iterator[tuple[int, Table, NDArray[np.int64]]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
-import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -15,6 +14,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
+from mavhums_sim._files import written_whole
 from mavhums_sim.flight import Flight, FlightRecord, fly
 from mavhums_sim.link import Link
 from mavhums_sim.telemetry import write_tlog
@@ -176,10 +176,6 @@ def _finished(folder: Path) -> dict[str, Truth]:
 
 def write_truth(flights: list[dict[str, object]], path: Path) -> Path:
     """Write ground truth as JSON, atomically, and return its path."""
-    partial_file = path.with_name(f".{path.name}.partial")
-    try:
-        partial_file.write_text(json.dumps({"flights": flights}, indent=2) + "\n", encoding="utf-8")
-        os.replace(partial_file, path)  # noqa: PTH105 - atomic, and says so
-    finally:
-        partial_file.unlink(missing_ok=True)
+    with written_whole(path) as temporary:
+        temporary.write_text(json.dumps({"flights": flights}, indent=2) + "\n", encoding="utf-8")
     return path

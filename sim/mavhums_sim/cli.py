@@ -43,12 +43,16 @@ def cli() -> None:
     metavar="FILE.tlog",
     help="Log to write.",
 )
+@click.option("--force", is_flag=True, help="Replace files that are there already.")
 @with_flight_options
-def flight(output: Path, **options: Any) -> None:
+def flight(output: Path, force: bool, **options: Any) -> None:
     """Fly a four-surface aircraft once; write FILE.tlog and FILE.truth.json.
 
     Surfaces: aileron_left, aileron_right, elevator, rudder.
     """
+    for file in (output, output.with_suffix(".truth.json")):
+        if file.is_file() and not force:
+            raise click.UsageError(f"{file} is there already; name another, or replace it with --force")
     planned = plan_flight(options)
     from mavhums_sim.campaign import write_truth
     from mavhums_sim.flight import fly

@@ -5,7 +5,6 @@ Record of a ``.tlog``: u64 big-endian microseconds of UTC at reception, then the
 
 from __future__ import annotations
 
-import os
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from mavhums_sim._files import written_whole
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import FlightRecord
 from mavhums_sim.link import BOOT_US, EPOCH_US, Link, transmit
@@ -65,15 +65,10 @@ def write_tlog(record: FlightRecord, path: Path, link: Link | None = None) -> di
         If the file cannot be written; what was at ``path`` before is then still there.
     """
     counts: dict[str, int] = {}
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        with partial.open("wb") as file:
-            for frame in transmit(messages(record), link or Link(), record.flight.seed):
-                file.write(struct.pack(">Q", frame.received_us) + frame.data)
-                counts[frame.name] = counts.get(frame.name, 0) + 1
-        os.replace(partial, path)  # noqa: PTH105 - atomic, and says so
-    finally:
-        partial.unlink(missing_ok=True)
+    with written_whole(path) as temporary, temporary.open("wb") as file:
+        for frame in transmit(messages(record), link or Link(), record.flight.seed):
+            file.write(struct.pack(">Q", frame.received_us) + frame.data)
+            counts[frame.name] = counts.get(frame.name, 0) + 1
     return counts
 
 

@@ -78,11 +78,14 @@ def test_a_vehicles_profile_serves_that_vehicle_from_its_announcement_on() -> No
     assert Mapper(airframe).serves(1)
 
 
-def test_clock_segments_are_counted_per_vehicle() -> None:
+def test_a_clock_that_jumps_is_told_once_and_where_it_did() -> None:
     mapper = Mapper(load_airframe("paper"))
-    mapper.feed(decode(*(array_message(3, [1.0] * 12, time_us=10_000 * k) for k in range(4)), system=7))
-    assert mapper.clock_segments(7) == 1
-    assert mapper.clock_segments(1) == 0
+    times = [10_000 * k for k in range(8)] + [90_000_000 + 10_000 * k for k in range(8)]
+    tables = decode(*(array_message(3, [1.0] * 12, time_us=t) for t in times), system=7)
+    mapper.feed(tables)
+    # three samples in a row confirm it: the third is where the new segment begins
+    assert mapper.clock_jumps() == [(7, int(tables["DEBUG_FLOAT_ARRAY"].time_us[10]))]
+    assert mapper.clock_jumps() == []
 
 
 def test_only_packaged_profiles_can_be_announced() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
 from pathlib import Path
 
@@ -189,3 +190,22 @@ def test_a_mapping_of_what_does_not_exist_is_refused(
     assert caught.value.problem.startswith(f"{path}:{line}: actuators[1].fields.V3.")
     assert problem in caught.value.problem
     assert remedy in caught.value.remedy
+
+
+@pytest.mark.parametrize("value", ["1e300", "1e30", "-1e300", "1e-300"])
+@pytest.mark.parametrize(
+    "key",
+    ["gear_ratio", "torque_constant", "resistance", "inertia", "viscous", "normal", "pwm_us", "travel_deg"],
+)
+def test_huge_but_finite_values_are_an_error_with_a_place(tmp_path: Path, key: str, value: str) -> None:
+    text = packaged_text()
+    old = re.search(rf"^{key} = (.*)$", text, re.MULTILINE)
+    assert old is not None
+    new = f"[{value}, 0, 1]" if key == "pwm_us" else f"[{value}, 60.0]" if key == "travel_deg" else value
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(old[0], f"{key} = {new}", 1), encoding="utf-8")
+    if value == "1e-300" and key in ("viscous", "travel_deg"):
+        assert load_airframe(path).name == "paper"
+        return
+    with pytest.raises(ProfileError, match=rf"mine\.toml:\d+: actuators\[1\].*{key}"):
+        load_airframe(path)

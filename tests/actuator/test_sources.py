@@ -75,7 +75,7 @@ def test_the_pulses_clock_wraps_without_a_gap() -> None:
     tables = decode(*(v2.MAVLink_servo_output_raw_message(t, 0, *pulses) for t in times))
     (part,) = [part for part in mapper.feed(tables, final=True) if part.actuator.name == "elevator"]
     assert np.diff(part.utc_us).tolist() == [20_000] * 4
-    assert mapper.clock_segments(1) == 1
+    assert mapper.clock_jumps() == []
 
 
 def status(time_us: int, current: float, *, index: int = 0, rpm: int = 600) -> EscStatus:

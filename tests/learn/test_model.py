@@ -78,7 +78,7 @@ def test_a_save_that_fails_leaves_the_old_file_and_nothing_else(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(ModelError, match=r"test\.safetensors: cannot be written: No space left"):
+    with pytest.raises(ModelError, match=r"cannot write .*test\.safetensors: No space left"):
         save_model(path, replace(network, b2=np.zeros(2)), card)
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
@@ -90,7 +90,7 @@ def test_others_may_read_a_saved_model(path: Path) -> None:
 
 
 def test_a_folder_that_does_not_exist_is_named(tmp_path: Path, network: Network, card: Card) -> None:
-    with pytest.raises(ModelError, match=r"absent/model: cannot be written.*name a folder"):
+    with pytest.raises(ModelError, match=r"cannot write .*absent/model.*name a folder"):
         save_model(tmp_path / "absent" / "model", network, card)
 
 

@@ -59,7 +59,7 @@ def test_damage_and_absence_are_said(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(PrecedentError, match="cannot be written"):
+    with pytest.raises(PrecedentError, match="cannot write"):
         PrecedentBase(tmp_path / "file").add(PROVENANCE, TIME, VALUES)
     with pytest.raises(ValueError, match="shape"):
         PrecedentBase(tmp_path).add(PROVENANCE, TIME, VALUES[:, :3])

@@ -58,9 +58,14 @@ class Rig:
     """A session on a clock of its own: pieces in, verdicts out, held against its recording."""
 
     def __init__(
-        self, folder: Path, *, key: bytes | None = None, latest: dict[tuple[int, int, int], int] | None = None
+        self,
+        folder: Path,
+        *,
+        key: bytes | None = None,
+        latest: dict[tuple[int, int, int], int] | None = None,
+        start_us: int = EPOCH_US,
     ) -> None:
-        self.now_us = self.wall_us = EPOCH_US
+        self.now_us = self.wall_us = start_us
         self.shown = Shown()
         self.said: list[bytes] = []
         self.key = key
@@ -69,7 +74,7 @@ class Rig:
         self.stamper = Stamper(load_dialect(), self.guard, hear=self.peers.hear)
         self.recorder = TlogRecorder(folder / "live.tlog")
         self.clock = ReceiveClock(lambda: self.wall_us * 1000, lambda: self.now_us * 1000)
-        self.alerts = Alerts(lambda frame, _: self.said.append(frame), key=key, start_us=EPOCH_US)
+        self.alerts = Alerts(lambda frame, _: self.said.append(frame), key=key, start_us=start_us)
         self.session = Session(
             Engine(EngineOptions(models=packaged_models())),
             self.stamper,
@@ -80,7 +85,7 @@ class Rig:
             clock=self.clock,
             peers=self.peers,
         )
-        self._tick_us = EPOCH_US
+        self._tick_us = start_us
 
     def hear(self, pieces: Iterable[Piece]) -> None:
         """Take pieces in blocks of a tenth of a second of their own time."""

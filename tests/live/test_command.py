@@ -220,12 +220,11 @@ def test_nothing_heard_is_undecided(run: Run) -> None:
     assert "in this log" not in outcome.out
 
 
-def test_a_pipe_that_closes_ends_it(tmp_path: Path) -> None:
-    recording = tmp_path / "live.tlog"
-    arguments = command("live", "udpin:0", "--json", "--record", recording, "--duration", "20")
+def test_a_pipe_that_closes_ends_what_has_no_other_purpose() -> None:
+    arguments = command("live", "udpin:0", "--json", "--duration", "60")
     begin = time.monotonic()
     os.system(f"{' '.join(arguments)} 2>/dev/null | head -n 2 >/dev/null")
-    assert time.monotonic() - begin < 15
+    assert time.monotonic() - begin < 55
 
 
 def test_a_viewer_follows_and_a_recording_stays(tmp_path: Path, worn_pieces: list[Piece]) -> None:

@@ -186,13 +186,17 @@ def test_before_it_has_begun_a_signal_ends_it_at_once() -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_the_second_signal_breaks_off(number: signal.Signals) -> None:
-    with Stop(None) as stop:
-        stop.begun = True
-        assert not stop()
-        signal.raise_signal(number)
-        assert stop()
-        with pytest.raises(KeyboardInterrupt):
+    before = signal.signal(number, signal.SIG_DFL)  # the tests themselves may run under nohup
+    try:
+        with Stop(None) as stop:
+            stop.begun = True
+            assert not stop()
             signal.raise_signal(number)
+            assert stop()
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(number)
+    finally:
+        signal.signal(number, before)
 
 
 def test_a_hang_up_that_was_to_be_ignored_is() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import runpy
 import sys
 from pathlib import Path
 
 import pytest
 
+from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.cli import main
 from mavhums_sim.validation import Check
 
@@ -43,6 +45,22 @@ def test_flight_writes_a_log_and_its_truth(
     assert truth["actuators"]["elevator"]["friction_nm"] == {"start": 0.225, "end": 1.0}
     assert truth["actuators"]["rudder"]["friction_nm"] == {"start": 0.9, "end": 0.9}
     assert f"{sum(truth['messages'].values()):,} messages" in capsys.readouterr().out
+    before = log.read_bytes()
+    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "1") == 2
+    assert "is there already; name another, or replace it with --force" in capsys.readouterr().err
+    assert log.read_bytes() == before
+    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "1", "--force") == 0
+    assert log.read_bytes() != before
+
+
+def test_a_flight_into_a_device_leaves_the_device(tmp_path: Path) -> None:
+    link = tmp_path / "link.tlog"
+    link.symlink_to(tmp_path / "real.tlog")
+    write_tlog(fly(Flight(seed=1, duration_s=1.0)), Path(os.devnull))
+    assert not Path(os.devnull).is_file()
+    write_tlog(fly(Flight(seed=1, duration_s=1.0)), link)
+    assert link.is_symlink()
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["link.tlog", "real.tlog"]
 
 
 def test_campaign_writes_its_folder(
@@ -158,10 +176,13 @@ def test_flight_replays_a_log_as_long_as_it_lasts(
         "2",
         "--channel",
         "rudder=4",
+        "--force",
     )
     assert run(monkeypatch, *arguments, "--duration", "2") == 0
     assert "replaying rudder from output 4" in capsys.readouterr().err
-    assert run(monkeypatch, "flight", "-o", str(second), "--replay", str(tmp_path / "none.tlog")) == 1
+    assert (
+        run(monkeypatch, "flight", "-o", str(second), "--force", "--replay", str(tmp_path / "none.tlog")) == 1
+    )
 
 
 def test_stream_sends_the_flight(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

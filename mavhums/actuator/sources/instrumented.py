@@ -36,7 +36,6 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
     table = table.select(is_instrumented(table))
     utc_us = clocks.utc_us(table, 1, "time_usec")
     values = table["data"][:, : len(KEYS)].astype(np.float64)
-    values[~np.isfinite(values)] = np.nan
     places = dict(each(table.system.astype(np.int64) << 16 | table["array_id"]))
     for vehicle in sorted({place >> 16 for place in places}):
         for actuator in actuators:

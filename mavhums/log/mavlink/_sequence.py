@@ -3,8 +3,9 @@
 A sender counts its frames modulo 256, with one counter per link, and a ground station may log
 several links, or one link twice. Up to four counters are therefore tracked per (system, component).
 A frame belongs to the counter that expects it, or that recently missed or received it; otherwise it
-opens a new counter. If the previous counter stops while the new one continues, the step
-between them was a loss (modulo 256, so a lower bound); if it speaks again, they are two links.
+opens a new counter. If the previous counter stops while the new one continues, the step between
+them was a loss (modulo 256, so a lower bound); if it continues, they are two links. A late frame,
+overtaken by up to 127 others, is no longer counted as missing.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from mavhums.core.kernels import inlined, kernel
 __all__ = ["LINK", "SENDER", "account"]
 
 _LINKS = 4
-_WINDOW = 32
+_AHEAD = 32
+_BEHIND = 128
+_WORD = 64
 _SETTLED = 8
 _ONE = np.uint64(1)
 
@@ -27,15 +30,17 @@ LINK = np.dtype(
     [
         ("high", "i8"),
         ("seen", "u8"),
+        ("older", "u8"),
         ("used", "i8"),
         ("opened", "i8"),
         ("before", "i8"),
         ("age", "i8"),
-        ("crc", "u2", (64,)),
+        ("crc", "u2", (128,)),
     ]
 )
-"""One counter. ``seen`` has bit j set if number ``high - j`` came; ``used`` and ``opened`` are the
-sender's frame counts then (0: free); ``before`` is the counter that spoke before it, or -1."""
+"""One counter. ``seen`` has bit j set if number ``high - j`` came, ``older`` those 64 before; ``used`` and
+``opened`` are the sender's frame counts then (0: free); ``before`` is the counter that spoke before it, or
+-1."""
 
 SENDER = np.dtype(
     [
@@ -61,17 +66,41 @@ def _step(link: Any, sequence: int) -> int:
     return step - 256 if step >= 128 else step
 
 
+@inlined
+def _came(link: Any, back: int) -> bool:
+    """Return whether the number ``high - back`` came."""
+    word = link.seen if back < _WORD else link.older
+    return bool((word >> np.uint64(back % _WORD)) & _ONE)
+
+
+@inlined
+def _mark(link: Any, back: int, came: bool) -> None:
+    bit = _ONE << np.uint64(back % _WORD)
+    if back < _WORD:
+        link.seen = link.seen | bit if came else link.seen & ~bit
+    else:
+        link.older = link.older | bit if came else link.older & ~bit
+
+
+@inlined
+def _advance(link: Any, step: int) -> None:
+    """Go on by 1 to 63 numbers, of which the last one came."""
+    link.older = (link.older << np.uint64(step)) | (link.seen >> np.uint64(_WORD - step))
+    link.seen = (link.seen << np.uint64(step)) | _ONE
+    link.high += step
+    link.age += step
+
+
 @kernel
 def _belongs(link: Any, sequence: int, crc: int) -> bool:
     if link.used == 0:
         return False
     step = _step(link, sequence)
     if step > 0:
-        return step <= _WINDOW
-    if step <= -_WINDOW:
+        return step <= _AHEAD
+    if step <= -_BEHIND:
         return False
-    missed = (link.seen >> np.uint64(-step)) & _ONE == 0
-    return bool(missed or link.crc[sequence & 63] == crc)
+    return bool(not _came(link, -step) or link.crc[sequence & 127] == crc)
 
 
 @kernel
@@ -95,7 +124,7 @@ def _open(sender: Any, sequence: int) -> int:
             oldest = k
     link = sender.links[oldest]
     link.high = sequence - 1
-    link.seen = ~np.uint64(0)
+    link.seen = link.older = ~np.uint64(0)
     link.opened = sender.frames
     link.before = sender.link if sender.frames > 1 and sender.link != oldest else -1
     link.age = 0
@@ -108,8 +137,11 @@ def _settle(sender: Any, link: Any) -> None:
     before = sender.links[link.before]
     if before.used < link.opened:
         first = link.high - link.age + 1
-        sender.missing += (first - before.high - 1) & 0xFF
+        gap = (first - before.high - 1) & 0xFF
+        sender.missing += gap
         sender.gaps += 1
+        for back in range(link.age, min(link.age + gap, _BEHIND)):
+            _mark(link, back, False)
         before.used = 0
     link.before = -1
 
@@ -122,20 +154,16 @@ def _follow(sender: Any, sequence: int, crc: int) -> None:
     link = sender.links[chosen]
     step = _step(link, sequence)
     if step > 0:
-        link.seen = (link.seen << np.uint64(step)) | _ONE
-        link.high += step
-        link.age += step
+        _advance(link, step)
         sender.missing += step - 1
         sender.gaps += step > 1
+    elif _came(link, -step):
+        sender.duplicated += 1
     else:
-        bit = _ONE << np.uint64(-step)
-        if link.seen & bit:
-            sender.duplicated += 1
-        else:
-            link.seen |= bit
-            sender.missing -= 1
-            sender.reordered += 1
-    link.crc[sequence & 63] = crc
+        _mark(link, -step, True)
+        sender.missing -= 1
+        sender.reordered += 1
+    link.crc[sequence & 127] = crc
     link.used = sender.frames
     sender.link = chosen
     if link.before >= 0 and link.age >= _SETTLED:
@@ -147,10 +175,8 @@ def _goes_on(sender: Any, link: Any, sequence: int, crc: int) -> bool:
     """Handle the common case: the last active counter increases by one."""
     if link.before >= 0 or link.used == 0 or (sequence - link.high) & 0xFF != 1:
         return False
-    link.high += 1
-    link.age += 1
-    link.seen = (link.seen << _ONE) | _ONE
-    link.crc[sequence & 63] = crc
+    _advance(link, 1)
+    link.crc[sequence & 127] = crc
     link.used = sender.frames
     return True
 

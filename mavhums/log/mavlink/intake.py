@@ -1,6 +1,7 @@
 """Two kinds of damage to a whole log, found and undone while it streams in.
 
-A log without time stamps (``.tlog.raw``) has its frames back to back. A log that a program copied
+A log without time stamps (``.tlog.raw``) has its frames back to back; a capture of a serial line may
+begin with boot text or amid a frame. A log that a program copied
 as text has a carriage return before every line feed; that is undone without a doubt, because a
 carriage return that was there before has got a second one.
 """
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.scanner import FrameScanner
+from mavhums.log.mavlink.signing import frame_sizes
 
 __all__ = ["Intake"]
 
@@ -16,15 +18,19 @@ _CR, _LF, _CRLF = b"\r", b"\n", b"\r\n"
 _EVIDENCE = 3
 _HELD = 1 << 12
 _HEAD = 1 << 10
+_CAPTURE = 1 << 14
+_LEAST_ADJACENT = 2
 _MAGIC = (0xFD, 0xFE)
+_STAMP = 8
 
 
 class Intake:
     """Decides how a stream is to be read, from its bytes alone, and passes them on.
 
     Bytes are held back only while a question is open: a kilobyte if the stream begins with a magic
-    byte, and if the first line feed follows a carriage return, until one comes that does not, or
-    four kilobytes have shown that more frames are found without the carriage returns.
+    byte, 16 kilobytes if it begins with no record either; and if the first line feed follows a
+    carriage return, until one comes that does not, or four kilobytes have shown that more frames are
+    found without the carriage returns.
 
     Attributes
     ----------
@@ -48,9 +54,9 @@ class Intake:
         if self.stamp is not None:
             return data
         self._head += data
-        if not self._head or (self._head[0] in _MAGIC and len(self._head) < _HEAD and not final):
+        self.stamp = self._stamp_of(self._head, final)
+        if self.stamp is None:
             return b""
-        self.stamp = 0 if self._is_back_to_back(self._head[:_HEAD]) else 8
         data, self._head = self._head, b""
         return data
 
@@ -90,6 +96,32 @@ class Intake:
 
     def _frames(self, data: bytes) -> int:
         return FrameScanner(self._dialect).feed(data, final=True).rows.size
+
+    def _stamp_of(self, head: bytes, final: bool) -> int | None:
+        """Return the bytes of time stamp before each frame, by the stream's beginning; None if open."""
+        if not head:
+            return None
+        if head[0] in _MAGIC:
+            if len(head) < _HEAD and not final:
+                return None
+            if self._is_back_to_back(head[:_HEAD]):
+                return 0
+        elif self._begins_with_record(head[:_HEAD]):
+            return 8
+        if len(head) < _CAPTURE and not final:
+            return None
+        return 0 if self._is_capture(head[:_CAPTURE]) else 8
+
+    def _begins_with_record(self, head: bytes) -> bool:
+        rows = FrameScanner(self._dialect).feed(head).rows
+        return bool(rows.size and rows["offset"][0] == 0)
+
+    def _is_capture(self, head: bytes) -> bool:
+        """Return whether more frames follow another at once than after the bytes of a time stamp."""
+        rows = FrameScanner(self._dialect, stamp=0).feed(head, final=True).rows
+        gaps = rows["offset"][1:] - (rows["offset"] + frame_sizes(rows))[:-1]
+        adjacent = int((gaps == 0).sum())
+        return adjacent >= _LEAST_ADJACENT and adjacent > int((gaps == _STAMP).sum())
 
     def _is_back_to_back(self, head: bytes) -> bool:
         rows = FrameScanner(self._dialect, stamp=0).feed(head, final=True).rows

@@ -89,3 +89,46 @@ def test_frames_back_to_back_are_recognised(count: int) -> None:
 
 def test_a_log_that_lost_its_first_stamp_has_stamps() -> None:
     assert passed(lines()[8:], [])[1].stamp == 8
+
+
+def capture(count: int = 200) -> bytes:
+    """Frames back to back, as a serial line carries them."""
+    from pymavlink.dialects.v20 import ardupilotmega as v2
+
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    out = b""
+    for k in range(count):
+        out += bytes(v2.MAVLink_attitude_message(1000 + 100 * k, 0.1, 0.2, 0.3, 0, 0, 0).pack(link))
+        link.seq = (link.seq + 1) % 256
+    return out
+
+
+BEGINNINGS = {
+    "boot text": b"\r\n\r\nInit ArduPlane V4.5.7 (0fe2a2b6)\r\n\r\nFree RAM: 65535\r\n",
+    "a newline": b"\n",
+    "amid a frame": capture(1)[11:],
+    "amid a frame, at a magic byte": b"\xfd" + capture(1)[20:],
+    "boot text of a kilobyte": b"x" * 3000,
+}
+
+
+@pytest.mark.parametrize("beginning", BEGINNINGS.values(), ids=BEGINNINGS.keys())
+@pytest.mark.parametrize("size", [7, 1000, 1 << 20])
+def test_a_capture_that_does_not_begin_on_a_frame_is_read(beginning: bytes, size: int) -> None:
+    whole = beginning + capture()
+    decoder = Decoder()
+    rows = sum(len(decoder.feed(whole[k : k + size]).get("ATTITUDE", ())) for k in range(0, len(whole), size))
+    rows += len(decoder.feed(b"", final=True).get("ATTITUDE", ()))
+    assert rows == 200
+    assert decoder.sender_clock
+    assert decoder.losses.bytes_skipped == len(beginning)
+
+
+def test_a_log_that_begins_amid_a_record_keeps_its_times() -> None:
+    whole = lines()
+    decoder = Decoder()
+    rows = len(decoder.feed(whole[5:]).get("TUNNEL", ())) + len(
+        decoder.feed(b"", final=True).get("TUNNEL", ())
+    )
+    assert rows in (29, 30)
+    assert not decoder.sender_clock

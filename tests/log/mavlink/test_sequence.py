@@ -55,6 +55,17 @@ def test_frames_out_of_order_are_not_lost(delays: list[int]) -> None:
     assert figures(loss)[1] == sum(n < max(arrival[:k]) for k, n in enumerate(arrival) if k)
 
 
+@given(st.lists(st.sampled_from([0, 0, 40, 79, 80]), min_size=120, max_size=400))
+@settings(max_examples=40, deadline=None)
+def test_frames_that_up_to_eighty_others_overtake_are_not_lost(delays: list[int]) -> None:
+    waits = [0] * 90 + delays
+    frames = numbered(range(40, 40 + len(waits) + 90))
+    arrival = sorted(range(len(waits)), key=lambda k: k + waits[k])
+    loss = follow([frames[k] for k in [*arrival, *range(len(waits), len(frames))]])
+    assert figures(loss)[0] == 0
+    assert figures(loss)[2] == 0
+
+
 @given(st.integers(0, 6), st.integers(100, 400))
 @settings(max_examples=30, deadline=None)
 def test_a_link_that_is_logged_twice_is_told(lag: int, count: int) -> None:

@@ -22,6 +22,7 @@ __all__ = ["Detector"]
 _MIN_SAMPLES = 20
 _CONTRADICTION = 3.0  # standard errors below zero
 _BRIEF_ERROR = 0.05  # what motion in single samples leaves out; share of the friction
+_FRICTIONLESS = 0.01  # of the normal limit: no gear turns with less
 _MODEL_ERROR = 0.02  # play, wind-up and stick-slip, which the balance leaves out; share of the normal limit
 
 
@@ -73,7 +74,7 @@ class Detector(EquationDetector):
         """Return the friction; undecidable without motion both ways in several slots.
 
         An estimate well below zero contradicts the balance: the constants are not this actuator's, or a
-        sensor lies.
+        sensor lies. So does one that is surely next to nothing, as a current has that stands still.
         """
         return self._scaled(fits["torque"], flight)
 
@@ -88,4 +89,5 @@ class Detector(EquationDetector):
         whole_error = np.hypot(error * scale, friction * scale_error)
         shown = fit.spread & (fit.count >= _MIN_SAMPLES)
         shown &= (2 * 2 * whole_error < self._widest) & (friction > -_CONTRADICTION * error)
+        shown &= (friction + 2 * error) * scale > _FRICTIONLESS * self.actuator.known_limits().normal
         return Estimates.of(friction * scale, whole_error, fit.freedom, shown)

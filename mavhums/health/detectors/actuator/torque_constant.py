@@ -16,6 +16,7 @@ __all__ = ["Detector", "relative_constant"]
 
 _WIDEST = 0.02
 _CONTRADICTION = 0.5
+_SURE = 0.1
 
 Array = NDArray[np.float64]
 
@@ -48,12 +49,14 @@ class Detector(EquationDetector):
 def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
     """Return torque constant over the data sheet's, and its standard error, shapes (k,).
 
-    What the back-EMF shows and what the profile knows, each weighted with its certainty.
+    What the back-EMF shows and what the profile knows, each weighted with its certainty. NaN where the
+    back-EMF contradicts the data sheet: then nobody knows what torque a current is worth.
     """
     shown, error = _seen(voltage, ema)
     known = max(ema.torque_uncertainty / 2, 1e-6)
     weight = known**2 / (known**2 + error**2)
-    return 1.0 + weight * (shown - 1.0), np.sqrt(weight) * error
+    contradicted = (error < _SURE) & (np.abs(1.0 - shown) >= _CONTRADICTION)
+    return np.where(contradicted, np.nan, 1.0 + weight * (shown - 1.0)), np.sqrt(weight) * error
 
 
 def _seen(voltage: Fit, ema: Ema) -> tuple[Array, Array]:

@@ -1,0 +1,71 @@
+"""Compile every inner loop ahead of the first log, by judging a short flight made up for it."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+from mavhums.app.options import Options
+from mavhums.core import compiling
+from mavhums.engine.engine import Engine
+from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.log.mavlink.stamping import Piece, Stamper
+
+__all__ = ["warm_up"]
+
+_RATE_HZ = 20
+_DURATION_S = 25
+_START_US = 1_700_000_000_000_000
+
+
+def warm_up() -> int:
+    """Judge a made-up flight, as a log and as a link, and return how many loops had to be compiled.
+
+    The result is kept on disk, beside the installation or in the user's cache; NUMBA_CACHE_DIR names
+    another folder.
+    """
+    compiled = 0
+
+    def count() -> None:
+        nonlocal compiled
+        compiled += 1
+
+    compiling.ask_to_be_told(count)
+    stamper = Stamper(load_dialect())
+    engine = Engine(Options(airframe="paper").resolved())
+    for time_us, frame in _frames():
+        engine.feed(struct.pack(">Q", time_us) + frame)
+        if time_us < _START_US + 1_000_000:
+            stamper.feed([Piece("one", time_us, frame), Piece("other", time_us, frame)])
+    engine.finish()
+    engine.assessment()
+    return compiled
+
+
+def _frames() -> Iterator[tuple[int, bytes]]:
+    """Yield time and frame of a flight in which two actuators swing, each reported in its own way."""
+    from pymavlink.dialects.v20 import ardupilotmega as v2
+
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    for k in range(_RATE_HZ * _DURATION_S):
+        time_s = k / _RATE_HZ
+        for message in _messages(v2, time_s):
+            yield _START_US + round(time_s * 1e6), bytes(message.pack(link))
+
+
+def _messages(v2: Any, time_s: float) -> Iterator[Any]:
+    angle_deg, speed_rpm = 20 * math.sin(time_s), 1000 * math.cos(time_s)
+    amps, stamp_us = math.copysign(0.1, speed_rpm), round(time_s * 1e6) + 1_000_000
+    volts = 22.6 * amps + 0.00153 * speed_rpm
+    load, torque = 0.1 * math.sin(2 * time_s), 0.0146 * amps
+    quantities = [angle_deg, 300 * angle_deg, angle_deg, volts, amps, volts * amps, speed_rpm, torque]
+    quantities += [torque * speed_rpm / 9.55, speed_rpm / 300, load, load * speed_rpm / 2865]
+    yield v2.MAVLink_debug_float_array_message(stamp_us, b"EMA", 1, quantities + [0.0] * 46)
+    pulse = round(1500 + angle_deg * 500 / 60)
+    yield v2.MAVLink_servo_output_raw_message(stamp_us % 2**32, 0, *[pulse] * 16)
+    tenths = [round(abs(value) * 100) for value in (volts, amps)]
+    none, rpm = [0] * 4, round(abs(speed_rpm))
+    batch = [[0] * 4, [0, tenths[0], 0, 0], [0, tenths[1], 0, 0], none, [0, rpm, 0, 0], none]
+    yield v2.MAVLink_esc_telemetry_1_to_4_message(*batch)

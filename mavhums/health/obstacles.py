@@ -1,0 +1,45 @@
+"""What stands in the way of a verdict on a vehicle that no profile is for: the first obstacle, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
+from mavhums.vehicle.identity import Identity
+
+__all__ = ["obstacle"]
+
+_DRAFT = (
+    "name one with --airframe: `mavhums profile new LOG -o mine.toml` drafts it from the log's parameters"
+)
+
+
+def obstacle(
+    tier: Tier | None, airframes: Sequence[str], identity: Identity | None = None
+) -> tuple[str, str]:
+    """Return reason and remedy for a vehicle without a profile.
+
+    A profile is only asked for where the log carries what one could judge by.
+
+    Examples
+    --------
+    >>> obstacle(None, ["paper"], Identity(1, "quadrotor", multirotor=True))[0]
+    'quadrotor: a multirotor has no control surfaces whose servos could be judged'
+    """
+    who = f"{identity}: " if identity is not None and str(identity) else ""
+    if identity is not None and identity.multirotor:
+        reason = "a multirotor has no control surfaces whose servos could be judged"
+        if tier is not None and tier.name.startswith("esc"):
+            reason += "; its ESC telemetry is that of the propellers"
+        return who + reason, "if it moves a surface by a servo after all, name its profile with --airframe"
+    if tier is None:
+        return f"{who}the log carries nothing of the actuators", TO_BE_JUDGED
+    if not tier.judged:
+        return (
+            f"{who}the log carries {tier.gives} ({tier.name}), which does not show the friction",
+            TO_BE_JUDGED,
+        )
+    reason = "no airframe profile: one actuator's limits say nothing about another's"
+    if tier.name.startswith("esc"):
+        reason += ", and an ESC may drive a propeller: only a profile tells which drives a servo"
+    return who + reason, f"{_DRAFT}, or one of: {', '.join(airframes)}"

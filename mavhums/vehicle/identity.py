@@ -1,0 +1,188 @@
+"""Who a vehicle is: its type, its autopilot, its firmware and its board, as it says itself.
+
+Type and autopilot are told by HEARTBEAT, firmware and board by AUTOPILOT_VERSION, which only a ground
+station that asks for it gets; ArduPilot and PX4 also name their firmware in a STATUSTEXT.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.log import Table
+
+__all__ = ["IDENTITY_MESSAGES", "Identities", "Identity"]
+
+IDENTITY_MESSAGES: Final = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION", "STATUSTEXT"})
+"""What :class:`Identities` reads."""
+
+_NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
+_AUTOPILOTS: Final = {3: "ArduPilot", 4: "OpenPilot", 9: "Paparazzi", 12: "PX4", 13: "SMACCMPilot"}
+_KINDS: Final = {
+    1: "fixed wing",
+    2: "quadrotor",
+    3: "coaxial helicopter",
+    4: "helicopter",
+    7: "airship",
+    8: "free balloon",
+    9: "rocket",
+    10: "ground rover",
+    11: "surface boat",
+    12: "submarine",
+    13: "hexarotor",
+    14: "octorotor",
+    15: "tricopter",
+    16: "flapping wing",
+    17: "kite",
+    19: "VTOL duorotor",
+    20: "VTOL quadrotor",
+    21: "VTOL tiltrotor",
+    22: "VTOL",
+    23: "VTOL",
+    24: "VTOL",
+    25: "VTOL",
+    28: "parafoil",
+    29: "dodecarotor",
+    35: "decarotor",
+    43: "multirotor",
+    47: "VTOL gyrodyne",
+}
+_MULTIROTORS: Final = frozenset({2, 13, 14, 29, 35, 43})
+_STATIONS: Final = frozenset({5, 6, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44, 48})
+_FIRMWARE = re.compile(
+    r"((?:Ardu(?:Plane|Copter|Rover|Sub)|APM:(?:Plane|Copter|Rover|Sub)|Blimp|PX4) V?\d+(?:\.\d+){1,2}\S*)"
+)
+_RELEASES: Final = {255: "", 192: "-rc", 128: "-beta", 64: "-alpha", 0: "-dev"}
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a vehicle says of itself; None where it does not.
+
+    Attributes
+    ----------
+    vehicle
+        System id.
+    kind
+        Type of vehicle in words, for example ``fixed wing``.
+    autopilot
+        For example ``ArduPilot``.
+    firmware
+        Name or version, for example ``ArduPlane V4.5.7``.
+    board
+        Unique id of the autopilot's board, hexadecimal.
+    multirotor
+        Whether it is a multirotor, which has no control surface.
+
+    Examples
+    --------
+    >>> str(Identity(1, "fixed wing", "ArduPilot", "ArduPlane V4.5.7"))
+    'fixed wing, ArduPlane V4.5.7'
+    """
+
+    vehicle: int
+    kind: str | None = None
+    autopilot: str | None = None
+    firmware: str | None = None
+    board: str | None = None
+    multirotor: bool = False
+
+    def __str__(self) -> str:
+        firmware = self.firmware
+        if firmware and firmware[0].isdigit():
+            firmware = f"{self.autopilot or 'firmware'} {firmware}"
+        return ", ".join(part for part in (self.kind, firmware or self.autopilot) if part)
+
+
+class Identities:
+    """Follows what vehicles say of themselves, block after block.
+
+    Examples
+    --------
+    >>> Identities().of(1)
+    Identity(vehicle=1, kind=None, autopilot=None, firmware=None, board=None, multirotor=False)
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[int, Identity] = {}
+        self._heard: set[int] = set()
+
+    @property
+    def vehicles(self) -> tuple[int, ...]:
+        """System ids of those whose heartbeat is a vehicle's, not a ground station's or a peripheral's."""
+        return tuple(sorted(self._heard))
+
+    def of(self, vehicle: int) -> Identity:
+        """Return what is known of a vehicle."""
+        return self._known.get(vehicle, Identity(vehicle))
+
+    def feed(self, tables: Mapping[str, Table]) -> None:
+        """Take what these messages tell."""
+        self._heartbeats(tables.get("HEARTBEAT"))
+        self._versions(tables.get("AUTOPILOT_VERSION"))
+        self._texts(tables.get("STATUSTEXT"))
+
+    def _heartbeats(self, table: Table | None) -> None:
+        if table is None:
+            return
+        beats = np.stack([table.system, table["type"], table["autopilot"]], axis=1)
+        for system, kind, autopilot in _distinct(beats):
+            if autopilot == _NO_AUTOPILOT or kind in _STATIONS or system in self._heard:
+                continue
+            self._heard.add(system)
+            self._known[system] = replace(
+                self.of(system),
+                kind=_KINDS.get(kind),
+                autopilot=_AUTOPILOTS.get(autopilot),
+                multirotor=kind in _MULTIROTORS,
+            )
+
+    def _versions(self, table: Table | None) -> None:
+        if table is None:
+            return
+        for k in _first_of_each(table.system):
+            vehicle = int(table.system[k])
+            uid2 = bytes(table["uid2"][k].tolist())
+            uid = int(table["uid"][k])
+            version, known = int(table["flight_sw_version"][k]), self.of(vehicle)
+            self._known[vehicle] = replace(
+                known,
+                board=uid2.hex() if any(uid2) else f"{uid:016x}" if uid else known.board,
+                firmware=known.firmware or (_version(version) if version else None),
+            )
+
+    def _texts(self, table: Table | None) -> None:
+        if table is None:
+            return
+        for k, text in enumerate(table.texts("text")):
+            match = _FIRMWARE.search(text)
+            if match:
+                vehicle = int(table.system[k])
+                self._known[vehicle] = replace(self.of(vehicle), firmware=match[1])
+
+
+def _version(number: int) -> str:
+    """Return a version in words.
+
+    Examples
+    --------
+    >>> _version(0x040507FF)
+    '4.5.7'
+    """
+    major, minor, patch, release = number.to_bytes(4, "big")
+    return f"{major}.{minor}.{patch}{_RELEASES.get(release, '')}"
+
+
+def _distinct(rows: NDArray[np.uint8]) -> list[tuple[int, int, int]]:
+    """Return the different rows of an (n, 3) array, in the order of their first appearance."""
+    _, first = np.unique(rows, axis=0, return_index=True)
+    return [(int(a), int(b), int(c)) for a, b, c in rows[np.sort(first)].tolist()]
+
+
+def _first_of_each(values: NDArray[np.uint8]) -> list[int]:
+    return [int(k) for k in np.sort(np.unique(values, return_index=True)[1])]

@@ -1,0 +1,41 @@
+"""Files that appear whole or not at all; what is no regular file is written through."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+__all__ = ["written_whole"]
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Give the path of a temporary file, and put it at ``path`` if all goes well.
+
+    A symbolic link stays, and the file that it names is replaced. A device or a FIFO is never replaced: the
+    complete content is copied into it.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; what was at ``path`` before is then still there.
+    """
+    if path.exists() and not stat.S_ISREG(path.stat().st_mode):
+        with tempfile.TemporaryDirectory(prefix="mavhums-sim-") as folder:
+            temporary = Path(folder) / path.name
+            yield temporary
+            with temporary.open("rb") as source, path.open("wb") as target:
+                shutil.copyfileobj(source, target)
+        return
+    place = Path(os.path.realpath(path))
+    temporary = place.with_name(f".{place.name}.{os.getpid()}.part")
+    try:
+        yield temporary
+        temporary.replace(place)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,134 @@
+"""Values that no actuator can have count as not measured, are counted, and never make a verdict good."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as v2
+from rich.console import Console
+
+from mavhums.actuator import load_airframe
+from mavhums.actuator.plausible import Gate, bounds
+from mavhums.core.quantities import KEYS, column
+from mavhums.engine.engine import Engine
+from mavhums.report.assessment import Assessment, Verdict
+from mavhums.show.report import markdown
+from mavhums.show.terminal import render
+from mavhums_sim import Flight, FlightRecord, fly
+from mavhums_sim.telemetry import messages
+from tests.strategies import START_US
+
+TRUE_NM = 1.0
+
+
+@pytest.fixture(scope="module")
+def record() -> FlightRecord:
+    return fly(Flight(seed=11, duration_s=25.0, rate_hz=50.0, friction_nm={"elevator": (TRUE_NM, TRUE_NM)}))
+
+
+@pytest.fixture(scope="module")
+def judged(record: FlightRecord) -> Callable[..., Assessment]:
+    def judge(
+        value: float, keys: Sequence[str] = KEYS, share: float = 0.05, frozen: bool = False
+    ) -> Assessment:
+        """Judge the flight with a share of the values replaced."""
+        rng, link = np.random.default_rng(3), v2.MAVLink(None, srcSystem=1, srcComponent=1)
+        data = bytearray()
+        for time_s, message in messages(record):
+            if message.get_type() == "DEBUG_FLOAT_ARRAY":
+                values = list(message.data)
+                if frozen or rng.random() < share:
+                    for key in keys:
+                        values[column(key)] = value
+                sent: Any = v2.MAVLink_debug_float_array_message(
+                    message.time_usec, b"EMA", message.array_id, values
+                )
+            else:
+                sent = message
+            data += struct.pack(">Q", START_US + round(time_s * 1e6)) + bytes(sent.pack(link))
+        engine = Engine()
+        engine.feed(bytes(data))
+        engine.finish()
+        return engine.assessment()
+
+    return judge
+
+
+def elevator(assessment: Assessment) -> Verdict:
+    return next(verdict for verdict in assessment.verdicts if verdict.actuator == "elevator")
+
+
+@pytest.mark.parametrize("value", [3e38, -np.inf, 1e8, 1e5])
+def test_an_emergency_stays_one_among_absurd_values(judged: Callable[..., Assessment], value: float) -> None:
+    verdict = elevator(judged(value))
+    assert (verdict.condition, verdict.worst) == ("emergency", "emergency")
+    assert verdict.friction_nm is not None
+    assert verdict.friction_nm.low <= TRUE_NM + 0.005
+    assert verdict.friction_nm.estimate == pytest.approx(TRUE_NM, abs=0.02)
+    assert [suspect.fault for suspect in verdict.suspects] == ["friction"]
+    counts = verdict.coverage.implausible
+    assert {"V4", "V5", "V7", "V11"} <= counts.keys()
+    assert all(30 < count < 100 for count in counts.values())
+
+
+def test_what_was_taken_out_is_shown(judged: Callable[..., Assessment]) -> None:
+    assessment = judged(3e38, ["V7"])
+    count = elevator(assessment).coverage.implausible["V7"]
+    console = Console(width=120, file=StringIO())
+    render(assessment, console)
+    told = f"{count} of V7"
+    assert isinstance(console.file, StringIO)
+    assert told in console.file.getvalue()
+    assert told in markdown(assessment)
+
+
+def test_values_of_another_unit_are_named(judged: Callable[..., Assessment]) -> None:
+    verdict = elevator(judged(90_000.0, ["V7"], share=1.0))
+    assert verdict.condition == "undecided"
+    assert verdict.reason is not None
+    assert "of the values of V7 are beyond what" in verdict.reason
+    assert verdict.remedy is not None
+    assert "unit and scale" in verdict.remedy
+
+
+@pytest.mark.parametrize("current", [0.0, 0.5])
+def test_a_current_that_stands_still_shows_no_friction(
+    judged: Callable[..., Assessment], current: float
+) -> None:
+    """The torque of a frozen sensor balances with a friction of nothing, and no residual at all."""
+    verdict = elevator(judged(current, ["V5", "V8", "V11"], frozen=True))
+    assert verdict.friction_nm is None
+    assert verdict.condition == "undecided"
+
+
+def test_nothing_that_the_simulator_flies_is_taken_out(judged: Callable[..., Assessment]) -> None:
+    for verdict in judged(0.0, share=0.0).verdicts:
+        assert verdict.coverage.implausible == {}
+
+
+def test_the_bounds_follow_from_the_profile() -> None:
+    actuator = load_airframe("paper").actuators[0]
+    stall_a, no_load_rpm = 27 / 22.6457, 27 / 0.01460784 * 60 / (2 * np.pi)
+    most = dict(zip(KEYS, bounds(actuator), strict=True))
+    assert most["V4"] == pytest.approx(3 * 27)
+    assert most["V5"] == pytest.approx(3 * stall_a)
+    assert most["V7"] == pytest.approx(3 * no_load_rpm)
+    assert most["V10"] == pytest.approx(3 * no_load_rpm / 300)
+    draft = actuator.model_copy(update={"ema": None, "limits": None, "travel_deg": None})
+    assert (bounds(draft) >= bounds(actuator)).all()
+
+
+def test_nan_is_not_measured_and_infinity_is_not_possible() -> None:
+    gate = Gate(load_airframe("paper").actuators[0])
+    values = np.full((3, len(KEYS)), np.nan)
+    values[:, column("V5")] = [0.1, np.inf, -np.inf]
+    admitted = gate.admit(values)
+    assert gate.told[column("V5")] == 3
+    assert gate.refused[column("V5")] == 2
+    assert gate.told.sum() == 3
+    assert np.isfinite(admitted).sum() == 1

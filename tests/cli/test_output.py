@@ -1,0 +1,130 @@
+"""What is printed: nothing that a terminal obeys, nothing that it cannot show, and never a traceback."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from mavhums.cli import main as cli
+from mavhums.core.errors import ExitCode
+from mavhums.core.table_writers import writer_for
+from mavhums.log.losses import Losses, SequenceLoss
+from mavhums.report.assessment import Assessment
+from mavhums.show._words import losses
+from mavhums.show.terminal import render
+from tests.conftest import Run
+from tests.flights import flown, verdict
+
+HOSTILE = "evil\x1b]0;owned\x07\x1b[2J\x9b31m.tlog"
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "cp437", "ascii"])
+@pytest.mark.parametrize("as_json", [True, False])
+def test_any_encoding_carries_the_answer(
+    monkeypatch: pytest.MonkeyPatch, short_log: Path, encoding: str, as_json: bool
+) -> None:
+    raw = io.BytesIO()
+    out = io.TextIOWrapper(raw, encoding=encoding, write_through=True)
+    monkeypatch.setattr(sys, "stdout", out)
+    monkeypatch.setattr(sys, "argv", ["mavhums", "analyse", str(short_log), *(["--json"] if as_json else [])])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == ExitCode.OK
+    text = raw.getvalue().decode(encoding)
+    if as_json:
+        assert Assessment.model_validate(json.loads(text)).verdicts[0].friction_nm
+        assert json.loads(text)["verdicts"][0]["indicators"][0]["unit"] in ("N·m", "°", "1", "V", "Ω")
+    else:
+        assert "aileron_left" in text
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_output_is_one_line(short_log: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "mavhums", "inspect", str(short_log)],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    assert done.returncode == ExitCode.ERROR
+    assert done.stderr.splitlines() == [
+        "mavhums: cannot write the standard output: No space left on device",
+    ]
+
+
+def test_hostile_names_reach_no_terminal(run: Run, tmp_path: Path, short_log: Path) -> None:
+    folder = tmp_path / "history"
+    folder.mkdir()
+    (folder / f"{HOSTILE}.json").write_text('{"schema": "mavhums.assessment/1"')
+    log = tmp_path / HOSTILE
+    log.write_bytes(short_log.read_bytes())
+    for arguments in (
+        ["analyse", log, "--history", folder],
+        ["analyse", log, "--json"],
+        ["analyse", tmp_path / f"absent{HOSTILE}"],
+        ["inspect", log],
+        ["trend", folder],
+        ["export", log, "-o", tmp_path / f"{HOSTILE}.csv"],
+        ["profile", "new", log],
+    ):
+        outcome = run(*arguments)
+        for text in (outcome.out, outcome.err):
+            assert all(letter.isprintable() or letter == "\n" for letter in text), arguments
+
+
+def test_formulas_are_texts_in_a_spreadsheet(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    evil = ["=HYPERLINK(1)", "+1", "-cmd", "@SUM(A1)", "\tx", "elevator"]
+    with writer_for(path)(path) as table:
+        table.write(pd.DataFrame({"actuator": evil, "estimate": [-0.5] * len(evil)}))
+    read = pd.read_csv(path)
+    assert list(read["actuator"]) == [*(f"'{text}" for text in evil[:-1]), "elevator"]
+    assert set(read["estimate"]) == {-0.5}
+
+
+def test_several_logs_are_told_apart(run: Run, short_log: Path, growing_log: Path, tmp_path: Path) -> None:
+    absent = tmp_path / "absent.tlog"
+    outcome = run("analyse", short_log, absent, growing_log)
+    assert outcome.code == ExitCode.EMERGENCY, "an error in one log must not hide an emergency in another"
+    lines = outcome.out.splitlines()
+    headings = [line for line in lines if line.startswith("===")]
+    assert headings == [f"=== {short_log} ===", f"=== {growing_log} ==="]
+    assert lines.index(headings[0]) < lines.index(headings[1])
+    outcome = run("analyse", short_log, absent, "--json")
+    assert outcome.code == ExitCode.ERROR
+    told = json.loads(outcome.out)
+    assert [one["log"]["path"] for one in told["assessments"]] == [str(short_log)]
+    assert told["failures"] == [
+        {"log": str(absent), "problem": f"{absent}: no such file", "remedy": "check the path"}
+    ]
+    assert json.loads(run("analyse", absent, "--json").out)["failures"]
+    assert "===" not in run("analyse", short_log).out
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+def test_a_narrow_table_keeps_the_actuators_names(width: int) -> None:
+    names = ["aileron_left_outboard", "aileron_right_outboard", "elevator"]
+    assessment = flown(*(verdict(actuator=name, condition="emergency") for name in names))
+    file = io.StringIO()
+    render(assessment, Console(width=width, file=file))
+    table = file.getvalue().split("What")[0]
+    assert all(any(line.strip().startswith(name) for line in table.splitlines()) for name in names)
+    assert all(len(line) <= width for line in table.splitlines())
+
+
+def test_what_the_link_lost_is_not_lost_of_the_file() -> None:
+    sender = SequenceLoss(system=1, component=1, frames=952, missing=48, gaps=3, reordered=0, duplicated=0)
+    assert losses(Losses(sequence=(sender,))) == "file intact; the radio link lost 4.8 %"
+    assert losses(Losses(bad_crc_frames=1, sequence=(sender,))) == (
+        "1 frame with a wrong checksum; the radio link lost 4.8 %"
+    )

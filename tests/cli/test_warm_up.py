@@ -1,0 +1,54 @@
+"""A first call says that it compiles, and warm-up leaves nothing to compile."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mavhums.cli.warm_up import announce_compiling
+from mavhums.core import compiling
+
+
+def test_compiling_is_announced_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(compiling, "_listeners", [])
+    announce_compiling()
+    assert capsys.readouterr().err == ""
+    for _ in range(3):
+        compiling.tell()
+    assert capsys.readouterr().err.count("compiling its inner loops for this machine, once") == 1
+
+
+def test_a_loop_that_is_compiled_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    import numba
+
+    from mavhums.core import kernels
+
+    assert kernels.kernel is not None
+    told: list[int] = []
+    monkeypatch.setattr(compiling, "_listeners", [lambda: told.append(1)])
+    assert numba.njit(lambda x: x + 1)(1) == 2
+    assert told
+
+
+@pytest.mark.slow
+def test_nothing_is_left_to_compile_after_a_warm_up(tmp_path: Path, growing_log: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "mavhums", *map(str, arguments)]
+        return subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=600, check=False
+        )
+
+    first = call("warm-up")
+    assert first.returncode == 0
+    assert "compiling its inner loops" in first.stderr
+    assert first.stdout.startswith("ready: ")
+    for arguments in (["analyse", growing_log], ["inspect", growing_log], ["warm-up"]):
+        assert "compiling" not in call(*arguments).stderr, arguments

@@ -1,0 +1,133 @@
+"""Events obey block independence as verdicts do: every event, however the log is cut."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import Attitude, Event, Indication, Notice, Position, Samples
+from mavhums.engine.options import EngineOptions
+from mavhums_sim import Flight, fly
+from mavhums_sim.telemetry import messages
+from tests.strategies import START_US, blocks, cuts
+
+REBOOT_S = 11.0
+JUMPED = "its clock jumped: it rebooted, or its time was set"
+TIMED = {"time_usec": 1_000_000, "time_boot_ms": 1000}
+
+
+def rebooted(message: Any, time_s: float) -> Any:
+    """Return the message as a vehicle sends it whose clock starts anew in flight."""
+    for field, unit in TIMED.items():
+        if time_s > REBOOT_S and field in message.fieldnames:
+            setattr(message, field, getattr(message, field) + 3_600 * unit)
+    return message
+
+
+@pytest.fixture(scope="module")
+def content() -> bytes:
+    """Two vehicles of several tiers; of one the clock jumps; both say things; garbage lies between."""
+    out: list[tuple[int, bytes]] = []
+    tiers = {1: ("esc-unsigned", "pwm", "named"), 2: ("instrumented",)}
+    for system, kinds in tiers.items():
+        link = v2.MAVLink(None, srcSystem=system, srcComponent=1)
+        record = fly(
+            Flight(
+                seed=30 + system,
+                duration_s=22.0,
+                rate_hz=20.0,
+                friction_nm={"elevator": (0.2, 1.6)},
+                tiers=kinds,
+            )
+        )
+        for time_s, message in messages(record):
+            sent = rebooted(message, time_s) if system == 2 else message
+            out.append((START_US + round(time_s * 1e6) + system, bytes(sent.pack(link))))
+    out.append((START_US + 5_000_000, b"\xfd garbage"))
+    return b"".join(struct.pack(">Q", time_us) + data for time_us, data in sorted(out))
+
+
+def canonical(events: Iterable[Event]) -> dict[Any, Any]:
+    """Return what is told of each subject in its order; rows that blocks cut are joined."""
+    told: dict[Any, list[Any]] = {}
+    for event in events:
+        whose = tuple(getattr(event, name, None) for name in ("vehicle", "actuator", "fault"))
+        told.setdefault((type(event).__name__, *whose), []).append(event)
+    return {key: _joined(several) for key, several in told.items()}
+
+
+def _joined(events: list[Any]) -> Any:
+    fields = {
+        Samples: ("time_s", "values"),
+        Indication: ("end_s", "value", "low", "high"),
+        Attitude: ("time_s", "roll_pitch_yaw_rad"),
+        Position: ("time_s", "latitude_longitude_deg", "altitude_m"),
+    }.get(type(events[0]))
+    if fields is None:
+        return [repr(event) for event in events]
+    return [np.concatenate([getattr(event, name) for event in events]).tobytes() for name in fields]
+
+
+def follow(parts: Iterable[bytes]) -> list[Event]:
+    engine = Engine(EngineOptions(vehicle_states=True))
+    return [*(event for part in parts for event in engine.feed(part)), *engine.finish()]
+
+
+@pytest.fixture(scope="module")
+def whole(content: bytes) -> dict[Any, Any]:
+    return canonical(follow([content]))
+
+
+def test_the_log_brings_about_every_kind_of_event(whole: dict[Any, Any]) -> None:
+    kinds = {key[0] for key in whole}
+    assert kinds >= {
+        "Samples",
+        "Window",
+        "ConditionChanged",
+        "Indication",
+        "Notice",
+        "Attitude",
+        "FlightMode",
+    }
+    assert ("AirframeNamed", 1, None, None) in whole
+
+
+@given(data=st.data())
+@settings(max_examples=8, deadline=None)
+def test_no_event_depends_on_the_blocks(data: st.DataObject, content: bytes, whole: dict[Any, Any]) -> None:
+    assert canonical(follow(blocks(content, data.draw(cuts(len(content)))))) == whole
+
+
+@pytest.mark.parametrize("size", [4096, 1 << 22])
+def test_a_jump_of_the_clock_is_told_where_it_is(content: bytes, size: int) -> None:
+    parts = [content[k : k + size] for k in range(0, len(content), size)]
+    notices = [event for event in follow(parts) if isinstance(event, Notice) and event.text == JUMPED]
+    assert [event.vehicle for event in notices] == [2]
+    assert notices[0].time_s == pytest.approx(REBOOT_S, abs=0.5)
+
+
+def test_what_is_remembered_of_jumps_does_not_grow(tmp_path: Path) -> None:
+    """A sender whose clock jumps all the time costs no memory."""
+    from mavhums.log import Decoder
+    from mavhums.vehicle.clocks import Clocks
+
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    data = bytearray()
+    for k in range(4000):
+        message = v2.MAVLink_attitude_message((k // 5 % 2) * 10**8 + k, 0, 0, 0, 0, 0, 0)
+        data += struct.pack(">Q", START_US + 10_000 * k) + bytes(message.pack(link))
+    decoder, clocks = Decoder({"ATTITUDE"}), Clocks()
+    table = decoder.feed(bytes(data), final=True)["ATTITUDE"]
+    clocks.utc_us(table, 1000, "time_boot_ms")
+    found = clocks.jumps()
+    assert len(found) > 100
+    assert clocks.jumps() == []

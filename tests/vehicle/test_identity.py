@@ -1,0 +1,61 @@
+"""Who a vehicle is, as it says itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+from mavhums.log import Decoder
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
+from tests.logs import write_log
+
+
+def identities(path: Path) -> Identities:
+    decoder, found = Decoder(IDENTITY_MESSAGES), Identities()
+    found.feed(decoder.feed(path.read_bytes()))
+    found.feed(decoder.feed(b"", final=True))
+    return found
+
+
+def beat(kind: int, autopilot: int) -> Any:
+    return v2.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 4, 3)
+
+
+def version(number: int, uid: int = 0, uid2: bytes = b"") -> Any:
+    return v2.MAVLink_autopilot_version_message(
+        0, number, 0, 0, 0, *([[0] * 8] * 3), 0, 0, uid, list(uid2.ljust(18, b"\0"))
+    )
+
+
+def test_one_heartbeat_names_the_vehicle(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "one.tlog", [beat(1, 12)], system=7)
+    found = identities(path)
+    assert found.vehicles == (7,)
+    assert str(found.of(7)) == "fixed wing, PX4"
+
+
+@pytest.mark.parametrize(("kind", "autopilot"), [(6, 8), (6, 0), (26, 8), (18, 3), (27, 0), (2, 8)])
+def test_a_ground_station_or_a_peripheral_is_no_vehicle(tmp_path: Path, kind: int, autopilot: int) -> None:
+    assert identities(write_log(tmp_path / "one.tlog", [beat(kind, autopilot)])).vehicles == ()
+
+
+def test_firmware_and_board_are_named(tmp_path: Path) -> None:
+    said = [beat(2, 3), version(0x040507FF, uid=0xABC, uid2=b"\x01\x02")]
+    who = identities(write_log(tmp_path / "one.tlog", said)).of(1)
+    assert (who.kind, who.multirotor) == ("quadrotor", True)
+    assert str(who) == "quadrotor, ArduPilot 4.5.7"
+    assert who.board == "0102" + "00" * 16
+    who = identities(write_log(tmp_path / "two.tlog", [version(0x01020380, uid=0xABC)])).of(1)
+    assert (who.board, who.firmware) == ("0000000000000abc", "1.2.3-beta")
+
+
+def test_a_text_names_the_firmware_better_than_a_number(tmp_path: Path) -> None:
+    said = [v2.MAVLink_statustext_message(6, b"ArduPlane V4.5.7 (0fe2a2b6)"), version(0x040507FF)]
+    assert identities(write_log(tmp_path / "one.tlog", said)).of(1).firmware == "ArduPlane V4.5.7"
+
+
+def test_an_unknown_vehicle_is_unnamed() -> None:
+    assert str(Identities().of(3)) == ""
