@@ -13,10 +13,10 @@ from mavhums.log.losses import Losses, Region
 from mavhums.log.mavlink._gather import SPARE, count, gather
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.intake import Intake
-from mavhums.log.mavlink.ledger import Ledger
 from mavhums.log.mavlink.scanner import Batch, FrameScanner
 from mavhums.log.mavlink.sender_clock import SenderClocks
 from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.stream_stats import StreamStats
 from mavhums.log.tables import Table
 
 __all__ = ["Decoder"]
@@ -62,7 +62,7 @@ class Decoder:
         self._sizes = np.array([d.wire.itemsize for d in definitions], dtype=np.int32)
         self._by_row = list(definitions)
         self._intake = Intake(self._dialect)
-        self._ledger = Ledger(self._dialect)
+        self._stats = StreamStats(self._dialect)
         self._clocks = SenderClocks(self._dialect)
         self._guard = None if key is None else Guard(key)
         self._scanner: FrameScanner | None = None
@@ -70,22 +70,22 @@ class Decoder:
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:
         """Number of intact messages by (system, component, name), including unwanted ones."""
-        return self._ledger.counts
+        return self._stats.counts
 
     @property
     def first_time_us(self) -> int | None:
         """Time of the first frame, microseconds of UTC; None before it."""
-        return self._ledger.first_time_us
+        return self._stats.first_time_us
 
     @property
     def last_time_us(self) -> int | None:
         """Time of the latest frame, microseconds of UTC; None before the first."""
-        return self._ledger.last_time_us
+        return self._stats.last_time_us
 
     @property
     def unknown(self) -> dict[int, int]:
         """Number of frames by message id that the dialect does not define."""
-        return dict(self._ledger.unknown)
+        return dict(self._stats.unknown)
 
     @property
     def sender_clock(self) -> bool:
@@ -104,7 +104,7 @@ class Decoder:
             bytes_skipped=totals.skipped,
             damaged_regions=totals.regions,
             bad_crc_frames=int(bad.sum()),
-            unknown_frames=sum(self._ledger.unknown.values()),
+            unknown_frames=sum(self._stats.unknown.values()),
             implausible_times=totals.odd_times,
             cut_end_bytes=totals.cut_end,
             regions=tuple(Region(offset=o, size=n) for o, n in self._scanner.regions[:_REGIONS_TOLD]),
@@ -115,7 +115,7 @@ class Decoder:
             line_ends_restored=self._intake.line_ends,
             time_jumps=totals.jumps,
             time_rewinds=totals.rewinds,
-            sequence=tuple(self._ledger.sequence_losses()),
+            sequence=tuple(self._stats.sequence_losses()),
             unsigned_frames=guard.unsigned if guard else 0,
             bad_signatures=guard.bad if guard else 0,
             replayed_frames=guard.replayed if guard else 0,
@@ -133,8 +133,8 @@ class Decoder:
             batch = replace(batch, rows=batch.rows[self._guard.admit(batch)])
         if batch.stamp == 0:
             self._clocks.set_times(batch)
-        ordinal = self._ledger.frames
-        self._ledger.add(batch.rows)
+        ordinal = self._stats.frames
+        self._stats.add(batch.rows)
         return self._tables(batch, ordinal)
 
     def _tables(self, batch: Batch, ordinal: int) -> dict[str, Table]:
