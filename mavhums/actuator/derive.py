@@ -1,8 +1,8 @@
 """Quantities that follow from others through the actuator's constants (paper, section 4).
 
-A magnitude gets its sign first: of the speed from the command, of the current from the voltage
-equation |U| = |R·I + k_t·ω|, which tells a current that drives the motion from one that opposes it.
-An ESC at the supply bus tells the motor's power and no more.
+Signs of magnitudes are derived first: the sign of the speed from the command, the sign of the current
+from the voltage equation |U| = |R·I + k_t·ω|, which distinguishes a driving current from an opposing
+one. An ESC at the supply bus gives only the motor's power.
 """
 
 from __future__ import annotations
