@@ -1,4 +1,4 @@
-"""Put an actuator's findings into a verdict; where there are none, say why and what to do."""
+"""Conversion of an actuator's findings to a verdict, or to a reason and a remedy if there are none."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def judged(
 def unjudged_actuator(
     vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
 ) -> Verdict:
-    """Return the verdict on an actuator of which the log carries, or its profile says, too little."""
+    """Return the verdict on an actuator for which log or profile lacks necessary data."""
     reasons, remedies = [], []
     if actuator.blanks:
         no_command = actuator.travel_deg is None and "V1" not in actuator.fields
@@ -137,7 +137,7 @@ def unjudged_vehicle(
 
 
 def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
-    """Say that most values of some quantities cannot be this actuator's, if it is so."""
+    """Return reason and remedy if most values of a quantity are implausible for this actuator."""
     shares = {key: refused / told for key, (refused, told) in implausible.items()}
     worst = [key for key, share in shares.items() if share > _MOSTLY]
     if not worst:
@@ -150,7 +150,7 @@ def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | Non
 
 
 def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
-    """Return the verdict on a vehicle beyond those that are judged at once."""
+    """Return the verdict on a vehicle beyond the maximum number of judged vehicles."""
     return Verdict(
         vehicle=vehicle,
         actuator=ALL,
