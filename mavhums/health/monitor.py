@@ -252,7 +252,7 @@ class Monitor:
                 for name, c in self._shown.items()
                 if c.condition == self._condition and name in self._deciding()
             ]
-            since_s, why, rule = min(holding, default=(end_s, fault, change.rule))
+            since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
             since_s = self._changed_s = max(since_s, self._changed_s)  # never before the last change
             self._since_s = None if self._condition == "undecided" else since_s
             yield ConditionChanged(

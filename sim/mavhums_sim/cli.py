@@ -7,10 +7,11 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from mavhums_sim._loop_options import plan_loop, with_loop_options
 from mavhums_sim._options import DURATION, SEED, given, plan_flight, with_flight_options
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from mavhums_sim.link import Link
 
 __all__ = ["main"]
+
+Flown = TypeVar("Flown")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -44,6 +47,7 @@ def cli() -> None:
     help="Log to write.",
 )
 @click.option("--force", is_flag=True, help="Replace files that are there already.")
+@with_loop_options
 @with_flight_options
 def flight(output: Path, force: bool, **options: Any) -> None:
     """Fly a four-surface aircraft once; write FILE.tlog and FILE.truth.json.
@@ -54,18 +58,35 @@ def flight(output: Path, force: bool, **options: Any) -> None:
         if file.is_file() and not force:
             raise click.UsageError(f"{file} is there already; name another, or replace it with --force")
     planned = plan_flight(options)
+    loop = plan_loop(planned, options)
     from mavhums_sim.campaign import write_truth
-    from mavhums_sim.flight import fly
-    from mavhums_sim.telemetry import write_tlog
 
-    record = fly(planned.flight)
-    counts = write_tlog(record, output, planned.link)
+    if loop is None:
+        from mavhums_sim.flight import fly
+        from mavhums_sim.telemetry import write_tlog
+
+        record = fly(planned.flight)
+        counts, known = write_tlog(record, output, planned.link), record.truth()
+    else:
+        from mavhums_sim.closed_loop import fly_closed_loop
+        from mavhums_sim.closed_loop.log import write_loop
+        from mavhums_sim.closed_loop.truth import truth as loop_truth
+
+        flown = _need_jsbsim(lambda: fly_closed_loop(loop[0]))
+        counts, known = write_loop(flown, output, loop[1], planned.link), loop_truth(flown)
     truth = write_truth(
-        [{"log": output.name, **record.truth(), "messages": counts}], output.with_suffix(".truth.json")
+        [{"log": output.name, **known, "messages": counts}], output.with_suffix(".truth.json")
     )
     click.echo(
         f"{output}: {sum(counts.values()):,} messages, {output.stat().st_size / 1e6:.1f} MB; truth in {truth}"
     )
+
+
+def _need_jsbsim(call: Callable[[], Flown]) -> Flown:
+    try:
+        return call()
+    except ModuleNotFoundError as error:
+        raise click.ClickException(str(error)) from error
 
 
 @cli.command()

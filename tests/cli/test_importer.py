@@ -63,6 +63,7 @@ def test_a_folder_and_a_missing_file_are_foreign(tmp_path: Path) -> None:
         assert subprocess.run([*IMPORTER, str(path)], capture_output=True, check=False).returncode == 66
 
 
+@pytest.mark.slow
 def test_the_viewer_opens_a_log(log: Path, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")
     import rerun_cli
@@ -82,6 +83,7 @@ def test_the_viewer_opens_a_log(log: Path, tmp_path: Path) -> None:
     assert rows(out, "/vehicle_1/elevator", "StateChange:state")[1] == [["normal"]]
 
 
+@pytest.mark.slow
 def test_the_airframe_comes_from_the_environment_and_errors_are_told(log: Path) -> None:
     pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")
     environment = {**os.environ, "MAVHUMS_AIRFRAME": "nowhere"}

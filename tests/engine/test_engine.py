@@ -84,6 +84,7 @@ def test_the_verdicts_do_not_depend_on_the_blocks(
     assert judge(blocks(content, places), models=models).to_json() == short_verdicts
 
 
+@pytest.mark.slow
 def test_even_one_byte_at_a_time(short_log: Path, short_verdicts: str, models: tuple[Model, ...]) -> None:
     content = short_log.read_bytes()
     parts = (content[k : k + 7] for k in range(0, len(content), 7))

@@ -211,6 +211,7 @@ def own() -> dict[str, Baseline]:
     return {"friction": history(range(300, 308))}
 
 
+@pytest.mark.slow
 def test_wear_far_below_the_limit_is_a_drift_from_the_own_baseline(own: dict[str, Baseline]) -> None:
     worn = telemetry(flown(Condition.constant("friction", 0.05), rate_hz=25.0, seconds=100.0, seed=401))
     assert watch(worn)[1].worst == "normal"
@@ -230,6 +231,7 @@ def test_wear_far_below_the_limit_is_a_drift_from_the_own_baseline(own: dict[str
     assert friction.baseline == own["friction"].prediction()
 
 
+@pytest.mark.slow
 def test_a_healthy_flight_stays_at_its_baseline(own: dict[str, Baseline]) -> None:
     for seed in range(402, 406):
         healthy = telemetry(flown(rate_hz=25.0, seconds=100.0, seed=seed))
