@@ -1,7 +1,7 @@
 """Voltage lost on the actuator's supply, for logs with the supply voltage.
 
-An ESC at the supply bus measures it. The motor's voltage V4 equals the supply voltage only for milliseconds, at
-full controller output, so a motor-side ESC cannot measure it.
+An ESC at the supply bus measures it. The motor's voltage V4 equals the supply voltage only for milliseconds
+at full controller output, so a motor-side ESC cannot measure it.
 """
 
 from __future__ import annotations
