@@ -9,7 +9,7 @@ __all__ = ["SEVERITY", "URGENCY", "Condition"]
 Condition = Literal["normal", "degraded", "emergency", "undecided"]
 
 SEVERITY: Final[dict[Condition, int]] = {"undecided": -1, "normal": 0, "degraded": 1, "emergency": 2}
-"""Order of evidence: any evidence ranks above none. A detector's worst state only moves up in it."""
+"""What evidence shows: any evidence outranks none. A detector's state only ever grows along it."""
 
 URGENCY: Final[dict[Condition, int]] = {"normal": 0, "undecided": 1, "degraded": 2, "emergency": 3}
-"""Order of maintenance priority: a subject without evidence ranks above a normal one."""
+"""What a maintainer acts on first: a subject without evidence comes before one that is normal."""

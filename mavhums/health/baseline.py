@@ -60,7 +60,7 @@ class Baseline:
 
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:
-        """Return the baseline of several flights; None if fewer than two have a known scatter."""
+        """Return the baseline of several flights; None of fewer than two that show their scatter."""
         shown = [
             (i.value.estimate, i.windows, i.scatter)
             for i in indicators

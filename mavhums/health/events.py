@@ -35,7 +35,7 @@ class Window:
 class ConditionChanged:
     """An actuator's condition changed at ``since_s``; it was decided at ``time_s``.
 
-    ``fault`` is the fault whose detector changed it.
+    ``fault`` is what changed it.
     """
 
     vehicle: int

@@ -158,7 +158,7 @@ class Monitor:
         return self._worst
 
     def findings(self, *, indicators: bool = True) -> Findings:
-        """Return the findings so far; ``indicators`` evaluates the whole flight again."""
+        """Return what was found so far; the ``indicators`` look at all of the flight again."""
         whole = self._fits.whole() if indicators else {}
         trackers = self._trackers.values()
         suspects = [suspect for tracker in trackers if (suspect := suspect_of(tracker))]

@@ -71,7 +71,7 @@ def widen(values: Array, measured: NDArray[np.bool_] | None = None, bus_v: Array
     values
         Shape (n, 12).
     measured
-        Mask of the values that were measured, not derived, shape (n, 12); all if omitted.
+        Which of them were measured and not derived, shape (n, 12); all if omitted.
     bus_v
         Shape (n,); NaN if omitted.
     """

@@ -96,7 +96,7 @@ def read_history(
     history = FlightHistory(tuple(flights), tuple(errors), ())
     twice = len(flights) - len(history.flights)
     if twice:
-        notices.append(f"{folder}: {twice} older assessments of logs that have newer ones; ignored")
+        notices.append(f"{folder}: {twice} older assessments of logs that were judged again")
     return FlightHistory(history.flights, history.errors, tuple(notices))
 
 
@@ -133,7 +133,7 @@ def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
     content = _json(path)
     schema = content.get("schema") if isinstance(content, dict) else None
     if not isinstance(schema, str) or not schema.startswith(_FAMILY):
-        raise _ForeignError(f"{path}: not an assessment; ignored")
+        raise _ForeignError(f"{path}: is no assessment, and was left alone")
     if schema != SCHEMA:
         raise MavhumsError(
             f"{path}: is of the schema {schema[:60]!r}, not {SCHEMA}", f"update mavhums, or {_AGAIN}"
@@ -151,7 +151,7 @@ def _json(path: Path) -> Any:
     try:
         return from_json(data.decode(json.detect_encoding(data)), allow_inf_nan=False)
     except ValueError as error:
-        problem = f"{path}: not a complete JSON file: {str(error)[:100]}"
+        problem = f"{path}: is no whole JSON file: {str(error)[:100]}"
         raise MavhumsError(problem, f"if it was an assessment, {_AGAIN}; else take it out") from error
 
 
@@ -163,7 +163,7 @@ def _hold_plausible(assessment: Assessment, path: Path) -> None:
             numbers = (value.estimate, value.low, value.high, shown.scatter, shown.limit, shown.emergency)
             largest = max(abs(number) for number in (*numbers, shown.windows) if number is not None)
             if largest > _LARGEST_VALUE or not 0 <= (verdict.vehicle or 0) <= 255:
-                raise MavhumsError(f"{path}: {verdict.actuator[:60]}: implausibly large numbers", _AGAIN)
+                raise MavhumsError(f"{path}: {verdict.actuator[:60]}: numbers beyond all measure", _AGAIN)
 
 
 def _words(error: OSError) -> str:

@@ -25,7 +25,7 @@ _REGIONS_TOLD = 100
 
 
 class Decoder:
-    """Incremental decoder of a telemetry log, in bounded memory.
+    """Incremental decoder of a telemetry log, in memory that does not grow with it.
 
     Parameters
     ----------
