@@ -1,4 +1,4 @@
-"""The words that the report and the terminal share, so that both say the same."""
+"""Texts shared by the report and the terminal."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "emergency": (213, 94, 0),
     "undecided": (153, 153, 153),
 }
-"""One colour per condition, of Okabe and Ito's palette, told apart by the colour-blind too."""
+"""One colour per condition, from Okabe and Ito's palette for colour-blind readers."""
 
 STALE: Final = "stale"
 STALE_COLOUR: Final = (60, 60, 66)
@@ -132,7 +132,7 @@ def join(items: Iterable[str]) -> str:
 
 
 def headline(assessment: Assessment) -> str:
-    """Return the answer in one line: what has failed and since when, or that nothing is known to."""
+    """Return the result in one line: what has failed and since when, or that no failure is known."""
     ranked = assessment.ranked()
     if not ranked:
         return "No actuator was found in this log"
@@ -160,7 +160,7 @@ def _all(part: list[Verdict], whole: list[Verdict]) -> str:
 
 
 def advice(verdict: Verdict) -> str:
-    """Return what to do about an actuator, by the worst it went through and the fault suspected."""
+    """Return the recommended action for an actuator, by its worst condition and suspected fault."""
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
     parts = next((parts for fault in faults if (parts := to_inspect(fault))), "the actuator and its wiring")
@@ -168,7 +168,7 @@ def advice(verdict: Verdict) -> str:
 
 
 def finding(item: Evidence) -> str:
-    """Return one finding: when, how much, and by which rule.
+    """Return one finding: time, value and rule.
 
     Examples
     --------
@@ -184,7 +184,7 @@ def finding(item: Evidence) -> str:
 
 
 def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
-    """Return the undecided actuators by reason and remedy, so that neither is said twice."""
+    """Return the undecided actuators, grouped by reason and remedy."""
     groups: dict[tuple[str, str], list[Verdict]] = {}
     for verdict in assessment.verdicts:
         if verdict.condition == "undecided":
@@ -215,7 +215,7 @@ def losses(lost: Losses) -> str:
 
 
 def link_loss(lost: Losses) -> str | None:
-    """Return what never reached the log, by the senders' sequence numbers; None if nothing is missing.
+    """Return the loss on the link, according to sequence numbers; None if nothing is missing.
 
     Examples
     --------

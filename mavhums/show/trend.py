@@ -1,4 +1,4 @@
-"""The trend over flights on a terminal: a line per actuator, the worst first, and below it why."""
+"""The trend over flights for the terminal: one line per actuator, worst first, and reasons below."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def render_trends(report: TrendReport, console: Console) -> None:
 
 
 def headline(report: TrendReport) -> str:
-    """Return the answer in one line: the shortest remaining useful life, or that there is none to report."""
+    """Return the result in one line: the shortest remaining useful life, or that none is known."""
     if not report.flights:
         return "No flights in this folder: put them there with mavhums analyse LOG --history DIR --keep"
     if not report.trends:
@@ -52,7 +52,7 @@ def headline(report: TrendReport) -> str:
 
 
 def sparkline(values: Sequence[float], cells: int = _CELLS) -> str:
-    """Draw values from the least to the greatest; of more than ``cells``, the means of neighbours.
+    """Draw values between their minimum and maximum; more than ``cells`` are averaged in groups.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
 
 
 def _signed(change: Interval | None) -> str:
-    """Write a change and half its 95 % interval; of a change that may be zero the interval alone."""
+    """Format a change with half its 95 % interval; for a change that may be zero, only the interval."""
     if change is None:
         return "—"
     half = (change.high - change.low) / 2
@@ -99,14 +99,14 @@ def _signed(change: Interval | None) -> str:
 
 
 def _left(left: Interval | None) -> str:
-    """Write a remaining useful life in whole flights."""
+    """Format a remaining useful life in whole flights."""
     if left is None:
         return "—"
     return f"{left.estimate:,.0f} ({np.floor(left.low):,.0f}–{np.ceil(left.high):,.0f})"
 
 
 def _reasons(report: TrendReport) -> list[str]:
-    """Say why there is no remaining useful life, which flights are left out, and what is not shown."""
+    """Return reasons for an unknown remaining useful life, excluded flights, and what is not shown."""
     groups: dict[str, list[str]] = {}
     for one in report.trends:
         grows = one.per_flight is not None and one.per_flight.low > 0
