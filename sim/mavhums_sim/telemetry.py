@@ -21,7 +21,20 @@ from mavhums_sim.link import BOOT_US, EPOCH_US, Frame, Link, transmit
 from mavhums_sim.sensors import ELECTRONICS_A, sample_times
 from mavhums_sim.tiers import Stream, actuator_streams
 
-__all__ = ["EPOCH_US", "MESSAGES", "battery", "in_order", "messages", "write_frames", "write_tlog"]
+__all__ = [
+    "BOARD",
+    "EPOCH_US",
+    "MESSAGES",
+    "battery",
+    "in_order",
+    "messages",
+    "parameters",
+    "write_frames",
+    "write_tlog",
+]
+
+BOARD = "SimBoard 4D415648 554D5353 494D0001"
+"""What the autopilot says of its board: its type and its unique id."""
 
 _FUNCTIONS = {"aileron_left": 4, "aileron_right": 4, "elevator": 19, "rudder": 21}
 
@@ -89,15 +102,14 @@ def _streams(record: FlightRecord) -> list[Stream]:
         return sample_times(rng, flight.duration_s, rate_hz)
 
     announced = np.arange(0.0, flight.duration_s, 10.0, dtype=np.float64)
-    parameters = _parameters()
+    told = parameters()
     streams = [
         Stream(np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64), lambda _: _heartbeat()),
         Stream(announced, lambda _: mavlink.MAVLink_statustext_message(6, b"mavhums airframe=paper")),
+        Stream(np.full(1, 0.1), lambda _: mavlink.MAVLink_statustext_message(6, BOARD.encode())),
         Stream(
-            0.2 + 0.005 * np.arange(len(parameters), dtype=np.float64),
-            lambda k: mavlink.MAVLink_param_value_message(
-                parameters[k][0].encode(), parameters[k][1], 9, len(parameters), k
-            ),
+            0.2 + 0.005 * np.arange(len(told), dtype=np.float64),
+            lambda k: mavlink.MAVLink_param_value_message(told[k][0].encode(), told[k][1], 9, len(told), k),
         ),
         _aircraft_state(record, at(flight.rates.attitude)),
         _air_data(record, at(flight.rates.air_data)),
@@ -112,7 +124,8 @@ def _heartbeat() -> Message:
     )
 
 
-def _parameters() -> list[tuple[str, float]]:
+def parameters() -> list[tuple[str, float]]:
+    """Return the autopilot's parameters that the aircraft tells."""
     rows = []
     for servo, surface in enumerate(SURFACES, start=1):
         for key, value in (

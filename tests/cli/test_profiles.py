@@ -172,7 +172,7 @@ def test_profile_new_writes_or_prints_but_never_overwrites(run: Run, tmp_path: P
         ([heartbeat(3)], "holds no parameters"),
         (ardupilot(FENCE_TYPE=1), "none of its 1 parameters assigns an output (SERVOn_FUNCTION)"),
         (px4(PWM_MAIN_FUNC1=101), "none of the 1 outputs that its parameters assign moves a control surface"),
-        (px4(BAT_N=1), "(PWM_MAIN_FUNCn)"),
+        (px4(BAT_N=1), "(PWM_MAIN_FUNCn, PWM_AUX_FUNCn, UAVCAN_SV_FUNCn)"),
     ],
 )
 def test_what_cannot_be_drafted_is_said(run: Run, tmp_path: Path, sent: list[Any], message: str) -> None:

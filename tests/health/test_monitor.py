@@ -147,7 +147,7 @@ def test_a_change_says_what_changed_it_and_since_when() -> None:
     assert (first.after, first.fault, first.since_s) == ("normal", "friction", 0.0)
     assert (last.before, last.after, last.fault) == ("normal", "degraded", "backlash")
     assert last.since_s == findings.since_s == pytest.approx(40.0, abs=10.0)
-    assert "backlash above 0.15 °" in last.rule
+    assert "backlash reliably above 0.15 °" in last.rule
     assert "1 false alarm per 100 h" in last.rule
     assert last.time_s >= 40.0
 
@@ -308,7 +308,8 @@ def test_motion_too_brief_for_any_window_decides_the_flight(friction: float, exp
 
 
 @pytest.mark.parametrize(
-    ("fault", "severity", "said"), [("backlash", 0.3, "backlash above"), ("sensor_bias", 0.8, "bias of")]
+    ("fault", "severity", "said"),
+    [("backlash", 0.3, "backlash reliably above"), ("sensor_bias", 0.8, "bias of")],
 )
 def test_a_fault_that_no_run_of_windows_shows_is_an_alarm_at_the_finish(
     fault: str, severity: float, said: str
