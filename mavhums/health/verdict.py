@@ -85,7 +85,7 @@ def judged(
 def unjudged_actuator(
     vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
 ) -> Verdict:
-    """Return the verdict on an actuator for which log or profile lacks necessary data."""
+    """Return the verdict on an actuator of which the log carries, or its profile says, too little."""
     reasons, remedies = [], []
     if actuator.blanks:
         no_command = actuator.travel_deg is None and "V1" not in actuator.fields

@@ -184,7 +184,7 @@ def finding(item: Evidence) -> str:
 
 
 def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
-    """Return the undecided actuators, grouped by reason and remedy."""
+    """Return the undecided actuators by reason and remedy, so that neither is said twice."""
     groups: dict[tuple[str, str], list[Verdict]] = {}
     for verdict in assessment.verdicts:
         if verdict.condition == "undecided":
