@@ -35,7 +35,8 @@ class Window:
 class ConditionChanged:
     """An actuator's condition changed at ``since_s``; it was decided at ``time_s``.
 
-    ``fault`` is what changed it.
+    ``fault`` is what changed it, and ``finding`` says it in a few words for an alert, where the fault's name
+    does not.
     """
 
     vehicle: int
@@ -46,6 +47,7 @@ class ConditionChanged:
     after: Condition
     rule: str
     fault: str = "friction"
+    finding: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

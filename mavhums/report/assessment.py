@@ -1,6 +1,6 @@
-"""The verdict's contract: what mavhums says of each actuator, as typed objects and as JSON.
+"""The verdict's contract: what mavhums says of each actuator and each axis, as typed objects and as JSON.
 
-The JSON schema lies beside this module in ``schema/assessment-1.json`` and is generated
+The JSON schema lies beside this module in ``schema/assessment-2.json`` and is generated
 from these classes by ``python -m mavhums.report.assessment``.
 """
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ALL",
     "NOTICE",
+    "READABLE",
     "SCHEMA",
     "Assessment",
     "Coverage",
@@ -40,7 +41,9 @@ __all__ = [
     "json_schema",
 ]
 
-SCHEMA = "mavhums.assessment/1"
+SCHEMA = "mavhums.assessment/2"
+READABLE = ("mavhums.assessment/1", SCHEMA)
+"""Versions whose objects are still read: version 2 only adds fields."""
 NOTICE = "not an airworthiness decision; validated in simulation only"
 
 _CLOCKS_APART_S = 30.0
@@ -137,8 +140,10 @@ class ModelSummary(Contract):
 
 
 class Verdict(Contract):
-    """What the log says of one actuator.
+    """What the log says of one actuator, or of one axis of the aircraft.
 
+    ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
+    ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that it keeps.
     ``condition`` is the last decidable state, ``worst`` the worst one reached.
     ``undecided`` always carries ``reason`` and ``remedy``. ``model`` is the network that
     ``p_emergency`` is of, the probability that its friction lies nearer to an emergency than to normal.
@@ -149,10 +154,13 @@ class Verdict(Contract):
     'degraded'
     """
 
+    subject: Literal["actuator", "axis"] = "actuator"
     vehicle: int | None
     actuator: str
+    surfaces: tuple[str, ...] = ()
     condition: Condition
     worst: Condition
+    effectiveness: Interval | None = None
     p_emergency: float | None = Field(default=None, ge=0, le=1)
     model: ModelSummary | None = None
     friction_nm: Interval | None = None
@@ -242,7 +250,9 @@ class Assessment(Contract):
     'EMERGENCY'
     """
 
-    schema_: Literal["mavhums.assessment/1"] = Field(default="mavhums.assessment/1", alias="schema")
+    schema_: Literal["mavhums.assessment/1", "mavhums.assessment/2"] = Field(
+        default="mavhums.assessment/2", alias="schema"
+    )
     notice: str = NOTICE
     log: LogSummary
     airframe: str | None
@@ -250,7 +260,7 @@ class Assessment(Contract):
     verdicts: tuple[Verdict, ...]
 
     def to_json(self, *, indent: int | None = 2) -> str:
-        """Return the assessment as JSON that follows ``schema/assessment-1.json``."""
+        """Return the assessment as JSON that follows ``schema/assessment-2.json``."""
         return self.model_dump_json(by_alias=True, indent=indent)
 
     def to_frame(self) -> pd.DataFrame:
@@ -259,9 +269,12 @@ class Assessment(Contract):
 
         rows = []
         for verdict in self.verdicts:
-            row = verdict.model_dump(include={"vehicle", "actuator", "condition", "worst", "p_emergency"})
+            row = verdict.model_dump(
+                include={"subject", "vehicle", "actuator", "condition", "worst", "p_emergency"}
+            )
             friction = verdict.friction_nm
             row |= {
+                "effectiveness": verdict.effectiveness.estimate if verdict.effectiveness else None,
                 "friction_nm": friction.estimate if friction else None,
                 "friction_low_nm": friction.low if friction else None,
                 "friction_high_nm": friction.high if friction else None,
@@ -283,9 +296,14 @@ class Assessment(Contract):
 
     @property
     def exit_code(self) -> ExitCode:
-        """The exit code that tells a script the worst of it."""
-        ranked = self.ranked()
-        gravest = ranked[0].gravest if ranked else "normal"
+        """The exit code that tells a script the worst of it.
+
+        Actuators that nothing monitors do not count, unless nothing at all was judged.
+        """
+        counted = [verdict for verdict in self.ranked() if verdict.gravest != "unmonitored"]
+        if self.verdicts and not counted:
+            return ExitCode.UNDECIDED
+        gravest = counted[0].gravest if counted else "normal"
         if gravest == "normal":
             return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
         return ExitCode[gravest.upper()]
@@ -295,6 +313,8 @@ def _line(verdict: Verdict) -> str:
     text = f"{verdict.actuator}: {verdict.condition}"
     if verdict.worst != verdict.condition:
         text += f" (worst {verdict.worst})"
+    if verdict.effectiveness:
+        text += f", control effectiveness {100 * verdict.effectiveness.estimate:.0f} %"
     if verdict.friction_nm:
         text += f", friction {verdict.friction_nm.estimate:.3f} N·m"
     if verdict.since:
@@ -306,7 +326,7 @@ def _line(verdict: Verdict) -> str:
 
 def json_schema() -> dict[str, Any]:
     """Return the versioned JSON schema of an assessment."""
-    text = resources.files("mavhums.report").joinpath("schema/assessment-1.json").read_text(encoding="utf-8")
+    text = resources.files("mavhums.report").joinpath("schema/assessment-2.json").read_text(encoding="utf-8")
     schema: dict[str, Any] = json.loads(text)
     return schema
 

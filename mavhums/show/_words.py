@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from mavhums.core.conditions import Condition
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.text import printable
+from mavhums.health.axis.detector import to_inspect as axis_to_inspect
 from mavhums.health.detector import to_inspect
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, Verdict
@@ -21,6 +22,7 @@ __all__ = [
     "STALE_COLOUR",
     "advice",
     "clock",
+    "effectiveness",
     "finding",
     "friction",
     "headline",
@@ -32,6 +34,7 @@ __all__ = [
     "percent",
     "printable",
     "undecided",
+    "unmonitored",
 ]
 
 COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
@@ -39,6 +42,7 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "degraded": (230, 159, 0),
     "emergency": (213, 94, 0),
     "undecided": (153, 153, 153),
+    "unmonitored": (110, 110, 116),
 }
 """One colour per condition, from Okabe and Ito's palette for colour-blind readers."""
 
@@ -53,6 +57,7 @@ ADVICE: Final[dict[Condition, str]] = {
     "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
     "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
     "undecided": "undecided is not healthy: check it by other means, or record what is missing",
+    "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
 }
 
 
@@ -61,7 +66,8 @@ def name(verdict: Verdict, assessment: Assessment) -> str:
     vehicles = {other.vehicle for other in assessment.verdicts}
     if verdict.actuator == ALL:
         return "every actuator"
-    return verdict.actuator if len(vehicles) < 2 else f"{verdict.vehicle}: {verdict.actuator}"
+    own = f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator
+    return own if len(vehicles) < 2 else f"{verdict.vehicle}: {own}"
 
 
 def clock(seconds: float) -> str:
@@ -138,6 +144,12 @@ def headline(assessment: Assessment) -> str:
         return "No actuator was found in this log"
     word = ranked[0].gravest
     worst = [verdict for verdict in ranked if verdict.gravest == word]
+    if SEVERITY[word] <= SEVERITY["normal"] and any(verdict.subject == "axis" for verdict in ranked):
+        return _what_could_be_judged(assessment)
+    if word == "unmonitored":
+        worst = [verdict for verdict in ranked if verdict.gravest == "normal"]
+        none = f"{_all(ranked, ranked)} unmonitored: {ranked[0].reason}"
+        return f"{_all(worst, ranked)} normal, the others unmonitored" if worst else none
     if word == "normal":
         return f"{_all(worst, ranked)} normal"
     if word == "undecided":
@@ -148,9 +160,44 @@ def headline(assessment: Assessment) -> str:
     text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
     if len(worst) > 1:
         return text
+    if worst[0].surfaces:
+        text = f"{text}, {' or '.join(worst[0].surfaces)}"
     if worst[0].condition != word:
         return f"{text} during the flight, {worst[0].condition} at its end"
     return f"{text} since {clock(worst[0].since.flight_time_s)}" if worst[0].since else text
+
+
+def _what_could_be_judged(assessment: Assessment) -> str:
+    """Return what was judged and found well, then what was not judged and why, then what nothing monitors."""
+    ranked = assessment.ranked()
+    well = [name(v, assessment) for v in assessment.verdicts if v.gravest == "normal"]
+    open_ = [v for v in assessment.verdicts if v.gravest == "undecided"]
+    silent = sum(v.gravest == "unmonitored" for v in ranked)
+    parts = [f"{join(well)} normal"] if well else []
+    if open_:
+        reasons = list(dict.fromkeys(v.reason or "" for v in open_))
+        why = f" ({reasons[0]})" if len(reasons) == 1 else ""
+        parts.append(f"{join(name(v, assessment) for v in open_)} not judged{why}")
+    if silent:
+        parts.append("servos unmonitored" if silent > 1 else "the servos are unmonitored")
+    text = "; ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def effectiveness(interval: Interval) -> str:
+    """Return what is left of the control effectiveness, with its interval.
+
+    Examples
+    --------
+    >>> effectiveness(Interval(estimate=0.52, low=0.31, high=0.73))
+    '52 % (31–73)'
+    """
+    return f"{100 * interval.estimate:.0f} % ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
+
+
+def unmonitored(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
+    """Return the unmonitored actuators by reason and remedy."""
+    return _by_reason(assessment, "unmonitored")
 
 
 def _all(part: list[Verdict], whole: list[Verdict]) -> str:
@@ -163,7 +210,10 @@ def advice(verdict: Verdict) -> str:
     """Return the recommended action for an actuator, by its worst condition and suspected fault."""
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
-    parts = next((parts for fault in faults if (parts := to_inspect(fault))), "the actuator and its wiring")
+    look = axis_to_inspect if verdict.subject == "axis" else to_inspect
+    parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
+    if verdict.subject == "axis" and verdict.gravest == "emergency":
+        return f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"
     return ADVICE[verdict.gravest].format(parts=parts)
 
 
@@ -178,6 +228,8 @@ def finding(item: Evidence) -> str:
     when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
         return f"{when}: {percent(item.value)} {item.rule}"
+    if item.kind in ("effectiveness", "slow", "hard_over", "tracking"):
+        return f"{when}: {item.rule}"
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
     return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
@@ -185,10 +237,14 @@ def finding(item: Evidence) -> str:
 
 def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
     """Return the undecided actuators by reason and remedy, so that neither is said twice."""
+    return _by_reason(assessment, "undecided")
+
+
+def _by_reason(assessment: Assessment, condition: Condition) -> dict[tuple[str, str], list[Verdict]]:
     groups: dict[tuple[str, str], list[Verdict]] = {}
     for verdict in assessment.verdicts:
-        if verdict.condition == "undecided":
-            reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE["undecided"]
+        if verdict.condition == condition:
+            reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE[condition]
             groups.setdefault((reason.rstrip("."), remedy.rstrip(".")), []).append(verdict)
     return groups
 
