@@ -136,10 +136,10 @@ def share(seconds: float) -> Iterator[Row]:
         resident = process.memory_info().rss
         live.terminate()
         live.wait()
-        told = [json.loads(line) for line in lines.read_text().splitlines()]
-        latency_ms = latencies(recording, told)
+        objects = [json.loads(line) for line in lines.read_text().splitlines()]
+        latency_ms = latencies(recording, objects)
     cpu = (used.user + used.system - before.user - before.system) / elapsed
-    link = told[-1]["link"]
+    link = objects[-1]["link"]
     yield ("8 actuators at 100 Hz: share of a core", f"{cpu:.1%} over {elapsed:.0f} s", "≤ 5 %")
     p50, p99 = np.percentile(latency_ms, [50, 99])
     yield (
@@ -155,7 +155,7 @@ def share(seconds: float) -> Iterator[Row]:
     )
 
 
-def latencies(recording: Path, told: list[dict[str, object]]) -> np.ndarray:
+def latencies(recording: Path, objects: list[dict[str, object]]) -> np.ndarray:
     """Return, for each window, the time from the datagram that completed it to its line, ms."""
     log = read_log(recording, messages=["DEBUG_FLOAT_ARRAY"])
     table = log.tables["DEBUG_FLOAT_ARRAY"]
@@ -165,7 +165,7 @@ def latencies(recording: Path, told: list[dict[str, object]]) -> np.ndarray:
     out = []
     for servo, actuator in enumerate(actuator_names(), start=1):
         rows = np.flatnonzero(table["array_id"] == servo)
-        for line in told:
+        for line in objects:
             if line["event"] == "window" and line["actuator"] == actuator:
                 k = int(np.searchsorted(flight_s[rows], line["end_s"]))
                 if k < rows.size:

@@ -113,8 +113,8 @@ class Deriver:
         misfit = np.minimum(driving, opposing)
         allowed = _MISFIT_V + _MISFIT_SHARE * np.maximum(back_emf, drop)
         along = np.where(driving <= opposing, 1.0, -1.0) * np.sign(values[:, _V7])
-        told = (misfit <= allowed) & (back_emf > ema.resistance * _STEP_A)
-        values[:, _V5] *= np.where(told, along, np.nan)
+        accepted = (misfit <= allowed) & (back_emf > ema.resistance * _STEP_A)
+        values[:, _V5] *= np.where(accepted, along, np.nan)
         volts = ema.resistance * values[:, _V5] + ema.torque_constant * values[:, _V7] * _RAD_S
         values[:, _V4] *= np.sign(volts)
         self.derived["V5"] = "magnitude from {V5}, sign from the voltage equation"

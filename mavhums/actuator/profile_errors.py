@@ -73,11 +73,11 @@ def _follows(mistake: ErrorDetails, first: ErrorDetails) -> bool:
 
 def _place(mistake: ErrorDetails) -> Place:
     """Return the path in the TOML text of an error."""
-    told: dict[str, Any] = mistake.get("ctx", {})
-    if "place" in told:
-        return tuple(told["place"])
+    context: dict[str, Any] = mistake.get("ctx", {})
+    if "place" in context:
+        return tuple(context["place"])
     place = tuple(part for part in mistake["loc"] if part != "[key]")
-    return (*place, told["key"]) if "key" in told else place
+    return (*place, context["key"]) if "key" in context else place
 
 
 def _in_words(place: Place) -> str:

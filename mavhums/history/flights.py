@@ -66,7 +66,9 @@ class PastFlight:
             start = (start if start.tzinfo else start.replace(tzinfo=UTC)).astimezone(UTC)
             return cls(assessment, start, start + timedelta(seconds=log.duration_s), file, written)
         except (ValueError, OverflowError) as error:
-            problem = f"{file or log.path}: log.start_utc: {log.start_utc[:60]!r} and the duration are no time"
+            problem = (
+                f"{file or log.path}: log.start_utc: {log.start_utc[:60]!r} and the duration are no time"
+            )
             raise MavhumsError(problem, "analyse its log again") from error
 
     def counts(self, actuator: str, since: Since | None) -> bool:

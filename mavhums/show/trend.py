@@ -43,9 +43,9 @@ def headline(report: TrendReport) -> str:
     if gravest in ("emergency", "degraded"):
         names = dict.fromkeys(_name(one, report) for one in report.trends if one.condition == gravest)
         return f"{join(names)}: {gravest.upper()} in the last flight"
-    told = [one for one in report.trends if one.flights_left]
-    if told:
-        first = min(told, key=lambda one: one.flights_left.low if one.flights_left else 0.0)
+    known = [one for one in report.trends if one.flights_left]
+    if known:
+        first = min(known, key=lambda one: one.flights_left.low if one.flights_left else 0.0)
         life = f"remaining useful life {_left(first.flights_left)} flights"
         return f"{_name(first, report)}: {life}, to the emergency limit"
     return "No actuator shows wear towards an emergency limit"
@@ -94,8 +94,8 @@ def _signed(change: Interval | None) -> str:
         return "—"
     half = (change.high - change.low) / 2
     digits = int(np.clip(-np.floor(np.log10(half)), 0, 9)) if half > 0 else 3
-    told = f"{change.estimate:+.{digits}f}" if abs(change.estimate) > half else ""
-    return f"{told}±{half:.{digits}f}"
+    estimate = f"{change.estimate:+.{digits}f}" if abs(change.estimate) > half else ""
+    return f"{estimate}±{half:.{digits}f}"
 
 
 def _left(left: Interval | None) -> str:

@@ -22,7 +22,7 @@ from mavhums.log.tables import Table
 
 __all__ = ["MavlinkDecoder"]
 
-_REGIONS_TOLD = 100
+_REGIONS_LISTED = 100
 
 
 class MavlinkDecoder:
@@ -118,7 +118,7 @@ class MavlinkDecoder:
             unknown_frames=sum(self._stats.unknown.values()),
             implausible_times=totals.odd_times,
             cut_end_bytes=totals.cut_end,
-            regions=tuple(Region(offset=o, size=n) for o, n in self._scanner.regions[:_REGIONS_TOLD]),
+            regions=tuple(Region(offset=o, size=n) for o, n in self._scanner.regions[:_REGIONS_LISTED]),
             bad_crc_by_message={self._by_row[k].name: int(bad[k]) for k in np.flatnonzero(bad)},
             padded_frames=totals.padded,
             padded_false_bound=totals.trials / 65536,
