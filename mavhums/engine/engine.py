@@ -17,6 +17,7 @@ from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.health.baseline import Baseline
+from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.monitor import Monitor
 from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
@@ -59,8 +60,10 @@ class Engine:
         self._models = tuple(options.models)
         self._baselines = options.baselines
         self._false_alarms = options.false_alarms
+        self._recorded = options.recorded
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
+        self._profiles: dict[tuple[int, str], str] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return what they bring about."""
@@ -112,6 +115,14 @@ class Engine:
             verdicts=verdicts,
         )
 
+    def records(self) -> dict[tuple[int, str], ActuatorRecord]:
+        """Return what the flight leaves of each vehicle's actuators, if the options say ``recorded``."""
+        return {key: monitor.record() for key, monitor in self._monitors.items() if self._recorded}
+
+    def profiles(self) -> dict[tuple[int, str], str]:
+        """Return the name of the profile by which each vehicle's actuators are judged."""
+        return dict(self._profiles)
+
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
@@ -150,12 +161,14 @@ class Engine:
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
         key = (mapped.vehicle, actuator.name)
         if key not in self._monitors:
+            self._profiles[key] = mapper.airframe.name
             self._monitors[key] = Monitor(
                 mapped.vehicle,
                 actuator,
                 self._serving(mapper.airframe),
                 baselines=self._baselines_of(key, mapper.airframe.name),
                 false_alarms=self._false_alarms,
+                recorded=self._recorded,
             )
         yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
 
