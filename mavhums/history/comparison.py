@@ -98,7 +98,9 @@ def unpacked(data: bytes) -> LoneFlight:
         text = inflate.decompress(data, _LARGEST)
         content: Any = _STORED.validate_json(text)
     except (zlib.error, ValidationError) as error:
-        raise MavhumsError("a stored flight is damaged or of another version", "scan its log again") from error
+        raise MavhumsError(
+            "a stored flight is damaged or of another version", "scan its log again"
+        ) from error
     records = {(vehicle, actuator): record for vehicle, actuator, _, record in content.records}
     profiles = {(vehicle, actuator): profile for vehicle, actuator, profile, _ in content.records}
     return LoneFlight(content.assessment, records, profiles)
