@@ -31,7 +31,7 @@ from mavhums.cli.options import (
 from mavhums.cli.output import complain, say, say_json, sound_output
 from mavhums.cli.progress import reading
 from mavhums.cli.tools import export, model, profile
-from mavhums.cli.trend import opened_history, trend
+from mavhums.cli.trend import indexed_history, trend
 from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.errors import ExitCode, MavhumsError
 
@@ -115,7 +115,7 @@ def analyse(
     options = Options(
         airframe=load_airframe(airframe) if airframe else None,
         model=(load_model(model),) if model else packaged_models(),
-        history=opened_history(history, may_be_new=keep),
+        history=indexed_history(history, may_be_new=keep),
         since=dict(dates),
         false_alarms=false_alarms,
         dialect=dialect,

@@ -20,7 +20,7 @@ from mavhums.core.files import written_whole
 from mavhums.history.flights import FlightHistory, PastFlight, UndatedError
 from mavhums.report.assessment import SCHEMA, Assessment
 
-__all__ = ["keep_assessment", "read_history"]
+__all__ = ["UnusedError", "assessment_files", "keep_assessment", "read_file", "read_history"]
 
 _FAMILY = SCHEMA.split("/", maxsplit=1)[0] + "/"
 _LARGEST_FILE = 256 << 20
@@ -73,23 +73,19 @@ def read_history(
         If there is no such folder. Files in it that cannot be read are among the ``errors`` instead.
     """
     folder = Path(folder)
-    try:
-        paths = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".json")
-    except OSError as error:
-        remedy = f"judge a first flight into it: mavhums analyse LOG --history {folder} --keep"
-        raise MavhumsError(f"{folder}: {_words(error)}", remedy) from error
+    paths = assessment_files(folder)
     flights: list[PastFlight] = []
     errors: list[MavhumsError] = []
     notices: list[str] = []
     for number, path in enumerate(paths, 1):
         if progress:
             progress(number, len(paths))
-        if path.name.startswith(".") or path.is_dir():
+        if path.is_dir():
             continue
-        for outcome in _read(path):
+        for outcome in read_file(path):
             if isinstance(outcome, PastFlight):
                 flights.append(outcome)
-            elif isinstance(outcome, UndatedError | _ForeignError):
+            elif isinstance(outcome, UnusedError):
                 notices.append(outcome.problem)
             else:
                 errors.append(outcome)
@@ -104,7 +100,30 @@ class _ForeignError(MavhumsError):
     """A JSON file that is none of ours."""
 
 
-def _read(path: Path) -> Iterator[PastFlight | MavhumsError]:
+UnusedError = UndatedError | _ForeignError
+"""What a file is left alone for, without a loss."""
+
+
+def assessment_files(folder: Path) -> list[Path]:
+    """Return the files of a folder that may hold assessments, by name.
+
+    Raises
+    ------
+    MavhumsError
+        If there is no such folder.
+    """
+    try:
+        return sorted(
+            path
+            for path in folder.iterdir()
+            if path.suffix.lower() == ".json" and not path.name.startswith(".")
+        )
+    except OSError as error:
+        remedy = f"judge a first flight into it: mavhums analyse LOG --history {folder} --keep"
+        raise MavhumsError(f"{folder}: {_words(error)}", remedy) from error
+
+
+def read_file(path: Path) -> Iterator[PastFlight | MavhumsError]:
     """Yield each assessment of a file, or what is wrong with it."""
     try:
         written = path.stat().st_mtime

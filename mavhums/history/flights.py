@@ -11,7 +11,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baseline, Baselines
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
-__all__ = ["REFERENCE_FLIGHTS", "FlightHistory", "PastFlight", "Since", "UndatedError"]
+__all__ = ["REFERENCE_FLIGHTS", "FlightHistory", "PastFlight", "Since", "UndatedError", "is_healthy"]
 
 REFERENCE_FLIGHTS = 20
 """The flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter."""
@@ -125,7 +125,7 @@ class FlightHistory:
             for verdict in flight.assessment.verdicts:
                 if (
                     verdict.vehicle is None
-                    or not _healthy(verdict)
+                    or not is_healthy(verdict)
                     or not flight.counts(verdict.actuator, since)
                 ):
                     continue
@@ -149,7 +149,8 @@ def _judged_by(flight: PastFlight, airframe: str | None) -> bool:
     return judged == airframe or airframe in (judged or "").split(", ")
 
 
-def _healthy(verdict: Verdict) -> bool:
+def is_healthy(verdict: Verdict) -> bool:
+    """Return whether a flight may be a reference of the actuator: judged normal, and nothing suspected."""
     return verdict.condition == verdict.worst == "normal" and not verdict.suspects
 
 
