@@ -1,4 +1,4 @@
-"""A folder of flights with an index in it, so that a landing costs the same after ten flights and ten thousand.
+"""A folder of flights with an index in it: a landing costs the same after ten flights and ten thousand.
 
 The index says which flights are references of which indicator; only their files are read, and the baselines
 come out of :class:`FlightHistory` as from the whole folder. It is a cache: it follows the files' times and

@@ -1,0 +1,89 @@
+"""The second pass: each aircraft's flights, in the order of time, held against those before. No log is read."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+
+from mavhums.core.conditions import URGENCY
+from mavhums.fleet.aircraft import UNKNOWN
+from mavhums.fleet.store import Store
+from mavhums.history.comparison import LoneFlight, compared, unpacked
+from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight, is_healthy
+from mavhums.report.assessment import Assessment
+
+__all__ = ["hold_against_past", "in_order", "rows_of"]
+
+
+def hold_against_past(store: Store, aircraft: str) -> None:
+    """Judge all flights of an aircraft beside its past, and commit the verdicts."""
+    flights = (unpacked(data) for data in _stored(store, aircraft))
+    held = (flight.assessment for flight in flights) if aircraft == UNKNOWN else in_order(flights)
+    store.replace_verdicts(aircraft, [row for assessment in held for row in rows_of(aircraft, assessment)])
+
+
+def in_order(flights: Iterable[LoneFlight]) -> Iterator[Assessment]:
+    """Yield the assessments of one aircraft's flights, given in the order of time, beside their past.
+
+    Of the flights before only those are remembered that can still be one of an indicator's references.
+    """
+    references: list[PastFlight] = []
+    ends: dict[tuple[object, ...], list[datetime]] = defaultdict(list)
+    for flight in flights:
+        history = FlightHistory(tuple(references))
+        assessment = compared(flight, history.baselines)
+        yield assessment
+        if assessment.log.start_utc is None:
+            continue
+        past = PastFlight.of(assessment)
+        wanted = [
+            ends[key]
+            for key in _shown(assessment)
+            if sum(end <= past.start for end in ends[key]) < REFERENCE_FLIGHTS
+        ]
+        if wanted:
+            references.append(past)
+        for several in wanted:
+            several.append(past.end)
+
+
+def rows_of(aircraft: str, assessment: Assessment) -> Iterator[dict[str, object]]:
+    """Yield a row of the store for each verdict."""
+    log = assessment.log
+    start_us = None
+    if log.start_utc is not None:
+        start_us = round(datetime.fromisoformat(log.start_utc).timestamp() * 1e6)
+    for verdict in assessment.verdicts:
+        yield {
+            "aircraft": aircraft,
+            "path": log.path,
+            "sha256": log.sha256,
+            "start_us": start_us,
+            "vehicle": verdict.vehicle,
+            "actuator": verdict.actuator,
+            "condition": verdict.condition,
+            "worst": verdict.worst,
+            "urgency": float(URGENCY[verdict.gravest]),
+            "friction_nm": verdict.friction_nm.estimate if verdict.friction_nm else None,
+            "airframe": assessment.airframe,
+            "verdict": verdict.model_dump_json(),
+        }
+
+
+def _shown(assessment: Assessment) -> Iterator[tuple[object, ...]]:
+    for verdict in assessment.verdicts:
+        if is_healthy(verdict):
+            for shown in verdict.indicators:
+                yield assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault
+
+
+def _stored(store: Store, aircraft: str) -> Iterator[bytes]:
+    """Yield an aircraft's flights in the order of time, each log once, as judged last."""
+    rows = store.query(
+        "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND flight IS NOT NULL"
+        " GROUP BY sha256 ORDER BY min(start_us), min(path)",
+        aircraft,
+    )
+    while several := rows.fetchmany(100):
+        yield from (data for (data,) in several)
