@@ -1,6 +1,8 @@
 """Decode one synthetic log with mavhums and its peers, each in a process of its own, and print the table.
 
-    python benchmarks/decode.py [--megabytes 100] [--large 2000] [--fasttlogparser PYTHON]
+    python benchmarks/decode.py [--format tlog] [--megabytes 100] [--large 2000] [--fasttlogparser PYTHON]
+    python benchmarks/decode.py --format dataflash [--log FLIGHT.BIN]
+    python benchmarks/decode.py --format ulog [--log FLIGHT.ulg]
 
 ``PYTHON`` is an interpreter that has fasttlogparser and pandas, by default this one. CPU seconds of
 the best of ``--repeat`` runs after one that warms caches (pymavlink: one run). To pandas throughout.
@@ -19,6 +21,9 @@ import tempfile
 import time
 from pathlib import Path
 from typing import Any
+
+import _dataflash
+import _decode_ulog
 
 NEEDED = ["ATTITUDE", "DEBUG_FLOAT_ARRAY", "ESC_TELEMETRY_1_TO_4", "SERVO_OUTPUT_RAW"]
 START_US = 1_700_000_000_000_000
@@ -113,10 +118,14 @@ def write_log(path: Path, megabytes: int) -> int:
     return rounds * ROUND
 
 
+def _needed(path: str) -> list[str]:
+    return NEEDED if path.endswith(".tlog") else _dataflash.NEEDED
+
+
 def mavhums(path: str, needed: bool) -> int:
     from mavhums import read_log
 
-    log = read_log(path, messages=NEEDED if needed else None)
+    log = read_log(path, messages=_needed(path) if needed else None)
     return sum(len(frame) for frame in log.messages.values())
 
 
@@ -158,7 +167,7 @@ def memory(path: str, _: bool) -> int:
     from mavhums.log import Decoder, read_blocks
 
     Decoder().feed(b"\0" * 100, final=True)
-    decoder = Decoder(NEEDED)
+    decoder = Decoder(_needed(path))
     before = peak = _anonymous()
     for block in read_blocks(path):
         decoder.feed(block)
@@ -179,7 +188,12 @@ def first_call(path: str, _: bool) -> int:
     return sum(read_log(path).counts.values())
 
 
-TASKS = {f.__name__: f for f in (mavhums, pymavlink, fasttlogparser, memory, first_call)}
+TASKS = {
+    task.__name__: task
+    for task in (mavhums, pymavlink, fasttlogparser, memory, first_call, _dataflash.dfreader)
+}
+PEERS = {"tlog": ("pymavlink", "fasttlogparser"), "dataflash": ("dfreader",)}
+"""The peers of each format, first the one that the ratio is of."""
 
 
 def run_task(task: str, path: str, needed: bool, repeat: int) -> None:
@@ -218,18 +232,17 @@ def measure(
     return found
 
 
-def compare(path: Path, frames: int, repeat: int, python: str) -> None:
+def compare(path: Path, peers: tuple[str, ...], repeat: int, python: str) -> None:
     size = path.stat().st_size / 1e6
-    print(f"{path.name}: {size:.1f} MB, {frames:,} frames")
+    print(f"{path.name}: {size:.1f} MB")
     print(f"{'':28}{'CPU s':>8}{'wall s':>8}{'MB/s':>8}{'messages':>11}{'messages/s':>13}{'ratio':>8}")
     for needed in (False, True):
         what = "needed types" if needed else "all types"
-        rows = {
-            "pymavlink": measure("pymavlink", path, needed=needed),
-            "fasttlogparser": measure("fasttlogparser", path, needed=needed, repeat=repeat, python=python),
-            "mavhums": measure("mavhums", path, needed=needed, repeat=repeat + 1),
-        }
-        slowest = rows["pymavlink"]
+        first, *others = peers
+        rows = {first: measure(first, path, needed=needed)}
+        rows |= {peer: measure(peer, path, needed=needed, repeat=repeat, python=python) for peer in others}
+        rows["mavhums"] = measure("mavhums", path, needed=needed, repeat=repeat + 1)
+        slowest = rows[first]
         for name, row in rows.items():
             if row is None:
                 print(f"{name + ', ' + what:28}{'not installed':>16}")
@@ -244,6 +257,8 @@ def compare(path: Path, frames: int, repeat: int, python: str) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--format", choices=[*PEERS, "ulog"], default="tlog")
+    parser.add_argument("--log", type=Path, help="compare on this log instead of a synthetic one")
     parser.add_argument("--megabytes", type=int, default=100)
     parser.add_argument("--large", type=int, default=2000, help="megabytes of the second memory measurement")
     parser.add_argument("--repeat", type=int, default=5)
@@ -252,21 +267,26 @@ def main() -> None:
     parser.add_argument("--path", help=argparse.SUPPRESS)
     parser.add_argument("--needed", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.format == "ulog":
+        _decode_ulog.section(options.megabytes, options.large, options.repeat, options.log)
+        return
     if options.task:
         run_task(options.task, options.path, options.needed, options.repeat)
         return
     with tempfile.TemporaryDirectory() as folder:
-        path, small = Path(folder) / "synthetic.tlog", Path(folder) / "small.tlog"
-        frames = write_log(path, options.megabytes)
-        compare(path, frames, options.repeat, options.fasttlogparser)
-        write_log(small, 0)
+        suffix, write = (".tlog", write_log) if options.format == "tlog" else (".BIN", _dataflash.write_log)
+        path, small = Path(folder) / f"synthetic{suffix}", Path(folder) / f"small{suffix}"
+        if options.log is None:
+            write(path, options.megabytes)
+        compare(options.log or path, PEERS[options.format], options.repeat, options.fasttlogparser)
+        write(small, 0)
         environment = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}
         for state in ("cold", "cached"):
             row = measure("first_call", small, environment=environment)
             if row:
                 print(f"first call, {state}: {row['wall_s']:.2f} s, with imports")
         for megabytes in (options.megabytes, options.large):
-            write_log(path, megabytes)
+            write(path, megabytes)
             row = measure("memory", path)
             if row:
                 mebibytes = row["result"] / 2**20

@@ -1,7 +1,7 @@
 """How fast the simulator is: ``python benchmarks/simulate.py [--quick]``.
 
 Simulated seconds per wall second of each model on one core, then flights of 100 s with four
-actuators as arrays and as logs, on one core and on two.
+actuators as arrays and as logs, on one core and on two, and the aircraft in closed loop.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ import numpy as np
 
 from mavhums_sim import EmaParameters, Flight, FlightRecord, simulate, write_tlog
 from mavhums_sim.campaign import consume
+from mavhums_sim.closed_loop import Air, ClosedLoop, fly_closed_loop
+from mavhums_sim.closed_loop.encode import encode
+from mavhums_sim.closed_loop.reports import report
 from mavhums_sim.ema import FrictionMethod
 
 SECONDS = 100.0
@@ -77,6 +80,30 @@ def flights(arrays: int, logs: int) -> None:
             print(f"      scaling from one core to two: {walls[what, 1] / walls[what, 2]:.2f}")
 
 
+def closed_loop(duration_s: float) -> None:
+    """Seconds of flight per CPU second of one core, after compiling."""
+    ways: dict[str, tuple[Flight | None, bool]] = {
+        "servos of reduced order": (None, False),
+        "… and messages as arrays": (None, True),
+        "EMAs of one mass": (Flight(), False),
+        "EMAs of two masses": (Flight(parameters=EmaParameters.from_data_sheet().two_masses()), False),
+    }
+    print("\nclosed loop, turbulence, 10 Hz streams    flight s per CPU s (one core)")
+    for name, (emas, arrays) in ways.items():
+        for lasts in (30.0, duration_s):
+            flight = ClosedLoop(seed=1, airframe=3, duration_s=lasts, air=Air(5.0, 40.0, 9.0), emas=emas)
+            used = time.process_time()
+            tables = report(fly_closed_loop(flight)) if arrays else fly_closed_loop(flight)
+            used = time.process_time() - used
+        print(f"{name:40} {duration_s / used:12,.0f}")
+        if isinstance(tables, list):
+            encode(tables, 1)
+            used = time.process_time()
+            size = len(encode(tables, 1))
+            speed = duration_s / (time.process_time() - used)
+            print(f"{'their tlog, beside that':40} {speed:12,.0f}   {size / 1e6:.1f} MB")
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of the flights")
@@ -87,3 +114,4 @@ if __name__ == "__main__":
     )
     models()
     flights(1000 // share, 100 // share)
+    closed_loop(600.0 if share == 1 else 120.0)

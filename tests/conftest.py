@@ -25,6 +25,20 @@ def real_logs() -> list[Path]:
     return sorted(path for path in REAL_LOGS.rglob("*") if path.is_file() and path.suffix != ".md")
 
 
+LARGE_BYTES = 800_000
+CAMPAIGNS = ("alfa", "control")  # folders of many flights of one kind
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Read large real logs, and the many flights of a campaign, only with ``make test-all``."""
+    for item in items:
+        parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
+        for path in parameters:
+            real = isinstance(path, Path) and path.is_relative_to(REAL_LOGS)
+            if real and (path.parent.name in CAMPAIGNS or path.stat().st_size > LARGE_BYTES):
+                item.add_marker(pytest.mark.slow)
+
+
 class Outcome(NamedTuple):
     code: int
     out: str

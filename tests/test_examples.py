@@ -25,6 +25,7 @@ from mavhums import analyse
 from mavhums_sim.campaign import PAPER_FRICTION_NM
 
 
+@pytest.mark.slow
 def test_the_demonstration_judges_every_actuator_right(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -52,6 +53,7 @@ def test_the_demonstration_judges_every_actuator_right(
     assert starts[2] == pytest.approx(83.9, abs=6.0)
 
 
+@pytest.mark.slow
 def test_selectors_compose_with_the_models_of_scikit_learn() -> None:
     """Algorithm 1 keeps what tells the conditions apart, and networks beat a fixed polynomial."""
     results = selectors_in_a_pipeline.main(seconds=4.0)
@@ -87,6 +89,7 @@ def _datagrams(log: Path, frames_each: int) -> list[tuple[int, bytes]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="datagrams without loss are POSIX")
 def test_follow_udp_prints_changes_as_they_come(
     growing_log: Path, capsys: pytest.CaptureFixture[str]
@@ -142,6 +145,7 @@ def test_quantities_go_into_pandas_and_a_plot(
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_wear_over_flights_tells_the_flights_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report = wear_over_flights.main(str(tmp_path), 16)
     assert not report.unshown
@@ -162,6 +166,7 @@ def test_a_recording_of_ones_own(short_log: Path, tmp_path: Path, capsys: pytest
     assert "elevator: up to" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_ten_hours_of_the_picture_are_one_flight(tmp_path: Path) -> None:
     log = tmp_path / "ten-hours.tlog"
     pictures.write_ten_hours(log, hour_s=200.0)

@@ -66,6 +66,7 @@ def test_the_source_distribution_holds_what_building_and_testing_need(built: Pat
         assert name in names
 
 
+@pytest.mark.slow
 def test_what_is_installed_judges_a_log(site: Path, growing_log: Path, tmp_path: Path) -> None:
     script = "import mavhums; print(mavhums.__file__); import mavhums.cli.main; mavhums.cli.main.main()"
     outcome = python("-c", script, "analyse", str(growing_log), cwd=tmp_path, path=site)
@@ -87,6 +88,7 @@ def test_the_base_install_judges_a_log(site: Path, growing_log: Path, tmp_path: 
     assert '"p_emergency": 1.0' in outcome.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "extra"),
     [(("analyse", "LOG", "--rrd", "out.rrd"), "viewer"), (("train", "-o", "m"), "train")],

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from mavhums.actuator.profile import packaged_airframes
 from mavhums.log import Table
+from mavhums.vehicle.texts import texts
 
 __all__ = ["Announcement", "announcements"]
 
@@ -15,7 +16,7 @@ _TEXT = re.compile(r"mavhums airframe=([A-Za-z0-9_.-]{1,40})")
 
 
 class Announcement(NamedTuple):
-    """A STATUSTEXT ``mavhums airframe=NAME``.
+    """A text ``mavhums airframe=NAME``.
 
     Attributes
     ----------
@@ -36,14 +37,9 @@ class Announcement(NamedTuple):
 
 def announcements(tables: Mapping[str, Table]) -> Iterator[Announcement]:
     """Yield what the log says of profiles, in the order of the log."""
-    table = tables.get("STATUSTEXT")
-    if table is None:
-        return
-    known = packaged_airframes()
-    for k, text in enumerate(table.texts("text")):
-        match = _TEXT.fullmatch(text.strip())
+    known: list[str] | None = None
+    for said in texts(tables):
+        match = _TEXT.fullmatch(said.text.strip())
         if match:
-            name = match[1]
-            yield Announcement(
-                int(table.frame[k]), int(table.time_us[k]), int(table.system[k]), name, name in known
-            )
+            known = packaged_airframes() if known is None else known
+            yield Announcement(said.frame, said.time_us, said.vehicle, match[1], match[1] in known)

@@ -17,7 +17,7 @@ from mavhums.actuator.profile import Actuator, Ema
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 
-__all__ = ["Deriver"]
+__all__ = ["REPORTED", "Deriver"]
 
 _V1, _V2, _V3, _V4, _V5, _V6, _V7, _V8, _V9, _V10, _V11, _V12 = (column(f"V{k}") for k in range(1, 13))
 _RAD_S = 2 * np.pi / 60
@@ -29,6 +29,9 @@ _MISFIT_V = 0.5  # sampling and quantisation
 _MISFIT_SHARE = 0.3  # a winding or a magnet that has aged
 
 Array = NDArray[np.float64]
+
+REPORTED = ("esc", "csrv")
+"""How the tiers begin whose voltage and current an ESC or the servo measures, at the motor or at the bus."""
 
 _OPEN = Ema.model_construct(gear_ratio=np.nan, torque_constant=np.nan, resistance=np.nan, inertia=np.nan)
 
@@ -65,20 +68,22 @@ class Deriver:
             self._leave_open(aligned)
             self._fill(values)
             return values
-        if aligned.tier.startswith("esc"):
+        if aligned.tier.startswith(REPORTED):
             if not aligned.signed:
                 self._sign_speed(values, aligned.command_rate)
             if self._actuator.esc_side == "bus":
                 self._from_bus(values, signed=aligned.signed)
             elif not aligned.signed:
                 self._sign_current(values)
+        if aligned.tier == "csrv":
+            self._turn_back(values)
         self._fill(values)
         self._integrate(aligned.utc_us, values)
         return values
 
     def _leave_open(self, aligned: Aligned) -> None:
         """Say what of an ESC's readings only the EMA's constants would turn into the motor's."""
-        if not aligned.tier.startswith("esc"):
+        if not aligned.tier.startswith(REPORTED):
             return
         if self._actuator.esc_side == "bus":
             self.derived |= {key: f"{{{key}}} at the bus" for key in ("V4", "V5")}
@@ -127,6 +132,14 @@ class Deriver:
             self.derived["V6"] = "power balance of {V4} and {V5} at the bus"
         values[:, [_V4, _V5]] = np.nan
         self.dropped.update(("V4", "V5"))
+
+    def _turn_back(self, values: Array) -> None:
+        """Fill in the rotor's speed from the shaft's, the only one that a servo tells."""
+        speed = values[:, _V10] * self._actuator.known_ema().gear_ratio
+        empty = np.isnan(values[:, _V7]) & np.isfinite(speed)
+        if empty.any():
+            values[empty, _V7] = speed[empty]
+            self.derived["V7"] = "V10·N"
 
     def _fill(self, values: Array) -> None:
         missing: NDArray[np.bool_] = np.isnan(values)

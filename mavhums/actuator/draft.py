@@ -102,8 +102,10 @@ def _names(outputs: Sequence[Output]) -> list[str]:
 
 
 def _no_surface(parameters: Parameters) -> str:
-    assigning = "PWM_MAIN_FUNCn" if parameters.is_px4 else "SERVOn_FUNCTION"
-    pattern = assigning.replace("n", r"\d+")
+    px4 = ("PWM_MAIN_FUNCn", "PWM_AUX_FUNCn", "UAVCAN_SV_FUNCn")
+    names = px4 if parameters.is_px4 else ("SERVOn_FUNCTION",)
+    assigning = ", ".join(names)
+    pattern = "|".join(name.replace("n", r"\d+") for name in names)
     outputs = sum(1 for name in parameters.values if re.fullmatch(pattern, name))
     if not outputs:
         return f"none of its {len(parameters.values)} parameters assigns an output ({assigning})"

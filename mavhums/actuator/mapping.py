@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned, Aligner
-from mavhums.actuator.derive import Deriver
+from mavhums.actuator.derive import REPORTED, Deriver
 from mavhums.actuator.plausible import Gate
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.readings import Reading
@@ -133,7 +133,7 @@ class Mapper:
                 measured = aligned.origin >= 0
                 if not aligned.signed:  # a magnitude's sign is derived
                     measured[:, _SIGNED] = False
-                at_bus = track.actuator.esc_side == "bus" and aligned.tier.startswith("esc")
+                at_bus = track.actuator.esc_side == "bus" and aligned.tier.startswith(REPORTED)
                 out.append(
                     Mapped(
                         track.vehicle,

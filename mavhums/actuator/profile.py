@@ -137,8 +137,10 @@ class Actuator(Contract):
         Output channel, from 1.
     esc
         Index of the ESC that drives it, from 0; None if no ESC reports on it.
+    csrv
+        Id of its CSRV records; None if it is the servo's output, from 0, or from 1 on DroneCAN.
     esc_side
-        Whether that ESC measures at the motor's terminals or at the supply bus.
+        Whether that ESC, or the servo itself, measures at the motor's terminals or at the supply bus.
     electronics_a
         What the electronics draw from the bus beside the motor.
     travel_deg, pwm_us
@@ -159,8 +161,9 @@ class Actuator(Contract):
 
     name: Annotated[str, Field(min_length=1)]
     surface: str = ""
-    servo: Annotated[int, Field(ge=1, le=32)]
+    servo: Annotated[int, Field(ge=1, le=48)]
     esc: Annotated[int, Field(ge=0, le=31)] | None = None
+    csrv: Annotated[int, Field(ge=0, le=255)] | None = None
     esc_side: Literal["motor", "bus"] = "motor"
     electronics_a: _NotNegative = 0.0
     travel_deg: tuple[_Finite, _Finite] | None = None

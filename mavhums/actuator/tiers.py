@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from mavhums.actuator.sources import esc_signed, esc_unsigned, pwm
+from mavhums.actuator.sources import (
+    actuator_outputs,
+    csrv,
+    esc_record,
+    esc_signed,
+    esc_topic,
+    esc_unsigned,
+    pwm,
+    rcou,
+)
 from mavhums.actuator.sources.instrumented import is_instrumented
 from mavhums.actuator.sources.named import is_named
 from mavhums.log import Table
@@ -20,7 +29,7 @@ class Tier:
     Attributes
     ----------
     messages
-        MAVLink messages, one of which marks the tier.
+        One of these messages marks the tier.
     gives
         Which quantities it gives.
     judged
@@ -42,19 +51,25 @@ TO_BE_JUDGED = (
 TIERS = (
     Tier("instrumented", frozenset(), "V1–V12", True),
     Tier(
+        "csrv",
+        csrv.MESSAGES,
+        "V1, V3, V4, V5, V10 and V11, as far as the servo tells them",
+        True,
+    ),
+    Tier(
         "esc-signed",
-        esc_signed.MESSAGES,
+        esc_signed.MESSAGES | esc_topic.MESSAGES,
         "V4, V5 and V7 with their signs, where an ESC drives a servo and no propeller",
         True,
     ),
     Tier("named", frozenset(), "the quantities that are named", True),
     Tier(
         "esc-unsigned",
-        esc_unsigned.MESSAGES,
+        esc_unsigned.MESSAGES | esc_record.MESSAGES,
         "magnitudes of V4, V5 and V7, where an ESC drives a servo and no propeller",
         True,
     ),
-    Tier("pwm", pwm.MESSAGES, "V1, the command, alone", False),
+    Tier("pwm", pwm.MESSAGES | rcou.MESSAGES | actuator_outputs.MESSAGES, "V1, the command, alone", False),
 )
 
 
@@ -89,6 +104,9 @@ def tiers_by_content(tables: Mapping[str, Table]) -> set[tuple[int, str]]:
     for message, tier, matches in (
         ("DEBUG_FLOAT_ARRAY", "instrumented", is_instrumented),
         ("NAMED_VALUE_FLOAT", "named", is_named),
+        ("NVF", "named", is_named),
+        ("debug_array", "instrumented", is_instrumented),
+        ("debug_key_value", "named", is_named),
     ):
         table = tables.get(message)
         if table is not None:

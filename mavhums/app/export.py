@@ -18,6 +18,7 @@ from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.core.table_writers import TableWriter, writer_for
 from mavhums.log import Decoder, decode_blocks
+from mavhums.vehicle.texts import TEXT_MESSAGES
 
 __all__ = ["export_messages", "export_quantities"]
 
@@ -82,7 +83,7 @@ def _write(
     path: str | os.PathLike[str], output: Path, airframe: Airframe | None, progress: Progress
 ) -> tuple[VehicleMappers, int]:
     """Write what a profile makes of a log, and return its vehicles and the number of rows; none, no file."""
-    decoder = Decoder(messages_for(airframe.actuators if airframe else ()) | {"STATUSTEXT"})
+    decoder = Decoder(messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES)
     fleet = VehicleMappers(airframe)
     with suppress(_EmptyError), written_whole(output) as temporary, writer_for(output)(temporary) as table:
         for tables, size, final in decode_blocks(path, decoder):
@@ -146,7 +147,7 @@ def export_messages(
     output
         Ends in ``.parquet`` or ``.csv``; files appear whole or not at all.
     names
-        Of the messages, as in the MAVLink definition.
+        Of the messages, as the format has them; capital letters or not does not matter.
     progress
         Called with the number of bytes read after each block.
 
@@ -166,24 +167,27 @@ def export_messages(
     """
     output = Path(output)
     writer = writer_for(output)
-    names = list(dict.fromkeys(name.upper() for name in names))
+    names = list({name.upper(): name for name in names}.values())
     if not names:
         raise MavhumsError("no message is named", f"see what the log holds: mavhums inspect {path}")
-    files = {name: output if len(names) == 1 else _beside(output, name) for name in names}
-    decoder = Decoder(names)
+    decoder = Decoder({form for name in names for form in (name, name.upper(), name.lower())})
+    files: dict[str, Path] = {}
+    writers: dict[str, TableWriter] = {}
     with ExitStack() as stack:
-        writers: dict[str, TableWriter] = {}
-        for name, file in files.items():
-            writers[name] = stack.enter_context(writer(stack.enter_context(written_whole(file))))
         for tables, size, _ in decode_blocks(path, decoder):
             for name, table in tables.items():
-                writers[name].write(table.to_frame().reset_index())
+                wanted = name.upper()
+                if wanted not in writers:
+                    files[wanted] = output if len(names) == 1 else _beside(output, name)
+                    file = stack.enter_context(written_whole(files[wanted]))
+                    writers[wanted] = stack.enter_context(writer(file))
+                writers[wanted].write(table.to_frame().reset_index())
             if progress:
                 progress(size)
         for name in names:
-            if not writers[name].rows:
+            if name.upper() not in writers:
                 raise _absent(path, name, {there for _, _, there in decoder.counts})
-    return {files[name]: writers[name].rows for name in names}
+    return {files[name.upper()]: writers[name.upper()].rows for name in names}
 
 
 def _rows(mapped: Mapped, first_time_us: int) -> pd.DataFrame:
@@ -200,6 +204,6 @@ def _beside(output: Path, name: str) -> Path:
 
 
 def _absent(path: str | os.PathLike[str], name: str, there: set[str]) -> MavhumsError:
-    close = get_close_matches(name, sorted(there), n=3)
+    close = get_close_matches(name, sorted(there), n=3) or get_close_matches(name.upper(), sorted(there), n=3)
     remedy = f"did you mean {' or '.join(close)}?" if close else f"see what it holds: mavhums inspect {path}"
     return MavhumsError(f"{path}: holds no message {name}", remedy)

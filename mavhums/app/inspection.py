@@ -14,7 +14,6 @@ from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
 from mavhums.health.obstacles import obstacle
 from mavhums.log import Decoder, decode_blocks
-from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.report.inspection import ActuatorTelemetry, Inspection, MessageRate, VehicleTelemetry
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 
@@ -62,12 +61,12 @@ def inspect_log(
             progress(size)
     first, last = decoder.first_time_us, decoder.last_time_us
     duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
-    vehicles = vehicles_of(decoder.counts) or identities.vehicles
+    vehicles = decoder.vehicles or identities.vehicles
     return Inspection(
         path=str(path),
         size_bytes=size,
         start_utc=None
-        if first is None or decoder.sender_clock
+        if first is None or decoder.undated
         else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
         duration_s=duration_s,
         vehicles=tuple(
@@ -84,7 +83,7 @@ def inspect_log(
             )
             for (system, component, name), count in sorted(decoder.counts.items())
         ),
-        sender_clock=decoder.sender_clock,
+        sender_clock=decoder.undated,
         unknown_ids=decoder.unknown,
         losses=decoder.losses,
     )

@@ -12,7 +12,9 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from mavhums.cli.sniff import HEAD, is_telemetry_log
+from mavhums.cli.sniff import HEAD, is_log
+from mavhums.core.errors import MavhumsError
+from mavhums.core.packed import opened
 
 __all__ = ["main"]
 
@@ -24,14 +26,12 @@ def main() -> None:
     """Write the recording of a telemetry log to the standard output."""
     path, recording_id = _arguments()
     try:
-        with path.open("rb") as file:
-            ours = is_telemetry_log(file.read(HEAD))
-    except OSError:
+        with opened(path) as file:
+            ours = is_log(file.read(HEAD))
+    except (OSError, MavhumsError):
         ours = False
     if not ours:
         sys.exit(_NOT_OURS)
-    from mavhums.core.errors import MavhumsError
-
     try:
         _import(path, recording_id)
     except MavhumsError as error:
@@ -42,7 +42,7 @@ def main() -> None:
 def _arguments() -> tuple[Path, str | None]:
     parser = argparse.ArgumentParser(
         prog="rerun-importer-mavhums",
-        description="Show a MAVLink telemetry log in the Rerun viewer: rerun flight.tlog",
+        description="Show an aircraft's log in the Rerun viewer: rerun flight.tlog, flight.BIN, flight.ulg",
         epilog=f"{_AIRFRAME}: airframe profile (a TOML file or a packaged name) for logs that name none.",
     )
     parser.add_argument("file", type=Path, help="the log; other files are refused with exit code 66")

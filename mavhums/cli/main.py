@@ -13,6 +13,7 @@ import click
 
 from mavhums import __version__
 from mavhums.cli.ending import heed_signals
+from mavhums.cli.fleet import fleet
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
 from mavhums.cli.options import (
@@ -172,7 +173,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (live, trend, train, precedents, study, export, model, profile, warm_up):
+for _command in (live, trend, fleet, train, precedents, study, export, model, profile, warm_up):
     cli.add_command(_command)
 
 

@@ -1,13 +1,16 @@
-"""Tell a telemetry log from other files by its first bytes, before anything heavy is imported."""
+"""Tell an aircraft's log from other files by its first bytes, before anything heavy is imported."""
 
 from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["HEAD", "is_telemetry_log"]
+__all__ = ["HEAD", "SIGNATURES", "is_log"]
 
 HEAD: Final = 1 << 16
 """Bytes that are enough to tell."""
+
+SIGNATURES: Final = (b"\xa3\x95", b"ULog\x01\x12\x35")
+"""First bytes of on-board logs: those of :data:`mavhums.log.decoding.FORMATS`, which is dear to import."""
 
 _STAMP: Final = 8
 _CHAIN, _FEW = 6, 2
@@ -15,19 +18,20 @@ _OVERHEAD: Final = {0xFE: 8, 0xFD: 12}
 _SIGNATURE: Final = 13
 
 
-def is_telemetry_log(head: bytes) -> bool:
-    """Return whether a file that begins with ``head`` is a MAVLink telemetry log.
+def is_log(head: bytes) -> bool:
+    """Return whether a file that begins with ``head`` is a log that mavhums reads.
 
-    It is one if six frames follow one another somewhere in it, each with its time stamp or all without, or
-    if it is nothing but a few frames. A damaged beginning does not matter.
+    It is a MAVLink telemetry log if six frames follow one another somewhere in it, each with its time
+    stamp or all without, or if it is nothing but a few frames. A damaged beginning does not matter. An
+    on-board log begins with its signature.
 
     Examples
     --------
     >>> heartbeat = bytes(8) + b"\\xfe\\x09" + bytes(15)
-    >>> is_telemetry_log(6 * heartbeat), is_telemetry_log(b"{}"), is_telemetry_log(b"")
+    >>> is_log(6 * heartbeat), is_log(b"{}"), is_log(b"")
     (True, False, False)
     """
-    return any(_chained(head, stamp) for stamp in (_STAMP, 0))
+    return head.startswith(SIGNATURES) or any(_chained(head, stamp) for stamp in (_STAMP, 0))
 
 
 def _chained(head: bytes, stamp: int) -> bool:

@@ -102,7 +102,7 @@ def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str |
     """Draft the profile of the aircraft in LOG from its parameters, to be filled in by you.
 
     LOG must hold the parameters (PARAM_VALUE): SERVOn_FUNCTION, _MIN, _TRIM, _MAX and _REVERSED of
-    ArduPilot; PWM_MAIN_FUNCn, _MINn, _MAXn, PWM_MAIN_REV and CA_SV_CSk_TYPE of PX4.
+    ArduPilot; PWM_MAIN_FUNCn, _MINn, _MAXn, _REV (or PWM_AUX, UAVCAN_SV) and CA_SV_CSk_TYPE of PX4.
     """
     from mavhums.actuator.draft import draft_profile
     from mavhums.core.files import written_whole

@@ -22,10 +22,11 @@ from mavhums.health.monitor import Monitor
 from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
-from mavhums.log.mavlink.vehicles import vehicles_of
-from mavhums.report.assessment import Assessment, LogSummary, ModelSummary, Verdict
+from mavhums.report.assessment import Assessment, FlightIdentity, LogSummary, ModelSummary, Verdict
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
+from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
+from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 
 __all__ = ["Engine"]
 
@@ -49,18 +50,18 @@ class Engine:
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
         airframe = options.airframe
-        wanted = messages_for(airframe.actuators if airframe else ())
-        self._crowd = Crowd(wanted - {"STATUSTEXT"})
-        wanted |= IDENTITY_MESSAGES
+        telemetry = messages_for(airframe.actuators if airframe else ())
+        self._crowd = Crowd(telemetry - TEXT_MESSAGES)
+        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | RECORDED_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
-        self._identities = Identities()
+        self._identities, self._recorded = Identities(), RecordedFlights()
         self._mappers = VehicleMappers(airframe)
         self._models = tuple(options.models)
         self._baselines = options.baselines
         self._false_alarms = options.false_alarms
-        self._recorded = options.recorded
+        self._keeps_records = options.recorded
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._profiles: dict[tuple[int, str], str] = {}
@@ -88,7 +89,7 @@ class Engine:
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
         counts = decoder.counts
-        vehicles = vehicles_of(counts) or self._identities.vehicles
+        vehicles = decoder.vehicles or self._identities.vehicles
         told: dict[int | None, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
         for key, count in counts.items():
             told.get(key[0], {})[key] = count
@@ -105,10 +106,12 @@ class Engine:
             log=LogSummary(
                 path=path,
                 sha256=sha256,
-                start_utc=None if first is None or decoder.sender_clock else _utc(first).isoformat(),
+                start_utc=None if first is None or decoder.undated else _utc(first).isoformat(),
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=decoder.losses,
+                format=decoder.format,
+                flight=tuple(map(self._identity, vehicles)),
             ),
             airframe=", ".join(names) or None,
             model=next((said for said in map(_summary, self._models) if said in voted), None),
@@ -117,17 +120,26 @@ class Engine:
 
     def records(self) -> dict[tuple[int, str], ActuatorRecord]:
         """Return what the flight leaves of each vehicle's actuators, if the options say ``recorded``."""
-        return {key: monitor.record() for key, monitor in self._monitors.items() if self._recorded}
+        return {key: monitor.record() for key, monitor in self._monitors.items() if self._keeps_records}
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
         return dict(self._profiles)
+
+    def _identity(self, vehicle: int) -> FlightIdentity:
+        """Say which flight a vehicle's was."""
+        decoder = self._decoder
+        known = self._recorded.of(vehicle)
+        times = (known.boot_us, decoder.first_time_us, decoder.last_time_us)
+        boot, start, end = (None if t is None or decoder.undated else _utc(t).isoformat() for t in times)
+        return FlightIdentity(vehicle=vehicle, board=known.board, boot_utc=boot, start_utc=start, end_utc=end)
 
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
         self._crowd.heed(tables)
         self._identities.feed(tables)
+        self._recorded.feed(tables)
         yield from self._listen(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
@@ -149,11 +161,9 @@ class Engine:
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
-        texts = tables.get("STATUSTEXT")
-        if texts is not None:
-            for k, text in enumerate(texts.texts("text")):
-                if text and not text.startswith("mavhums airframe="):
-                    yield Notice(self._flight_time(int(texts.time_us[k])), int(texts.system[k]), text)
+        for spoken in texts(tables):
+            if spoken.text and not spoken.text.startswith("mavhums airframe="):
+                yield Notice(self._flight_time(spoken.time_us), spoken.vehicle, spoken.text)
 
     def _judge(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
         actuator = mapped.actuator
@@ -168,7 +178,7 @@ class Engine:
                 self._serving(mapper.airframe),
                 baselines=self._baselines_of(key, mapper.airframe.name),
                 false_alarms=self._false_alarms,
-                recorded=self._recorded,
+                recorded=self._keeps_records,
             )
         yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
 
@@ -180,7 +190,7 @@ class Engine:
         baselines = self._baselines
         if callable(baselines):
             first = self._decoder.first_time_us
-            undated = first is None or self._decoder.sender_clock
+            undated = first is None or self._decoder.undated
             baselines = baselines(airframe, None if undated else _utc(first or 0))
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 

@@ -1,4 +1,4 @@
-"""Whose log it is: an aircraft's name out of the log's path, by the operator's rule."""
+"""Whose log it is: an aircraft's name out of the log's path by the operator's rule, or its board's id."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from functools import cache
 from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
+from mavhums.report.assessment import Assessment
 
-__all__ = ["FOLDER", "UNKNOWN", "aircraft_of", "hold_rule"]
+__all__ = ["FOLDER", "UNKNOWN", "aircraft_of", "board_of", "hold_rule"]
 
 FOLDER = "folder"
 """The rule that the log's folder is named after the aircraft."""
@@ -54,6 +55,13 @@ def aircraft_of(path: str, rule: str | None) -> str:
         return Path(path).resolve().parent.name
     match = _compiled(rule).search(path)
     return UNKNOWN if match is None else match["aircraft"] or UNKNOWN
+
+
+def board_of(assessment: Assessment) -> str:
+    """Return the only board that a log's vehicles tell, as the aircraft's name, or :data:`UNKNOWN`."""
+    boards = {flight.board for flight in assessment.log.flight}
+    board = boards.pop() if len(boards) == 1 else None
+    return UNKNOWN if board is None else f"board {board}"
 
 
 @cache

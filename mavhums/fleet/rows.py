@@ -12,7 +12,7 @@ from mavhums.app.analysis import analyse_alone
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
-from mavhums.fleet.aircraft import aircraft_of
+from mavhums.fleet.aircraft import aircraft_of, board_of
 from mavhums.history.comparison import packed
 from mavhums.history.flights import PastFlight, UndatedError
 
@@ -83,6 +83,7 @@ def judge(file: LogFile, options: Options, settings: str, rule: str | None) -> R
     except UndatedError:
         start_us = None
     log = flight.assessment.log
+    aircraft = aircraft or board_of(flight.assessment)
     return Row(
         *file,
         settings=settings,

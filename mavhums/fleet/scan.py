@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from glob import glob, has_magic
-from itertools import batched
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -28,7 +28,7 @@ _BATCH: Final = 20
 _IN_FLIGHT: Final = 8
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
-_ENDINGS: Final = (".tlog",)
+_LOG: Final = re.compile(r".+\.(tlog|bin|ulg)(\.(gz|xz|bz2|zst))?", re.IGNORECASE)
 
 Progress = Callable[[int, int], None]
 
@@ -43,7 +43,8 @@ class ScanOptions:
         As for one log; a history is left aside, for the store is the history.
     aircraft
         Whose log it is: ``folder`` for the name of its folder, or a regular expression with a group
-        ``aircraft``; None where nothing tells, then no flight is held against another.
+        ``aircraft``. Where it tells nothing, the board's id in the log does; a log without one is held
+        against no other.
     workers
         Processes on this machine.
     scheduler
@@ -135,7 +136,7 @@ def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
     paths: set[Path] = set()
     for source in map(os.fspath, sources):
         if Path(source).is_dir():
-            found = [path for path in Path(source).rglob("*") if path.suffix.lower() in _ENDINGS]
+            found = [path for path in Path(source).rglob("*") if _LOG.fullmatch(path.name)]
         elif has_magic(source) and not Path(source).exists():
             found = [Path(path) for path in glob(source, recursive=True)]
             if not found:
@@ -215,7 +216,7 @@ def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, sett
     """Yield the row of each log as it is judged; of a batch that no worker survives each log is tried alone."""
     from distributed import as_completed
 
-    waiting = iter([tuple(several) for several in batched(files, _BATCH)])
+    waiting = iter([tuple(files[k : k + _BATCH]) for k in range(0, len(files), _BATCH)])
     running: Any = as_completed()
     pending: dict[str, tuple[LogFile, ...]] = {}
 

@@ -46,9 +46,9 @@ class Holding:
     Examples
     --------
     >>> holding = Holding()
-    >>> holding.take("friction", Change(0, "normal", 0.0, "normal: …"), 12.0).after
+    >>> holding.take("friction", Change(0, "normal", 0.0, "normal: …")).after
     'normal'
-    >>> holding.take("backlash", Change(5, "degraded", 3.0, "degraded: …"), 17.0).since_s
+    >>> holding.take("backlash", Change(5, "degraded", 3.0, "degraded: …")).since_s
     3.0
     >>> holding.condition, holding.worst
     ('degraded', 'degraded')
@@ -66,8 +66,8 @@ class Holding:
         """Whether the shaft was held, where no balance of torques or angles holds."""
         return "jam" in self.shown and self.shown["jam"].condition == "emergency"
 
-    def take(self, fault: str, change: Change, end_s: float) -> Turn | None:
-        """Take what a detector says anew at a flight time; tell if that changes the actuator's condition."""
+    def take(self, fault: str, change: Change) -> Turn | None:
+        """Take what a detector says anew; tell if that changes the actuator's condition."""
         self.shown[fault] = change
         before, self.condition = self.condition, self._gravest()
         if SEVERITY[self.condition] > SEVERITY[self.worst]:
@@ -79,7 +79,7 @@ class Holding:
             for name, c in self.shown.items()
             if c.condition == self.condition and name in self._deciding()
         ]
-        since_s, why, rule = min(holding, default=(end_s, fault, change.rule))
+        since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
         since_s = self._changed_s = max(since_s, self._changed_s)  # never before the last change
         self.since_s = None if self.condition == "undecided" else since_s
         return Turn(since_s, before, self.condition, rule, why)

@@ -269,7 +269,7 @@ class Monitor:
     def _changed(self, changes: list[tuple[str, Change]], end_s: float) -> Iterator[ConditionChanged]:
         """Take what detectors say anew; tell if that changes what the actuator is held to be."""
         for fault, change in changes:
-            turn = self._held.take(fault, change, end_s)
+            turn = self._held.take(fault, change)
             if turn is not None:
                 yield ConditionChanged(self.vehicle, self.actuator.name, end_s, *turn)
 

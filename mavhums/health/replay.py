@@ -51,13 +51,13 @@ def replay(
     traces = [_Trace(record, fault, baselines.get(fault.fault)) for fault in record.faults]
     changes = [(at_s, place, said) for place, trace in enumerate(traces) for at_s, said in trace.changes()]
     holding = Holding()
-    for at_s, place, said in sorted(changes, key=lambda each: each[:2]):
-        holding.take(record.faults[place].fault, said, at_s)
+    for _, place, said in sorted(changes, key=lambda each: each[:2]):
+        holding.take(record.faults[place].fault, said)
     if record.concluded_s is not None:
         concluded = [(trace.fault.fault, trace.conclude(record.concluded_s)) for trace in traces]
         for fault, change in concluded:
             if change is not None:
-                holding.take(fault, change, record.end_s)
+                holding.take(fault, change)
     evidence = (each for trace in traces for each in trace.evidence())
     intervals = {fault: baseline.prediction() for fault, baseline in baselines.items()}
     return against_baseline(

@@ -88,7 +88,7 @@ class Session:
     >>> from mavhums.log.mavlink.dialect import load_dialect
     >>> session = Session(Engine(), Stamper(load_dialect()), [])
     >>> session.run(stop=lambda: True).verdicts[0].reason
-    'no vehicle sends in this log'
+    'nothing was received on any link'
     """
 
     def __init__(

@@ -28,7 +28,7 @@ def to_frame(table: Table) -> pd.DataFrame:
         "component": table.component,
         "sequence": table.sequence,
     }
-    for name, values in _flat(table.fields):
+    for name, values in _flat(table):
         columns[name] = _as_text(values) if values.dtype.kind == "S" else np.ascontiguousarray(values)
     index = pd.DatetimeIndex(table.time_us.view("M8[us]"), name="time").tz_localize("UTC")
     return pd.DataFrame(columns, index=index, copy=False)
@@ -50,7 +50,7 @@ def to_arrow(table: Table) -> pa.Table:
         "sequence": pa.array(table.sequence),
     }
     for name in table.fields.dtype.names or ():
-        values = table.fields[name]
+        values = table[name]
         if values.dtype.kind == "S":
             columns[name] = pa.array(table.texts(name), pa.string())
         elif values.ndim == 1:
@@ -80,11 +80,11 @@ def to_csv(table: Table, path: str | os.PathLike[str]) -> None:
     to_frame(table).to_csv(path)
 
 
-def _flat(fields: NDArray[np.void]) -> list[tuple[str, NDArray[Any]]]:
+def _flat(table: Table) -> list[tuple[str, NDArray[Any]]]:
     """Return columns by name; an array field of k elements becomes ``name[0]`` … ``name[k-1]``."""
     out: list[tuple[str, NDArray[Any]]] = []
-    for name in fields.dtype.names or ():
-        values = fields[name]
+    for name in table.fields.dtype.names or ():
+        values = table[name]
         if values.ndim == 1:
             out.append((name, values))
         else:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
 
 from mavhums.core.errors import UnreadableLogError
-from mavhums.log.mavlink.decoder import Decoder
+from mavhums.log.decoding import format_of
+from mavhums.log.mavlink.decoder import MavlinkDecoder
 
 __all__ = ["refuse_foreign"]
 
 _SIGNATURES = (
-    (b"\xa3\x95", "an ArduPilot DataFlash log (.BIN)"),
-    (b"ULog\x01\x12\x35", "a PX4 ULog (.ulg)"),
     (b"RRF2", "a Rerun recording"),
     (b"\x1f\x8b", "gzip-compressed"),
     (b"PK\x03\x04", "a zip archive"),
 )
+_DUMP = re.compile(rb"\s*FMT, *128, *89,")
 _RECORD = "mavhums reads MAVLink telemetry logs (.tlog); record one with the ground station, or with MAVProxy"
 
 
@@ -31,19 +32,32 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         raise UnreadableLogError(
             f"{name}: the file is empty", "check that the ground station had closed the log"
         )
+    known = format_of(head)
+    if known is not None:
+        refused = known.load().refusal(head)
+        if refused is not None:
+            raise UnreadableLogError(f"{name}: {refused.problem}", refused.remedy)
+        if dialect is not None:
+            problem = f"{name}: this is {known.title}: a dialect is for MAVLink logs alone"
+            raise UnreadableLogError(problem, "leave --dialect out")
+        return
     if _holds_frames(head, dialect):
         return
     for signature, kind in _SIGNATURES:
         if head.startswith(signature):
             remedy = "unpack it first" if "compressed" in kind or "archive" in kind else _RECORD
             raise UnreadableLogError(f"{name}: this is {kind}, not a MAVLink telemetry log", remedy)
+    if _DUMP.match(head):
+        raise UnreadableLogError(
+            f"{name}: this is a DataFlash log dumped as text", "download the .BIN itself from the autopilot"
+        )
     if _is_text(head):
         raise UnreadableLogError(f"{name}: this is a text file, not a MAVLink telemetry log", _RECORD)
     raise UnreadableLogError(f"{name}: no MAVLink frame found in the first {len(head)} bytes", _RECORD)
 
 
 def _holds_frames(data: bytes, dialect: str | os.PathLike[str] | None) -> bool:
-    decoder = Decoder((), dialect=dialect)
+    decoder = MavlinkDecoder((), dialect=dialect)
     decoder.feed(data, final=True)
     return bool(decoder.counts or decoder.unknown)
 

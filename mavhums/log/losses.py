@@ -37,6 +37,8 @@ class Losses(Contract):
     ``padded_false_bound`` of them are expected to be accepted by chance. ``line_ends_restored``
     counts the carriage returns that a conversion to text had put in. Where only frames signed with a
     key are read, those without a signature, with a wrong one and with an old one were left out.
+    ``logger_dropped`` counts what an on-board logger says that it could not write: records, or pauses
+    where the format counts those.
     """
 
     bytes_skipped: int = 0
@@ -57,6 +59,7 @@ class Losses(Contract):
     unsigned_frames: int = 0
     bad_signatures: int = 0
     replayed_frames: int = 0
+    logger_dropped: int = 0
 
     @property
     def any(self) -> bool:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
+from mavhums.core.packed import opened
+from mavhums.log.decoding import Decoder, LogDecoder
 from mavhums.log.foreign import refuse_foreign
 from mavhums.log.losses import Losses
-from mavhums.log.mavlink.decoder import Decoder
-from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.log.tables import Table
 
 if TYPE_CHECKING:
@@ -33,7 +31,7 @@ def read_blocks(
     size: int = _BLOCK,
     dialect: str | os.PathLike[str] | None = None,
 ) -> Iterator[bytes]:
-    """Yield the bytes of a log in blocks; ``-`` is the standard input.
+    """Yield the bytes of a log in blocks, unpacked if it is a .gz, a .zst or in a .zip.
 
     Parameters
     ----------
@@ -57,7 +55,7 @@ def read_blocks(
             f"{path}: this is a folder", f"name the logs in it, for example {path}/*.tlog"
         )
     try:
-        with nullcontext(sys.stdin.buffer) if str(path) == "-" else path.open("rb") as file:
+        with opened(path) as file:
             head = file.read(_HEAD)
             refuse_foreign(str(path), head, dialect=dialect)
             yield from (head[k : k + size] for k in range(0, len(head), size))
@@ -79,7 +77,7 @@ class Decoded(NamedTuple):
 
 def decode_blocks(
     path: str | os.PathLike[str],
-    decoder: Decoder,
+    decoder: LogDecoder,
     *,
     dialect: str | os.PathLike[str] | None = None,
 ) -> Iterator[Decoded]:
@@ -125,7 +123,9 @@ class Log:
     span
         Times of reception of the first and the last frame, microseconds of UTC; None if empty.
     sender_clock
-        Whether the log has no time stamps, so that all times count from the sender's boot.
+        Whether the log tells no date, so that all times count from the sender's boot.
+    format
+        Name of the log's format.
     """
 
     path: Path
@@ -136,6 +136,7 @@ class Log:
     vehicles: tuple[int, ...]
     span: tuple[int, int] | None
     sender_clock: bool = False
+    format: str = "tlog"
 
     @cached_property
     def messages(self) -> dict[str, pd.DataFrame]:
@@ -187,7 +188,8 @@ def read_log(
         decoder.counts,
         decoder.unknown,
         decoder.losses,
-        vehicles_of(decoder.counts),
+        decoder.vehicles,
         None if first is None or last is None else (first, last),
-        decoder.sender_clock,
+        decoder.undated,
+        decoder.format,
     )

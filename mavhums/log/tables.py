@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +39,10 @@ class Table:
     flags
         How the frame came: bits of `mavhums.log.mavlink.flags`.
     fields
-        Record array: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
+        Record array as the log has it: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
+    divisors
+        What a field's number is divided by, where the format's type says so; ``table["Lat"]`` and
+        every conversion do that.
     """
 
     name: str
@@ -49,18 +53,41 @@ class Table:
     sequence: NDArray[np.uint8]
     flags: NDArray[np.uint8]
     fields: NDArray[np.void]
+    divisors: Mapping[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.frame)
 
     def __getitem__(self, field: str) -> NDArray[Any]:
-        return self.fields[field]
+        values = self.fields[field]
+        divisor = self.divisors.get(field)
+        return values if divisor is None else values / divisor
+
+    def holds(self, widths: Mapping[str, int]) -> bool:
+        """Return whether there are fields of numbers with so many elements each, 1 for a plain number.
+
+        What a log defines itself may be anything.
+        """
+        wire = self.fields.dtype
+        for name, width in widths.items():
+            if name not in (wire.names or ()):
+                return False
+            form, shape = wire[name].base, wire[name].shape
+            if form.kind not in "iuf" or (shape or (1,)) != (width,):
+                return False
+        return True
+
+    def holds_text(self, name: str) -> bool:
+        """Return whether there is a field of characters with this name."""
+        wire = self.fields.dtype
+        return name in (wire.names or ()) and wire[name].kind == "S"
 
     def select(self, rows: NDArray[Any]) -> Table:
         """Return the rows that a mask or an index array names."""
         if rows.dtype == np.bool_ and rows.all():
             return self
-        return Table(self.name, **{part: getattr(self, part)[rows] for part in _PARTS})
+        parts: dict[str, Any] = {part: getattr(self, part)[rows] for part in _PARTS}
+        return replace(self, **parts)
 
     @classmethod
     def concatenate(cls, tables: list[Table]) -> Table:
@@ -70,8 +97,8 @@ class Table:
         parts = {part: [getattr(table, part) for table in tables] for part in _PARTS}
         wire = tables[0].fields.dtype
         parts["fields"] = [np.ascontiguousarray(rows).view(np.uint8) for rows in parts["fields"]]
-        joined = {part: np.concatenate(rows) for part, rows in parts.items()}
-        return cls(tables[0].name, **joined | {"fields": joined["fields"].view(wire)})
+        joined: dict[str, Any] = {part: np.concatenate(rows) for part, rows in parts.items()}
+        return replace(tables[0], **joined | {"fields": joined["fields"].view(wire)})
 
     def texts(self, field: str) -> list[str]:
         """Return a char field as text, cut at the first NUL."""

@@ -7,6 +7,7 @@ from these classes by ``python -m mavhums.report.assessment``.
 from __future__ import annotations
 
 import json
+from datetime import datetime
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -28,6 +29,7 @@ __all__ = [
     "Assessment",
     "Coverage",
     "Evidence",
+    "FlightIdentity",
     "Indicator",
     "Interval",
     "LogSummary",
@@ -40,6 +42,8 @@ __all__ = [
 
 SCHEMA = "mavhums.assessment/1"
 NOTICE = "not an airworthiness decision; validated in simulation only"
+
+_CLOCKS_APART_S = 30.0
 
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
@@ -168,8 +172,50 @@ class Verdict(Contract):
         return max(self.worst, self.condition, key=URGENCY.__getitem__)
 
 
+class FlightIdentity(Contract):
+    """Which flight a log is of, so that two recordings of it count once.
+
+    Attributes
+    ----------
+    vehicle
+        Its id on MAVLink.
+    board
+        Unique id of its autopilot's board, or the operator's serial number; None if the log tells neither.
+    boot_utc
+        When the autopilot was switched on; None if the log tells no date.
+    start_utc, end_utc
+        Of the log; None if it tells no date.
+
+    Examples
+    --------
+    >>> sent = FlightIdentity(vehicle=1, board="0A", boot_utc="2026-01-01T09:00:00+00:00")
+    >>> logged = sent.model_copy(update={"boot_utc": "2026-01-01T09:00:02+00:00"})
+    >>> sent.is_same(logged), sent.is_same(logged.model_copy(update={"board": None}))
+    (True, False)
+    """
+
+    vehicle: int
+    board: str | None = None
+    boot_utc: str | None = None
+    start_utc: str | None = None
+    end_utc: str | None = None
+
+    def is_same(self, other: FlightIdentity) -> bool:
+        """Return whether both are recordings of one flight: of a known board, switched on at one time.
+
+        The clocks of a ground station and of a satellite receiver may differ by half a minute.
+        """
+        if self.board is None or self.board != other.board or None in (self.boot_utc, other.boot_utc):
+            return False
+        boots = [datetime.fromisoformat(str(each.boot_utc)) for each in (self, other)]
+        return abs((boots[0] - boots[1]).total_seconds()) <= _CLOCKS_APART_S
+
+
 class LogSummary(Contract):
-    """The log that was judged."""
+    """The log that was judged.
+
+    ``format`` is ``tlog``, ``dataflash`` or ``ulog``; ``flight`` says of each vehicle which flight it was.
+    """
 
     path: str | None
     sha256: str | None
@@ -177,6 +223,8 @@ class LogSummary(Contract):
     duration_s: float
     vehicles: tuple[int, ...]
     losses: Losses
+    format: str = "tlog"
+    flight: tuple[FlightIdentity, ...] = ()
 
 
 class Assessment(Contract):

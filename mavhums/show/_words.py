@@ -206,6 +206,7 @@ def losses(lost: Losses) -> str:
         (lost.bad_signatures, "frame with a wrong signature", "frames with a wrong signature"),
         (lost.replayed_frames, "replayed frame", "replayed frames"),
         (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
+        (lost.logger_dropped, "record that the logger dropped", "records that the logger dropped"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
     missing = link_loss(lost)

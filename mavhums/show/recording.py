@@ -59,8 +59,11 @@ class Recorder:
         try:
             self._file = WholeFile(self._path)
             self._stream.save(self._file.temporary)
-        except Exception as error:
-            raise MavhumsError(f"cannot write {self._path}: {error}", "choose another place") from error
+        except BaseException as error:  # a signal, too, must leave no part of a file
+            self.__exit__(None, None, None)
+            if isinstance(error, Exception):
+                raise MavhumsError(f"cannot write {self._path}: {error}", "choose another place") from error
+            raise
         return self
 
     def __exit__(

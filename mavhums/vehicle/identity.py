@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
+from mavhums.vehicle.modes import kind_of
+from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 
 __all__ = ["IDENTITY_MESSAGES", "Identities", "Identity"]
 
-IDENTITY_MESSAGES: Final = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION", "STATUSTEXT"})
+IDENTITY_MESSAGES: Final = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION"}) | TEXT_MESSAGES
 """What :class:`Identities` reads."""
 
 _NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
@@ -53,6 +55,8 @@ _KINDS: Final = {
     47: "VTOL gyrodyne",
 }
 _MULTIROTORS: Final = frozenset({2, 13, 14, 29, 35, 43})
+_MULTIROTOR: Final = 43
+_ARDUPILOT: Final = 3
 _STATIONS: Final = frozenset({5, 6, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44, 48})
 _FIRMWARE = re.compile(
     r"((?:Ardu(?:Plane|Copter|Rover|Sub)|APM:(?:Plane|Copter|Rover|Sub)|Blimp|PX4) V?\d+(?:\.\d+){1,2}\S*)"
@@ -125,7 +129,7 @@ class Identities:
         """Take what these messages tell."""
         self._heartbeats(tables.get("HEARTBEAT"))
         self._versions(tables.get("AUTOPILOT_VERSION"))
-        self._texts(tables.get("STATUSTEXT"))
+        self._texts(tables)
 
     def _heartbeats(self, table: Table | None) -> None:
         if table is None:
@@ -156,14 +160,20 @@ class Identities:
                 firmware=known.firmware or (_version(version) if version else None),
             )
 
-    def _texts(self, table: Table | None) -> None:
-        if table is None:
-            return
-        for k, text in enumerate(table.texts("text")):
-            match = _FIRMWARE.search(text)
+    def _texts(self, tables: Mapping[str, Table]) -> None:
+        for said in texts(tables):
+            match = _FIRMWARE.search(said.text)
             if match:
-                vehicle = int(table.system[k])
-                self._known[vehicle] = replace(self.of(vehicle), firmware=match[1])
+                self._known[said.vehicle] = replace(self.of(said.vehicle), firmware=match[1])
+            kind = kind_of(said.text)
+            if kind is not None and said.vehicle not in self._heard:
+                several = kind in _MULTIROTORS  # the firmware is one for all numbers of rotors
+                self._known[said.vehicle] = replace(
+                    self.of(said.vehicle),
+                    kind=_KINDS.get(_MULTIROTOR if several else kind),
+                    autopilot=_AUTOPILOTS[_ARDUPILOT],
+                    multirotor=several,
+                )
 
 
 def _version(number: int) -> str:

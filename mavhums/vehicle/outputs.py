@@ -1,13 +1,14 @@
 """Which servo outputs move control surfaces, by an autopilot's parameters.
 
 Motors, throttle, gimbals and the like are no control surfaces. Functions: ArduPilot SERVOn_FUNCTION;
-PX4 PWM_MAIN_FUNCn = 201 + k, and what surface k is, CA_SV_CSk_TYPE.
+PX4 PWM_MAIN_FUNCn, PWM_AUX_FUNCn or UAVCAN_SV_FUNCn = 201 + k, and what surface k is, CA_SV_CSk_TYPE.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mavhums.vehicle.parameters import Parameters
 
@@ -54,6 +55,23 @@ _PX4_FIRST_SERVO = 201
 _CHANNELS = 32
 
 
+class _Bus(NamedTuple):
+    """Outputs of PX4: how their parameters begin, where their channels do, and their usual range."""
+
+    prefix: str
+    first: int
+    usual: tuple[int, int, int]
+
+
+_PER_BUS = 16
+_UAVCAN_FIRST = 32
+_BUSES = (
+    _Bus("PWM_MAIN", 0, (1000, 1500, 2000)),
+    _Bus("PWM_AUX", 16, (1000, 1500, 2000)),
+    _Bus("UAVCAN_SV", _UAVCAN_FIRST, (0, 500, 1000)),
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Output:
     """A servo output that moves a control surface.
@@ -61,7 +79,7 @@ class Output:
     Attributes
     ----------
     servo
-        Output channel, from 1.
+        Output channel, from 1; of PX4, MAIN n is n, AUX n is 16 + n, UAVCAN n is 32 + n.
     surface
         Which; of outputs that do the same there may be several.
     because
@@ -113,19 +131,22 @@ def _ardupilot(values: Mapping[str, float]) -> Iterator[Output]:
 
 
 def _px4(values: Mapping[str, float]) -> Iterator[Output]:
-    for n in range(1, _CHANNELS + 1):
-        function = values.get(f"PWM_MAIN_FUNC{n}", 0.0)
-        k = int(function) - _PX4_FIRST_SERVO
-        if not 0 <= k < _CHANNELS:
-            continue
-        kind = values.get(f"CA_SV_CS{k}_TYPE", 0.0)
-        surface = f"servo {k + 1}" if kind in _PX4_UNTOLD else _PX4.get(int(kind))
-        if surface is not None:
-            names = (f"PWM_MAIN_MIN{n}", f"PWM_MAIN_CENT{n}", f"PWM_MAIN_MAX{n}")
-            pwm_us, by = _pulses(values, names, (1000, 1500, 2000))
-            reverse = int(values.get("PWM_MAIN_REV", 0.0)) >> (n - 1) & 1 == 1
-            because = f"PWM_MAIN_FUNC{n} = {function:g}, CA_SV_CS{k}_TYPE = {kind:g}"
-            yield Output(n, surface, because, pwm_us, by, reverse)
+    for prefix, first, usual in _BUSES:
+        for n in range(1, _PER_BUS + 1):
+            function = values.get(f"{prefix}_FUNC{n}", 0.0)
+            k = int(function) - _PX4_FIRST_SERVO
+            if not 0 <= k < _CHANNELS:
+                continue
+            kind = values.get(f"CA_SV_CS{k}_TYPE", 0.0)
+            surface = f"servo {k + 1}" if kind in _PX4_UNTOLD else _PX4.get(int(kind))
+            if surface is not None:
+                names = (f"{prefix}_MIN{n}", f"{prefix}_CENT{n}", f"{prefix}_MAX{n}")
+                pwm_us, by = _pulses(values, names, usual)
+                if first == _UAVCAN_FIRST:
+                    by = f"CHECK: which instance of actuator_outputs is UAVCAN's; {by}"
+                reverse = int(values.get(f"{prefix}_REV", 0.0)) >> (n - 1) & 1 == 1
+                because = f"{prefix}_FUNC{n} = {function:g}, CA_SV_CS{k}_TYPE = {kind:g}"
+                yield Output(first + n, surface, because, pwm_us, by, reverse)
 
 
 def _pulses(

@@ -1,7 +1,8 @@
 """The parameters of the autopilots that a log carries, as numbers.
 
 ArduPilot sends an integer as a float of the same value, PX4 the integer's bits in the float's place;
-PARAM_VALUE says the type, HEARTBEAT the autopilot.
+PARAM_VALUE says the type, HEARTBEAT the autopilot. On-board logs tell numbers:
+ArduPilot's PARM, ULog's parameter messages.
 """
 
 from __future__ import annotations
@@ -17,8 +18,12 @@ import numpy as np
 from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
 
-__all__ = ["Parameters", "read_parameters"]
+__all__ = ["PARAMETER_MESSAGES", "Parameters", "read_parameters"]
 
+PARAMETER_MESSAGES = frozenset({"HEARTBEAT", "PARAM_VALUE", "PARM", "parameter"})
+"""Messages that tell parameters."""
+
+_INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _PX4 = 12  # MAV_AUTOPILOT_PX4
 _INTEGERS = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4"}  # MAV_PARAM_TYPE
 
@@ -48,6 +53,19 @@ class _Sent:
             rows = zip(sent.system, sent.texts("param_id"), bits, sent["param_type"], strict=True)
             for system, name, value, kind in rows:
                 self.values.setdefault(int(system), {})[name] = int(value), int(kind)
+        typed = tables.get("parameter")
+        if typed is not None:
+            self.px4.update(typed.system.tolist())
+            rows = zip(typed.system, typed.texts("name"), typed.texts("type"), typed["value"], strict=True)
+            for system, name, form, value in rows:
+                kind, wire = (_INT32, "<i4") if form == "int32_t" else (_REAL32, "<f4")
+                word = np.array(value).astype(wire).view("<u4")
+                self.values.setdefault(int(system), {})[name] = int(word), kind
+        logged = tables.get("PARM")
+        if logged is not None:
+            bits = np.ascontiguousarray(logged["Value"].astype("<f4")).view("<u4")
+            for system, name, value in zip(logged.system, logged.texts("Name"), bits, strict=True):
+                self.values.setdefault(int(system), {})[name] = int(value), _REAL32
 
 
 def read_parameters(
@@ -75,7 +93,7 @@ def read_parameters(
         If the log holds no parameters, not the vehicle's, or those of several vehicles.
     """
     sent = _Sent()
-    for tables, size, _ in decode_blocks(path, Decoder({"HEARTBEAT", "PARAM_VALUE"})):
+    for tables, size, _ in decode_blocks(path, Decoder(PARAMETER_MESSAGES)):
         sent.take(tables)
         if progress:
             progress(size)
@@ -88,7 +106,7 @@ def read_parameters(
 def _choose(path: Path, vehicle: int | None, there: list[int]) -> int:
     if not there:
         remedy = "let the ground station download them while it records (a refresh of its parameter list)"
-        raise MavhumsError(f"{path}: holds no parameters (PARAM_VALUE)", remedy)
+        raise MavhumsError(f"{path}: holds no parameters", remedy)
     known = ", ".join(map(str, there))
     if vehicle is None and len(there) > 1:
         raise MavhumsError(f"{path}: holds the parameters of vehicles {known}", "choose one with --vehicle")

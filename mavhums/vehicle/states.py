@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from types import SimpleNamespace
 from typing import Final
 
 import numpy as np
@@ -12,14 +11,24 @@ from numpy.typing import NDArray
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import Attitude, FlightMode, Position
+from mavhums.vehicle.modes import MODE_MESSAGES, Modes
 
 __all__ = ["STATE_MESSAGES", "VehicleStates"]
 
-STATE_MESSAGES: Final = frozenset({"ATTITUDE", "GLOBAL_POSITION_INT", "HEARTBEAT"})
+STATE_MESSAGES: Final = (
+    frozenset(
+        {"ATTITUDE", "ATT", "vehicle_attitude", "GLOBAL_POSITION_INT", "POS", "vehicle_global_position"}
+    )
+    | MODE_MESSAGES
+)
 
-_NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
 _NO_FIX_DEG: Final = 0.01  # before the first fix autopilots send positions about 0° N 0° E
-_MODE: Final = ("autopilot", "type", "base_mode", "custom_mode")
+
+Array = NDArray[np.float64]
+
+
+def _columns(table: Table, *fields: str) -> Array:
+    return np.stack([table[field] for field in fields], axis=1).astype(np.float64)
 
 
 class VehicleStates:
@@ -35,32 +44,43 @@ class VehicleStates:
         self._clocks = Clocks()
         self._latest_us: dict[tuple[str, int], int] = {}
         self._components: dict[tuple[str, int], int] = {}
-        self._modes: dict[int, str] = {}
+        self._modes = Modes()
 
     def feed(
         self, tables: Mapping[str, Table], *, start_us: int
     ) -> Iterator[Attitude | Position | FlightMode]:
         """Yield what these messages tell; flight times count from ``start_us``, microseconds of UTC."""
-        for vehicle, table, time_us in self._each(tables.get("ATTITUDE")):
-            angles = np.stack([table["roll"], table["pitch"], table["yaw"]], axis=1).astype(np.float64)
-            good = np.isfinite(angles).all(axis=1)
-            if good.any():
-                yield Attitude(vehicle, (time_us[good] - start_us) / 1e6, angles[good])
-        for vehicle, table, time_us in self._each(tables.get("GLOBAL_POSITION_INT")):
-            degrees = np.stack([table["lat"], table["lon"]], axis=1) / 1e7
-            fixed = (np.abs(degrees) > _NO_FIX_DEG).any(axis=1)
-            good = fixed & (np.abs(degrees) <= (90, 180)).all(axis=1)
-            if good.any():
-                metres = table["alt"][good] / 1e3
-                yield Position(vehicle, (time_us[good] - start_us) / 1e6, degrees[good], metres)
+        for vehicle, table, time_us in self._each(tables.get("ATTITUDE"), "time_boot_ms"):
+            yield from _attitude(vehicle, _columns(table, "roll", "pitch", "yaw"), time_us - start_us)
+        for vehicle, table, time_us in self._each(tables.get("ATT")):
+            angles = np.radians(_columns(table, "Roll", "Pitch", "Yaw"))
+            yield from _attitude(vehicle, angles, time_us - start_us)
+        for vehicle, table, time_us in self._each(tables.get("GLOBAL_POSITION_INT"), "time_boot_ms"):
+            degrees = _columns(table, "lat", "lon") / 1e7
+            yield from _position(vehicle, degrees, table["alt"] / 1e3, time_us - start_us)
+        for vehicle, table, time_us in self._each(tables.get("POS")):
+            degrees, metres = _columns(table, "Lat", "Lng"), table["Alt"].astype(np.float64)
+            yield from _position(vehicle, degrees, metres, time_us - start_us)
+        attitudes, positions = tables.get("vehicle_attitude"), tables.get("vehicle_global_position")
+        if attitudes is not None and attitudes.holds({"q": 4}):
+            for vehicle, table, time_us in self._each(attitudes):
+                angles = _angles_of(table["q"].astype(np.float64))
+                yield from _attitude(vehicle, angles, time_us - start_us)
+        if positions is not None and positions.holds({"lat": 1, "lon": 1, "alt": 1}):
+            for vehicle, table, time_us in self._each(positions):
+                metres = table["alt"].astype(np.float64)
+                yield from _position(vehicle, _columns(table, "lat", "lon"), metres, time_us - start_us)
         self._clocks.jumps()  # are told by those who map the actuators
-        yield from self._flight_modes(tables.get("HEARTBEAT"), start_us)
+        for vehicle, since_us, mode in self._modes.feed(tables):
+            yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
 
-    def _each(self, table: Table | None) -> Iterator[tuple[int, Table, NDArray[np.int64]]]:
+    def _each(
+        self, table: Table | None, stamp: str | None = None
+    ) -> Iterator[tuple[int, Table, NDArray[np.int64]]]:
         """Yield each vehicle's messages, of the first component that sent one, increasing in time."""
         if table is None:
             return
-        time_us = self._clocks.utc_us(table, 1000, "time_boot_ms")
+        time_us = table.time_us if stamp is None else self._clocks.utc_us(table, 1000, stamp)
         for vehicle in np.unique(table.system).tolist():
             key = (table.name, vehicle)
             rows = np.flatnonzero(table.system == vehicle)
@@ -72,22 +92,24 @@ class VehicleStates:
             if rows.size:
                 yield vehicle, table.select(rows), time_us[rows]
 
-    def _flight_modes(self, table: Table | None, start_us: int) -> Iterator[FlightMode]:
-        if table is None:
-            return
-        for vehicle in np.unique(table.system[table["autopilot"] != _NO_AUTOPILOT]).tolist():
-            rows = np.flatnonzero((table.system == vehicle) & (table["autopilot"] != _NO_AUTOPILOT))
-            values = np.stack([table[field][rows].astype(np.int64) for field in _MODE], axis=1)
-            changed = np.append(True, (np.diff(values, axis=0) != 0).any(axis=1))
-            for row, value in zip(rows[changed], values[changed], strict=True):
-                mode = _mode(dict(zip(_MODE, value.tolist(), strict=True)))
-                if mode != self._modes.get(vehicle):
-                    self._modes[vehicle] = mode
-                    yield FlightMode(vehicle, (int(table.time_us[row]) - start_us) / 1e6, mode)
+
+def _angles_of(q: Array) -> Array:
+    """Return roll, pitch and yaw, rad, shape (n, 3), of rotations w, x, y, z from body to north-east-down."""
+    w, x, y, z = q.T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return np.stack([roll, pitch, yaw], axis=1)
 
 
-def _mode(heartbeat: dict[str, int]) -> str:
-    """Return the name of a flight mode, as the autopilot's own ground station calls it."""
-    from pymavlink.mavutil import mode_string_v10
+def _attitude(vehicle: int, angles: Array, time_us: NDArray[np.int64]) -> Iterator[Attitude]:
+    good = np.isfinite(angles).all(axis=1)
+    if good.any():
+        yield Attitude(vehicle, time_us[good] / 1e6, angles[good])
 
-    return str(mode_string_v10(SimpleNamespace(get_type=lambda: "HEARTBEAT", **heartbeat)))
+
+def _position(vehicle: int, degrees: Array, metres: Array, time_us: NDArray[np.int64]) -> Iterator[Position]:
+    fixed = (np.abs(degrees) > _NO_FIX_DEG).any(axis=1)
+    good = fixed & (np.abs(degrees) <= (90, 180)).all(axis=1)
+    if good.any():
+        yield Position(vehicle, time_us[good] / 1e6, degrees[good], metres[good])

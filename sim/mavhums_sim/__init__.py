@@ -5,6 +5,7 @@ It knows nothing of mavhums: it writes logs as an aircraft would, and stays an i
 
 from __future__ import annotations
 
+from mavhums_sim.dataflash import write_dataflash
 from mavhums_sim.ema import DataSheet, EmaParameters, Gearbox
 from mavhums_sim.flight import ActuatorRecord, Flight, FlightRecord, fly
 from mavhums_sim.motion import Degradation, Motion, simulate
@@ -21,5 +22,6 @@ __all__ = [
     "Motion",
     "fly",
     "simulate",
+    "write_dataflash",
     "write_tlog",
 ]

@@ -13,7 +13,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Constants", "Course", "State", "integrate_one_mass", "integrate_two_masses"]
+__all__ = [
+    "Constants",
+    "Course",
+    "State",
+    "advance_one_mass",
+    "advance_two_masses",
+    "integrate_one_mass",
+    "integrate_two_masses",
+]
 
 Array = NDArray[np.float64]
 
@@ -128,9 +136,41 @@ def control(
 def integrate_one_mass(dt: float, steps: int, c: Constants, course: Course) -> State:
     """Drive a rigid actuator through a course, ``steps`` of ``dt`` seconds per control period."""
     n = course.command.size
-    out = np.empty((5, n))
-    angle = speed = current = integral = load = 0.0
-    for k in range(n):
+    out = np.empty((7, n))
+    advance_one_mass(dt, steps, c, course, (0, n), np.zeros(6), out)
+    return State(out[0], out[1], out[0], out[1], out[4], out[5], out[6])
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def integrate_two_masses(dt: float, steps: int, c: Constants, course: Course) -> State:
+    """Drive rotor and output shaft, coupled by a gear with play, through a course.
+
+    ``c.inertia`` is the rotor's share; position is fed back from the output shaft, speed from the rotor.
+    """
+    n = course.command.size
+    out = np.empty((7, n))
+    advance_two_masses(dt, steps, c, course, (0, n), np.zeros(6), out)
+    return State(out[0], out[1], out[2], out[3], out[4], out[5], out[6])
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def advance_one_mass(
+    dt: float, steps: int, c: Constants, course: Course, span: tuple[int, int], memory: Array, out: Array
+) -> None:
+    """Drive a rigid actuator through some periods of a course.
+
+    Parameters
+    ----------
+    span
+        First period, and the one behind the last.
+    memory
+        Angle, speed, rotor's angle and speed, current, integral; shape (6,). It is continued.
+    out
+        Rows of :class:`State`, shape (7, n); the columns of the span are filled.
+    """
+    angle, speed, _, _, current, integral = memory
+    load = 0.0
+    for k in range(span[0], span[1]):
         voltage, integral = control(
             c, course.command[k], angle + course.sensor_bias[k], speed, integral, course.sag[k], dt * steps
         )
@@ -146,24 +186,18 @@ def integrate_one_mass(dt: float, steps: int, c: Constants, course: Course) -> S
             torque = torque_per_ampere * current - load - c.viscous * speed
             speed = rub(speed, torque, kinetic, breakaway, c.inertia, dt, c.karnopp_band)
             angle += speed * dt
-        out[0, k] = angle
-        out[1, k] = speed
-        out[2, k] = current
-        out[3, k] = voltage
-        out[4, k] = load
-    return State(out[0], out[1], out[0], out[1], out[2], out[3], out[4])
+        _note(out, k, (angle, speed, angle, speed, current, voltage, load))
+    _remember(memory, (angle, speed, angle, speed, current, integral))
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def integrate_two_masses(dt: float, steps: int, c: Constants, course: Course) -> State:
-    """Drive rotor and output shaft, coupled by a gear with play, through a course.
-
-    ``c.inertia`` is the rotor's share; position is fed back from the output shaft, speed from the rotor.
-    """
-    n = course.command.size
-    out = np.empty((7, n))
-    rotor = rotor_speed = angle = speed = current = integral = load = 0.0
-    for k in range(n):
+def advance_two_masses(
+    dt: float, steps: int, c: Constants, course: Course, span: tuple[int, int], memory: Array, out: Array
+) -> None:
+    """Drive rotor and output shaft through some periods; parameters as of :func:`advance_one_mass`."""
+    angle, speed, rotor, rotor_speed, current, integral = memory
+    load = 0.0
+    for k in range(span[0], span[1]):
         voltage, integral = control(
             c,
             course.command[k],
@@ -201,11 +235,15 @@ def integrate_two_masses(dt: float, steps: int, c: Constants, course: Course) ->
             )
             rotor += rotor_speed * dt
             angle += speed * dt
-        out[0, k] = angle
-        out[1, k] = speed
-        out[2, k] = rotor
-        out[3, k] = rotor_speed
-        out[4, k] = current
-        out[5, k] = voltage
-        out[6, k] = load
-    return State(out[0], out[1], out[2], out[3], out[4], out[5], out[6])
+        _note(out, k, (angle, speed, rotor, rotor_speed, current, voltage, load))
+    _remember(memory, (angle, speed, rotor, rotor_speed, current, integral))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def _note(out: Array, k: int, values: tuple[float, float, float, float, float, float, float]) -> None:
+    out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], out[5, k], out[6, k] = values
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def _remember(memory: Array, values: tuple[float, float, float, float, float, float]) -> None:
+    memory[0], memory[1], memory[2], memory[3], memory[4], memory[5] = values

@@ -152,10 +152,10 @@ _OPTIONS = (
         "--tier",
         "tiers",
         multiple=True,
-        type=click.Choice(["instrumented", "esc-signed", "esc-unsigned", "named", "pwm"]),
+        type=click.Choice(["instrumented", "esc-signed", "esc-unsigned", "named", "pwm", "csrv"]),
         default=("instrumented", "esc-unsigned", "pwm"),
         show_default=True,
-        help="How the actuators are reported. Repeatable.",
+        help="How the actuators are reported; csrv is of a .BIN, which has it by default. Repeatable.",
     ),
     click.option(
         "--esc-side",

@@ -7,17 +7,20 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from mavhums_sim._options import DURATION, SEED, given, plan_flight, with_flight_options
+from mavhums_sim._loop_options import plan_loop, with_loop_options
+from mavhums_sim._options import DURATION, SEED, Planned, given, plan_flight, with_flight_options
 
 if TYPE_CHECKING:
-    from mavhums_sim.flight import Flight
+    from mavhums_sim.flight import Flight, FlightRecord
     from mavhums_sim.link import Link
 
 __all__ = ["main"]
+
+Flown = TypeVar("Flown")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -40,32 +43,71 @@ def cli() -> None:
     "--output",
     required=True,
     type=click.Path(path_type=Path),
-    metavar="FILE.tlog",
+    metavar="FILE.tlog|.BIN",
     help="Log to write.",
 )
 @click.option("--force", is_flag=True, help="Replace files that are there already.")
+@with_loop_options
 @with_flight_options
 def flight(output: Path, force: bool, **options: Any) -> None:
-    """Fly a four-surface aircraft once; write FILE.tlog and FILE.truth.json.
+    """Fly a four-surface aircraft once; write FILE.tlog or FILE.BIN, and FILE.truth.json.
 
+    A .BIN is the log that the autopilot keeps on board; the options of the link are not for it.
     Surfaces: aileron_left, aileron_right, elevator, rudder.
     """
     for file in (output, output.with_suffix(".truth.json")):
         if file.is_file() and not force:
             raise click.UsageError(f"{file} is there already; name another, or replace it with --force")
+    on_board = output.suffix.lower() == ".bin"
+    if on_board and not given("tiers"):
+        options["tiers"] = ("csrv", "esc-unsigned", "pwm")
     planned = plan_flight(options)
+    loop = plan_loop(planned, options)
     from mavhums_sim.campaign import write_truth
-    from mavhums_sim.flight import fly
-    from mavhums_sim.telemetry import write_tlog
 
-    record = fly(planned.flight)
-    counts = write_tlog(record, output, planned.link)
+    if loop is None:
+        record = _fly(planned)
+        counts, known = _written(record, output, planned), record.truth()
+    elif on_board:
+        raise click.UsageError("a flight in closed loop is written as a .tlog; name one with -o")
+    else:
+        from mavhums_sim.closed_loop import fly_closed_loop
+        from mavhums_sim.closed_loop.log import write_loop
+        from mavhums_sim.closed_loop.truth import truth as loop_truth
+
+        flown = _need_jsbsim(lambda: fly_closed_loop(loop[0]))
+        counts, known = write_loop(flown, output, loop[1], planned.link), loop_truth(flown)
     truth = write_truth(
-        [{"log": output.name, **record.truth(), "messages": counts}], output.with_suffix(".truth.json")
+        [{"log": output.name, **known, "messages": counts}], output.with_suffix(".truth.json")
     )
     click.echo(
         f"{output}: {sum(counts.values()):,} messages, {output.stat().st_size / 1e6:.1f} MB; truth in {truth}"
     )
+
+
+def _need_jsbsim(call: Callable[[], Flown]) -> Flown:
+    try:
+        return call()
+    except ModuleNotFoundError as error:
+        raise click.ClickException(str(error)) from error
+
+
+def _fly(planned: Planned) -> FlightRecord:
+    from mavhums_sim.flight import fly
+
+    return fly(planned.flight)
+
+
+def _written(record: FlightRecord, output: Path, planned: Planned) -> dict[str, int]:
+    from mavhums_sim.dataflash import write_dataflash
+    from mavhums_sim.telemetry import write_tlog
+
+    if output.suffix.lower() != ".bin":
+        return write_tlog(record, output, planned.link)
+    try:
+        return write_dataflash(record, output, day=planned.link.day)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
 
 
 @cli.command()

@@ -17,12 +17,21 @@ from mavhums_sim.motion import CONTROL_PERIOD_S, Motion, simulate
 from mavhums_sim.rates import Rates
 from mavhums_sim.sensors import EscSide, SensorNoise, sample_times, sense, sense_esc
 
-__all__ = ["HEALTHY_FRICTION_NM", "ActuatorRecord", "Flight", "FlightRecord", "fly"]
+__all__ = [
+    "HEALTHY_FRICTION_NM",
+    "HINGE_PER_DEFLECTION",
+    "HINGE_PER_INCIDENCE",
+    "ActuatorRecord",
+    "Flight",
+    "FlightRecord",
+    "fly",
+    "record_actuator",
+]
 
 HEALTHY_FRICTION_NM = 0.225
 _AIR_DENSITY = 1.225
-_HINGE_PER_DEFLECTION = 0.016  # c_δ, m³/rad: about 2 N·m at 20° and 24 m/s
-_HINGE_PER_INCIDENCE = 0.006  # c_α, m³/rad
+HINGE_PER_DEFLECTION = 0.016  # c_δ, m³/rad: about 2 N·m at 20° and 24 m/s
+HINGE_PER_INCIDENCE = 0.006  # c_α, m³/rad
 
 Array = NDArray[np.float64]
 
@@ -204,13 +213,19 @@ def _actuate(flight: Flight, cyclogram: Cyclogram, index: int) -> ActuatorRecord
         individual.parameters(flight.parameters),
         cyclogram.commands[surface],
         np.linspace(start, end, cyclogram.time_s.size) + added,
-        pressure * _HINGE_PER_DEFLECTION,
-        pressure * _HINGE_PER_INCIDENCE * cyclogram.incidence[surface],
+        pressure * HINGE_PER_DEFLECTION,
+        pressure * HINGE_PER_INCIDENCE * cyclogram.incidence[surface],
         degradation,
     )
+    return record_actuator(flight, index, motion)
+
+
+def record_actuator(flight: Flight, index: int, motion: Motion) -> ActuatorRecord:
+    """Return what the actuator of surface ``index`` did, and what of it is sensed and reported."""
     rng = np.random.default_rng([flight.seed, 2, index])
     times = sample_times(rng, flight.duration_s, flight.rate_hz)
     values = sense(motion, flight.parameters, times, rng, flight.noise)
     rng = np.random.default_rng([flight.seed, 7, index])
     esc = sense_esc(motion, flight.parameters, times, values, rng, flight.noise, flight.esc_side)
-    return ActuatorRecord(motion, times, values, esc, individual, conditions)
+    conditions = flight.conditions.get(SURFACES[index], ())
+    return ActuatorRecord(motion, times, values, esc, flight.individual(index), conditions)

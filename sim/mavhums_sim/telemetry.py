@@ -6,7 +6,7 @@ Record of a ``.tlog``: u64 big-endian microseconds of UTC at reception, then the
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,25 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mavhums_sim._files import written_whole
 from mavhums_sim.cyclogram import SURFACES
-from mavhums_sim.flight import FlightRecord
-from mavhums_sim.link import BOOT_US, EPOCH_US, Link, transmit
+from mavhums_sim.flight import ActuatorRecord, Flight, FlightRecord
+from mavhums_sim.link import BOOT_US, EPOCH_US, Frame, Link, transmit
 from mavhums_sim.sensors import ELECTRONICS_A, sample_times
 from mavhums_sim.tiers import Stream, actuator_streams
 
-__all__ = ["EPOCH_US", "MESSAGES", "messages", "write_tlog"]
+__all__ = [
+    "BOARD",
+    "EPOCH_US",
+    "MESSAGES",
+    "battery",
+    "in_order",
+    "messages",
+    "parameters",
+    "write_frames",
+    "write_tlog",
+]
+
+BOARD = "SimBoard 4D415648 554D5353 494D0001"
+"""What the autopilot says of its board: its type and its unique id."""
 
 _FUNCTIONS = {"aileron_left": 4, "aileron_right": 4, "elevator": 19, "rudder": 21}
 
@@ -43,7 +56,11 @@ MESSAGES = (
 
 def messages(record: FlightRecord) -> Iterator[tuple[float, Message]]:
     """Yield (flight time in s, message) in the order in which the aircraft sends them."""
-    streams = _streams(record)
+    return in_order(_streams(record))
+
+
+def in_order(streams: list[Stream]) -> Iterator[tuple[float, Message]]:
+    """Yield (time in s, message) of all streams in the order of their times."""
     times = np.concatenate([stream.times for stream in streams])
     owner = np.repeat(np.arange(len(streams)), [stream.times.size for stream in streams])
     index = np.concatenate([np.arange(stream.times.size) for stream in streams])
@@ -64,9 +81,14 @@ def write_tlog(record: FlightRecord, path: Path, link: Link | None = None) -> di
     OSError
         If the file cannot be written; what was at ``path`` before is then still there.
     """
+    return write_frames(transmit(messages(record), link or Link(), record.flight.seed), path)
+
+
+def write_frames(frames: Iterable[Frame], path: Path) -> dict[str, int]:
+    """Write received frames as a ``.tlog``, atomically, and return the number of messages by type."""
     counts: dict[str, int] = {}
     with written_whole(path) as temporary, temporary.open("wb") as file:
-        for frame in transmit(messages(record), link or Link(), record.flight.seed):
+        for frame in frames:
             file.write(struct.pack(">Q", frame.received_us) + frame.data)
             counts[frame.name] = counts.get(frame.name, 0) + 1
     return counts
@@ -80,19 +102,18 @@ def _streams(record: FlightRecord) -> list[Stream]:
         return sample_times(rng, flight.duration_s, rate_hz)
 
     announced = np.arange(0.0, flight.duration_s, 10.0, dtype=np.float64)
-    parameters = _parameters()
+    told = parameters()
     streams = [
         Stream(np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64), lambda _: _heartbeat()),
         Stream(announced, lambda _: mavlink.MAVLink_statustext_message(6, b"mavhums airframe=paper")),
+        Stream(np.full(1, 0.1), lambda _: mavlink.MAVLink_statustext_message(6, BOARD.encode())),
         Stream(
-            0.2 + 0.005 * np.arange(len(parameters), dtype=np.float64),
-            lambda k: mavlink.MAVLink_param_value_message(
-                parameters[k][0].encode(), parameters[k][1], 9, len(parameters), k
-            ),
+            0.2 + 0.005 * np.arange(len(told), dtype=np.float64),
+            lambda k: mavlink.MAVLink_param_value_message(told[k][0].encode(), told[k][1], 9, len(told), k),
         ),
         _aircraft_state(record, at(flight.rates.attitude)),
         _air_data(record, at(flight.rates.air_data)),
-        _battery(record, at(flight.rates.battery)),
+        battery(flight, record.actuators, at(flight.rates.battery)),
     ]
     return streams + actuator_streams(record)
 
@@ -103,7 +124,8 @@ def _heartbeat() -> Message:
     )
 
 
-def _parameters() -> list[tuple[str, float]]:
+def parameters() -> list[tuple[str, float]]:
+    """Return the autopilot's parameters that the aircraft tells."""
     rows = []
     for servo, surface in enumerate(SURFACES, start=1):
         for key, value in (
@@ -151,15 +173,13 @@ def _air_data(record: FlightRecord, times: Array) -> Stream:
     )
 
 
-def _battery(record: FlightRecord, times: Array) -> Stream:
-    shared_sag = np.min([a.motion.degradation.sag for a in record.actuators.values()], axis=0)
-    sag = np.interp(times, record.cyclogram.time_s, shared_sag)
-    volts = record.flight.parameters.supply_voltage - sag
-    watts = sum(
-        np.interp(times, a.motion.time_s, a.motion.voltage * a.motion.current)
-        for a in record.actuators.values()
-    )
-    current = np.asarray(watts) / volts + ELECTRONICS_A * len(record.actuators)
+def battery(flight: Flight, actuators: Mapping[str, ActuatorRecord], times: Array) -> Stream:
+    """Return BATTERY_STATUS of the actuators' supply at the times."""
+    motions = [actuator.motion for actuator in actuators.values()]
+    shared_sag = np.min([motion.degradation.sag for motion in motions], axis=0)
+    volts = flight.parameters.supply_voltage - np.interp(times, motions[0].time_s, shared_sag)
+    watts = sum(np.interp(times, motion.time_s, motion.voltage * motion.current) for motion in motions)
+    current = np.asarray(watts) / volts + ELECTRONICS_A * len(motions)
     millivolts = np.rint(volts * 1000).astype(int)
     return Stream(
         times,

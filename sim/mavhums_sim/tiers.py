@@ -10,6 +10,8 @@ named
     NAMED_VALUE_FLOAT ``S<servo>V01`` … ``S<servo>V12``, times in milliseconds.
 pwm
     SERVO_OUTPUT_RAW: the commanded pulses.
+
+An on-board log has csrv as well (:mod:`mavhums_sim.dataflash`), which no link carries.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from mavhums_sim.flight import ActuatorRecord, FlightRecord
 from mavhums_sim.link import BOOT_US
 from mavhums_sim.sensors import sample_times
 
-__all__ = ["TIERS", "Stream", "actuator_streams"]
+__all__ = ["TIERS", "Stream", "actuator_streams", "servo_pulses"]
 
 _PWM_TRIM, _PWM_PER_DEGREE = 1500.0, 500.0 / 60.0
 
@@ -126,13 +128,7 @@ def _named_values(actuator: ActuatorRecord, names: list[bytes]) -> Stream:
 
 def _pwm(record: FlightRecord) -> list[Stream]:
     times = _times(record, 10, record.flight.rates.servo_output)
-    pulses = np.stack(
-        [
-            np.interp(times, a.motion.time_s, np.degrees(a.motion.command)) * _PWM_PER_DEGREE + _PWM_TRIM
-            for a in record.actuators.values()
-        ],
-        axis=1,
-    )
+    pulses = servo_pulses(record, times)
 
     def build(k: int) -> Message:
         time_us = (BOOT_US + round(float(times[k]) * 1e6)) % 2**32
@@ -141,6 +137,14 @@ def _pwm(record: FlightRecord) -> list[Stream]:
         )
 
     return [Stream(times, build)]
+
+
+def servo_pulses(record: FlightRecord, times: Array) -> Array:
+    """Return the commanded pulses at other times, µs, shape (n, 4)."""
+    commands = [
+        np.interp(times, a.motion.time_s, np.degrees(a.motion.command)) for a in record.actuators.values()
+    ]
+    return np.stack(commands, axis=1) * _PWM_PER_DEGREE + _PWM_TRIM
 
 
 def _times(record: FlightRecord, stream: int, rate_hz: float) -> Array:

@@ -105,7 +105,7 @@ def test_a_log_that_names_no_profile_needs_one() -> None:
 
     tables = decode(array_message(3, [1.0] * 12))
     log = Log(Path("x.tlog"), tables, {}, {}, Losses(), (1,), None)
-    with pytest.raises(ProfileError, match=r"x\.tlog.*paper"):
+    with pytest.raises(ProfileError, match=r"x\.tlog.*profile new"):
         actuators(log)
     assert list(actuators(log, "paper")) == ["elevator"]
     assert actuators(log, load_airframe("paper"), vehicle=5) == {}

@@ -38,8 +38,8 @@ def elevator(tables: dict[str, Table], airframe: Airframe = PAPER) -> tuple[np.n
 
 def test_every_source_names_a_tier_and_its_messages() -> None:
     names = {tier.name for tier in TIERS}
-    assert names == {"instrumented", "esc-signed", "named", "esc-unsigned", "pwm"}
-    assert len(SOURCES) == len({id(source) for source in SOURCES}) == 6
+    assert names == {"instrumented", "csrv", "esc-signed", "named", "esc-unsigned", "pwm"}
+    assert len(SOURCES) == len({id(source) for source in SOURCES}) == 11
     assert {"SERVO_OUTPUT_RAW", "ESC_STATUS", "ESC_TELEMETRY_29_TO_32"} <= messages_for()
 
 

@@ -74,6 +74,7 @@ def test_the_packaged_model_is_the_papers_actuators() -> None:
     assert model.card.command.startswith("mavhums train --airframe paper")
 
 
+@pytest.mark.slow
 def test_fewer_false_alarms_are_bought_with_a_later_verdict(tmp_path: Path) -> None:
     """The same growing friction: the onset is told later where alarms may be false less often."""
     log = tmp_path / "growing.tlog"

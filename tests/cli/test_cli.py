@@ -122,7 +122,7 @@ def test_inspect_names_tier_sources_and_rates(run: Run, growing_log: Path) -> No
     assert outcome.code == ExitCode.OK
     assert "telemetry tier instrumented" in outcome.out
     assert "elevator (servo 3): V1–V12 from DEBUG_FLOAT_ARRAY[EMA,3]" in outcome.out
-    assert "Nothing was lost." in outcome.out
+    assert "Log losses: none." in outcome.out
     inspected = json.loads(run("inspect", growing_log, "--json").out)
     rates = {row["name"]: row["rate_hz"] for row in inspected["messages"]}
     assert rates["DEBUG_FLOAT_ARRAY"] == pytest.approx(400, rel=0.01)
@@ -194,6 +194,7 @@ def test_unknown_messages_are_named(run: Run, growing_log: Path, tmp_path: Path)
     assert "1 frames of messages that the dialect does not define" in run("inspect", path).out
 
 
+@pytest.mark.slow
 def test_train_writes_a_model_that_analyse_uses(
     run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.cli.sniff import HEAD, is_telemetry_log
+from mavhums.cli.sniff import HEAD, SIGNATURES, is_log
+from mavhums.log.decoding import FORMATS
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import real_logs
 
@@ -25,19 +26,23 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("path", real_logs(), ids=lambda path: path.name)
 def test_logs_are_known_by_their_first_bytes(path: Path) -> None:
-    ours = path.suffix in (".tlog", ".raw")
-    assert is_telemetry_log(path.read_bytes()[:HEAD]) == ours
+    ours = path.suffix.lower() in (".tlog", ".raw", ".bin", ".ulg")
+    assert is_log(path.read_bytes()[:HEAD]) == ours
+
+
+def test_signatures_are_those_of_the_decoders() -> None:
+    assert {known.signature for known in FORMATS} <= set(SIGNATURES)
 
 
 def test_a_damaged_beginning_does_not_matter(log: Path) -> None:
     data = log.read_bytes()
-    assert is_telemetry_log(b"garbage" * 500 + data[137:HEAD])
-    assert is_telemetry_log(data[: HEAD // 50])
+    assert is_log(b"garbage" * 500 + data[137:HEAD])
+    assert is_log(data[: HEAD // 50])
 
 
 @given(st.binary(max_size=4000))
 def test_noise_is_no_log(data: bytes) -> None:
-    assert not is_telemetry_log(data)
+    assert not is_log(data)
 
 
 @pytest.mark.parametrize("name", ["picture.png", "text.txt", "empty", "recording.rrd", "flight.bin"])
@@ -63,6 +68,7 @@ def test_a_folder_and_a_missing_file_are_foreign(tmp_path: Path) -> None:
         assert subprocess.run([*IMPORTER, str(path)], capture_output=True, check=False).returncode == 66
 
 
+@pytest.mark.slow
 def test_the_viewer_opens_a_log(log: Path, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")
     import rerun_cli
@@ -82,6 +88,7 @@ def test_the_viewer_opens_a_log(log: Path, tmp_path: Path) -> None:
     assert rows(out, "/vehicle_1/elevator", "StateChange:state")[1] == [["normal"]]
 
 
+@pytest.mark.slow
 def test_the_airframe_comes_from_the_environment_and_errors_are_told(log: Path) -> None:
     pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")
     environment = {**os.environ, "MAVHUMS_AIRFRAME": "nowhere"}

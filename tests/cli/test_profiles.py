@@ -16,6 +16,7 @@ import mavhums
 from mavhums.actuator import Actuator, load_airframe
 from mavhums.actuator.draft import draft_profile
 from mavhums.core.errors import ExitCode
+from mavhums.engine.events import ConditionChanged
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters, _number, read_parameters
 from mavhums_sim import Flight, fly, write_tlog
@@ -171,7 +172,7 @@ def test_profile_new_writes_or_prints_but_never_overwrites(run: Run, tmp_path: P
         ([heartbeat(3)], "holds no parameters"),
         (ardupilot(FENCE_TYPE=1), "none of its 1 parameters assigns an output (SERVOn_FUNCTION)"),
         (px4(PWM_MAIN_FUNC1=101), "none of the 1 outputs that its parameters assign moves a control surface"),
-        (px4(BAT_N=1), "(PWM_MAIN_FUNCn)"),
+        (px4(BAT_N=1), "(PWM_MAIN_FUNCn, PWM_AUX_FUNCn, UAVCAN_SV_FUNCn)"),
     ],
 )
 def test_what_cannot_be_drafted_is_said(run: Run, tmp_path: Path, sent: list[Any], message: str) -> None:
@@ -265,6 +266,18 @@ def test_the_jam_of_a_real_script_s_log_is_visible() -> None:
         jammed = frame[frame.index[0] + pd.Timedelta(seconds=95) : frame.index[0] + pd.Timedelta(seconds=120)]
         assert np.ptp(jammed["V1"]) > 60
         assert (np.ptp(jammed["V3"]) < 0.5) == jams
+
+
+@pytest.mark.skipif(not CSRV_LOG.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+def test_the_times_of_a_jam_agree_in_event_and_evidence() -> None:
+    events: list[ConditionChanged] = []
+    assessment = mavhums.analyse(
+        CSRV_LOG,
+        mavhums.Options(airframe=CSRV),
+        consume=lambda block: events.extend(event for event in block if isinstance(event, ConditionChanged)),
+    )
+    [jam] = next(v for v in assessment.verdicts if v.actuator == "aileron_1").evidence
+    assert [event.since_s for event in events] == [jam.start_s, jam.end_s] == [90.0, 127.0]
 
 
 PLANES = [path for path in real_logs() if path.name.startswith(("plane_", "Jordinaa", "EAICS__flight.tlog"))]

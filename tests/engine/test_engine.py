@@ -84,6 +84,7 @@ def test_the_verdicts_do_not_depend_on_the_blocks(
     assert judge(blocks(content, places), models=models).to_json() == short_verdicts
 
 
+@pytest.mark.slow
 def test_even_one_byte_at_a_time(short_log: Path, short_verdicts: str, models: tuple[Model, ...]) -> None:
     content = short_log.read_bytes()
     parts = (content[k : k + 7] for k in range(0, len(content), 7))
@@ -183,7 +184,7 @@ def test_a_standing_actuator_is_undecided() -> None:
             frozen.append(data)
     verdict = of(judge_records(frozen), "rudder")
     assert verdict.condition == "undecided"
-    assert "moved in 0 % of the samples" in str(verdict.reason)
+    assert "moves in 0 % of the samples" in str(verdict.reason)
     assert verdict.coverage.windows > 0
     assert verdict.coverage.decidable == 0
 
@@ -204,7 +205,7 @@ def test_an_unknown_profile_is_reported() -> None:
     for text in (b"mavhums airframe=nonesuch", b"hello"):
         data += struct.pack(">Q", START_US) + bytes(v2.MAVLink_statustext_message(6, text).pack(link))
     events = engine.feed(data) + engine.finish()
-    assert [e.text for e in events if isinstance(e, Notice)] == [
+    assert [e.text for e in events if isinstance(e, Notice) and not e.text.startswith("SimBoard")] == [
         "names the airframe nonesuch, which is not known here",
         "hello",
     ]
@@ -326,7 +327,7 @@ def test_silence_is_never_normal(growing_record: FlightRecord) -> None:
     assessment = judge_records(kept)
     rudder = of(assessment, "rudder")
     assert (rudder.condition, rudder.worst, rudder.gravest) == ("undecided", "normal", "undecided")
-    assert "ended at 20 s of 40 s, when it was normal" in str(rudder.reason)
+    assert "ends at 20 s of 40 s, when it was normal" in str(rudder.reason)
     assert rudder.remedy
     assert rudder.since is None
     elevator = of(assessment, "elevator")
@@ -348,9 +349,8 @@ def test_a_reboot_in_flight_is_reported_and_survived() -> None:
             data = struct.pack(">Q", time_us) + bytes(again.pack(link))  # noqa: PLW2901
         sent.append(data)
     events = engine.feed(b"".join(sent)) + engine.finish()
-    assert [e.text for e in events if isinstance(e, Notice)] == [
-        "its clock jumped: it rebooted, or its time was set"
-    ]
+    told = [e.text for e in events if isinstance(e, Notice) and not e.text.startswith("SimBoard")]
+    assert told == ["its clock jumped: it rebooted, or its time was set"]
     elevator = of(engine.assessment(), "elevator")
     assert elevator.condition == "emergency"
     assert sum(verdict.coverage.late for verdict in engine.assessment().verdicts) == 2

@@ -147,7 +147,7 @@ def test_a_change_says_what_changed_it_and_since_when() -> None:
     assert (first.after, first.fault, first.since_s) == ("normal", "friction", 0.0)
     assert (last.before, last.after, last.fault) == ("normal", "degraded", "backlash")
     assert last.since_s == findings.since_s == pytest.approx(40.0, abs=10.0)
-    assert "backlash above 0.15 °" in last.rule
+    assert "backlash reliably above 0.15 °" in last.rule
     assert "1 false alarm per 100 h" in last.rule
     assert last.time_s >= 40.0
 
@@ -211,6 +211,7 @@ def own() -> dict[str, Baseline]:
     return {"friction": history(range(300, 308))}
 
 
+@pytest.mark.slow
 def test_wear_far_below_the_limit_is_a_drift_from_the_own_baseline(own: dict[str, Baseline]) -> None:
     worn = telemetry(flown(Condition.constant("friction", 0.05), rate_hz=25.0, seconds=100.0, seed=401))
     assert watch(worn)[1].worst == "normal"
@@ -230,6 +231,7 @@ def test_wear_far_below_the_limit_is_a_drift_from_the_own_baseline(own: dict[str
     assert friction.baseline == own["friction"].prediction()
 
 
+@pytest.mark.slow
 def test_a_healthy_flight_stays_at_its_baseline(own: dict[str, Baseline]) -> None:
     for seed in range(402, 406):
         healthy = telemetry(flown(rate_hz=25.0, seconds=100.0, seed=seed))
@@ -306,7 +308,8 @@ def test_motion_too_brief_for_any_window_decides_the_flight(friction: float, exp
 
 
 @pytest.mark.parametrize(
-    ("fault", "severity", "said"), [("backlash", 0.3, "backlash above"), ("sensor_bias", 0.8, "bias of")]
+    ("fault", "severity", "said"),
+    [("backlash", 0.3, "backlash reliably above"), ("sensor_bias", 0.8, "bias of")],
 )
 def test_a_fault_that_no_run_of_windows_shows_is_an_alarm_at_the_finish(
     fault: str, severity: float, said: str

@@ -67,6 +67,7 @@ def test_flat_histories_have_no_flights_left(draw: Draw, flights: int) -> None:
     assert sum(left is not None for left in told) <= 20
 
 
+@pytest.mark.slow
 def test_flat_histories_have_none_at_any_time() -> None:
     """A maintainer asks after each of sixty flights: at most one aircraft in twenty ever shows a trend."""
     rng = np.random.default_rng(3)

@@ -32,6 +32,7 @@ def test_hidden_neurons_are_gone_through_in_turn() -> None:
     assert [len(network.b1) for network in ensemble.networks_] == [4, 16, 4, 16, 4]
 
 
+@pytest.mark.slow
 def test_networks_differ_by_their_seed_and_repeat() -> None:
     first, again, other = fitted(hidden=(8,)), fitted(hidden=(8,)), fitted(hidden=(8,), random_state=1)
     np.testing.assert_array_equal(first.losses_, again.losses_)

@@ -208,6 +208,7 @@ def hostile(draw: st.DrawFn) -> Callable[[bytes], bytes]:
     return damage
 
 
+@pytest.mark.slow
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(damage=hostile())
 @example(damage=bytes)

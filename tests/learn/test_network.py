@@ -49,6 +49,7 @@ def test_loss_is_the_cross_entropy_of_the_samples() -> None:
     assert classifier.loss_ == pytest.approx(-np.log(chosen).mean())
 
 
+@pytest.mark.slow
 def test_units_do_not_matter() -> None:
     probability = fitted().predict_proba(MOONS)
     scaled = MOONS * [1024, 2**-10]

@@ -58,6 +58,7 @@ print(model.network.p_emergency(np.load(sys.argv[1] + "/values.npy")).tolist())
     assert python(code, str(tmp_path)) == str(network.p_emergency(values).tolist())
 
 
+@pytest.mark.slow
 def test_the_room_knows_no_logs() -> None:
     code = """
 import sys, mavhums.learn

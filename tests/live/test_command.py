@@ -41,6 +41,7 @@ def frames_heard(live: Program) -> int:
     return int(told[-1]["link"]["frames"]) if told else 0
 
 
+@pytest.mark.slow
 def test_kill_9_costs_at_most_a_second(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     port, recording = free_port(), tmp_path / "live.tlog"
     arguments = command("live", f"udpin:{port}", "--json", "--record", recording)
@@ -70,6 +71,7 @@ def test_signals_end_it_with_the_verdicts(tmp_path: Path, worn_pieces: list[Piec
     assert code == mavhums.analyse(recording).exit_code
 
 
+@pytest.mark.slow
 def test_only_signed_frames_are_heard_and_former_ones_never_again(
     tmp_path: Path, worn_pieces: list[Piece]
 ) -> None:
@@ -113,6 +115,7 @@ class Server(threading.Thread):
         self._socket.close()
 
 
+@pytest.mark.slow
 def test_tcp_is_connected_again(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     whole = b"".join(piece.data for piece in worn_pieces)
     middle = len(whole) // 2 + 5
@@ -130,6 +133,7 @@ def test_tcp_is_connected_again(tmp_path: Path, worn_pieces: list[Piece]) -> Non
     assert end["assessment"]["verdicts"] == verdicts(mavhums.analyse(recording))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
 def test_a_serial_device(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     master, slave = pty.openpty()
@@ -146,6 +150,7 @@ def test_a_serial_device(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     os.close(slave)
 
 
+@pytest.mark.slow
 def test_udpout_makes_itself_known(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     """A server sends to who has spoken to it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
@@ -227,6 +232,7 @@ def test_a_pipe_that_closes_ends_what_has_no_other_purpose() -> None:
     assert time.monotonic() - begin < 55
 
 
+@pytest.mark.slow
 def test_a_viewer_follows_and_a_recording_stays(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     pytest.importorskip("rerun")
     port, drawn = free_port(), tmp_path / "live.rrd"

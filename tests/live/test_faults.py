@@ -247,6 +247,7 @@ def test_a_forged_frame_changes_nothing(make_rig: MakeRig, worn: FlightRecord) -
     assert (counts.bad_signatures, counts.frames, counts.replayed_frames) == (100, len(true), 0)
 
 
+@pytest.mark.slow
 def test_replayed_frames_do_not_count(make_rig: MakeRig, worn: FlightRecord, tmp_path: Path) -> None:
     true = pieces(worn, Link(key=KEY))
     rig = make_rig(key=KEY)
@@ -289,6 +290,7 @@ def test_unsigned_frames_do_not_count(make_rig: MakeRig, worn_pieces: list[Piece
     assert rig.recorder.bytes == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("senders", [1, 5000])
 def test_a_burst_of_noise(rig: Rig, worn_pieces: list[Piece], senders: int) -> None:
     """A hundred thousand datagrams of noise within a second, from one port or from thousands."""

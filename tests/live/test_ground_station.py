@@ -19,6 +19,7 @@ from tests.live.programs import mavhums as command
 RIGHT = {"aileron_left": "normal", "aileron_right": "normal", "elevator": "emergency", "rudder": "normal"}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     find_spec("MAVProxy") is None, reason="the ground station is absent (pip install MAVProxy)"
 )

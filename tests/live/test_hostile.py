@@ -13,6 +13,7 @@ import pytest
 import mavhums
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.engine import Engine
+from mavhums.log.mavlink.decoder import MavlinkDecoder
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim.link import EPOCH_US
 from tests.live.attacks import ATTACKS, attitude, endure, flown, heartbeat, named
@@ -38,7 +39,8 @@ def test_a_burst_of_spoofed_senders_leaves_nothing(rig: Rig, worn_pieces: list[P
     rig.hear(worn_pieces + burst)
     assert max(held) <= 65, "64 senders and the one that takes another's place"
     assert len(rig.peers) <= 64
-    decoder = rig.session._engine._decoder
+    decoder = rig.session._engine._decoder._chosen
+    assert isinstance(decoder, MavlinkDecoder)
     assert decoder._ledger._senders.size <= 1024
     assert len(decoder.counts) <= 1100
     assert sum(decoder.counts.values()) == len(worn_pieces) + len(burst), "and none is uncounted"

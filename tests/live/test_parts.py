@@ -328,6 +328,7 @@ print([kernel for kernel, count in compiled().items() if count != before.get(ker
 """
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_once_it_listens(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     """What is compiled takes seconds, in which datagrams would be missed."""
     (tmp_path / "frames").write_bytes(b"".join(piece.data for piece in worn_pieces))

@@ -59,6 +59,7 @@ def finished(process: subprocess.Popen[bytes], path: Path) -> None:
     whole.replace(path)
 
 
+@pytest.mark.slow
 def test_who_follows_sees_the_flight_and_the_disk_has_it_too(
     tmp_path: Path, flight: Flight, assessment: Assessment
 ) -> None:

@@ -113,11 +113,13 @@ def check(drawn: Pixels) -> None:
     assert (report.min(axis=-1) > 150).sum() > 3000, "the report is not drawn"
 
 
+@pytest.mark.slow
 @needs_vulkan
 def test_a_person_sees_every_view_with_its_data(recording: Path) -> None:
     check(pixels(draw(recording)))
 
 
+@pytest.mark.slow
 @needs_vulkan
 def test_who_follows_a_flight_sees_it(flight: Flight) -> None:
     with LiveViewer("serve", recording_id="live") as viewer:
@@ -133,6 +135,7 @@ def test_who_follows_a_flight_sees_it(flight: Flight) -> None:
     assert hue(drawn[height // 3 :, width // 2 :], AMBER) > 200, "no degraded elevator"
 
 
+@pytest.mark.slow
 @needs_vulkan
 def test_sixteen_actuators_and_nothing_to_judge_still_make_a_picture(
     tmp_path: Path, new_verdict: New, new_assessment: Assess
@@ -148,6 +151,7 @@ def test_sixteen_actuators_and_nothing_to_judge_still_make_a_picture(
     assert count(drawn[: drawn.shape[0] * 2 // 3], LANES["undecided"]) > 16 * 500
 
 
+@pytest.mark.slow
 @needs_vulkan
 def test_the_trend_over_flights_is_drawn(tmp_path: Path) -> None:
     days = pd.date_range("2026-01-01", periods=20, tz="UTC")

@@ -355,6 +355,7 @@ def test_a_recording_without_its_end_is_not_published(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
 def test_a_full_disk_is_an_error(tmp_path: Path) -> None:
     code = """

@@ -55,6 +55,7 @@ def peak(name: str, record: FlightRecord) -> tuple[str, float]:
     return name, float(np.abs(record.actuators["elevator"].values[:, 4]).max())
 
 
+@pytest.mark.slow
 def test_consumer_gets_every_flight_in_order_on_any_number_of_processes() -> None:
     flights = [(str(seed), Flight(seed=seed, duration_s=1.0)) for seed in range(10)]
     one = list(consume(flights, peak))
@@ -64,6 +65,7 @@ def test_consumer_gets_every_flight_in_order_on_any_number_of_processes() -> Non
     assert all(result[0] == name for name, result in one)
 
 
+@pytest.mark.slow
 def test_campaign_on_two_processes_writes_the_same_logs(tmp_path: Path) -> None:
     flights = list(paper_campaign(seed=1, duration_s=1.0))
     run_campaign(flights, tmp_path / "one")

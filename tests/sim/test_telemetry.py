@@ -114,7 +114,8 @@ def test_aircraft_state_is_the_cyclograms(record: FlightRecord, written: tuple[d
 
 
 def test_log_names_its_airframe_and_its_servos(written: tuple[dict[str, int], Read]) -> None:
-    assert {m.text for m in written[1]["STATUSTEXT"]} == {"mavhums airframe=paper"}
+    said = {m.text for m in written[1]["STATUSTEXT"]}
+    assert said == {"mavhums airframe=paper", "SimBoard 4D415648 554D5353 494D0001"}
     parameters = {m.param_id: m.param_value for m in written[1]["PARAM_VALUE"]}
     assert [parameters[f"SERVO{k}_FUNCTION"] for k in (1, 2, 3, 4)] == [4, 4, 19, 21]
 

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
@@ -36,6 +37,7 @@ def test_what_follows_never_changes_a_decision(
     np.testing.assert_array_equal(whole[1][:cut], part[1])
 
 
+@pytest.mark.slow
 def test_all_conditions_of_a_cyclogram_fly_the_same_command_at_the_same_times() -> None:
     for name in CYCLOGRAMS:
         first, *others = fly_condition(name, (0.225, 0.875))
@@ -45,6 +47,7 @@ def test_all_conditions_of_a_cyclogram_fly_the_same_command_at_the_same_times() 
         assert first.values.shape == (10_000, 12)
 
 
+@pytest.mark.slow
 def test_the_main_cyclogram_is_what_it_is_said_to_be() -> None:
     flights = fly_condition(MAIN, CONDITIONS)
     assert np.abs(flights[0].values[:, 0]).max() > 19.9

@@ -31,6 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_every_file_is_there_and_none_is_left_half_written(folder: Path) -> None:
     assert {path.name for path in folder.iterdir()} == {
         "report.md", "study.rrd", "table-1.csv", "figure-15-chi-square.csv", "networks.csv", "flights.csv",

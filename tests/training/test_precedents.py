@@ -85,6 +85,7 @@ def test_actuators_of_one_log_are_one_flight(folder: Path) -> None:
     assert np.abs(values[:, 9]).min() * 6 > 1.0
 
 
+@pytest.mark.slow
 def test_training_mixes_and_weighs_them(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

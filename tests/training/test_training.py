@@ -27,6 +27,7 @@ def shorter(flight: Flight) -> object:
     return fly(replace(flight, duration_s=20.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tier", ["esc-signed", "esc-unsigned"])
 def test_esc_telemetry_is_what_mapping_a_log_makes_of_it(tier: str, tmp_path: Path) -> None:
     """The same flight through messages and through memory; the samples' times differ by milliseconds."""
@@ -100,6 +101,7 @@ def test_windows_are_the_monitors() -> None:
         assert (np.diff(seconds) >= 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tier", ["without-load", "esc"])
 def test_a_model_for_less_is_trained_calibrated_and_repeatable(
     run: Run, tier: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -94,6 +94,7 @@ def test_it_costs_nothing_where_it_is_not_wanted() -> None:
 SHOWN = ("UAVLogViewer__vtol.tlog", "Jordinaa-supervisor__mav.tlog", "plane_normal.mavproxy.tlog")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [p for p in real_logs() if p.name in SHOWN], ids=lambda path: path.name)
 def test_modes_of_real_logs_are_pymavlinks_own(path: Path) -> None:
     expected: list[tuple[int, str]] = []

@@ -12,7 +12,19 @@ from typing import Protocol
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading
-from mavhums.actuator.sources import configured, esc_signed, esc_unsigned, instrumented, named, pwm
+from mavhums.actuator.sources import (
+    actuator_outputs,
+    configured,
+    csrv,
+    esc_record,
+    esc_signed,
+    esc_topic,
+    esc_unsigned,
+    instrumented,
+    named,
+    pwm,
+    rcou,
+)
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks
 
@@ -31,4 +43,16 @@ class Source(Protocol):
         ...
 
 
-SOURCES: tuple[Source, ...] = (configured, instrumented, esc_signed, named, esc_unsigned, pwm)
+SOURCES: tuple[Source, ...] = (
+    configured,
+    instrumented,
+    csrv,
+    esc_signed,
+    esc_topic,
+    named,
+    esc_unsigned,
+    esc_record,
+    pwm,
+    rcou,
+    actuator_outputs,
+)

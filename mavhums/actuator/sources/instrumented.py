@@ -1,6 +1,6 @@
-"""The instrumented tier: DEBUG_FLOAT_ARRAY (350) named EMA.
+"""The instrumented tier: DEBUG_FLOAT_ARRAY (350) named EMA, or PX4's topic debug_array of that name.
 
-``array_id`` is the servo number and ``data[0..11]`` = V1…V12, NaN where not measured.
+``array_id``, or ``id``, is the servo number and ``data[0..11]`` = V1…V12, NaN where not measured.
 """
 
 from __future__ import annotations
@@ -18,36 +18,45 @@ from mavhums.vehicle.clocks import Clocks, each
 
 __all__ = ["MESSAGES", "is_instrumented", "read"]
 
-MESSAGES = frozenset({"DEBUG_FLOAT_ARRAY"})
+_SENT, _LOGGED = "DEBUG_FLOAT_ARRAY", "debug_array"
+MESSAGES = frozenset({_SENT, _LOGGED})
 
+_SERVO = {_SENT: "array_id", _LOGGED: "id"}
+_ELEMENTS = 58
 _FIELDS = {key: f"data[{k}]" for k, key in enumerate(KEYS)}
 
 
 def is_instrumented(table: Table) -> NDArray[np.bool_]:
-    """Return which rows of a DEBUG_FLOAT_ARRAY table are actuator telemetry, shape (n,)."""
+    """Return which rows of a table are actuator telemetry, shape (n,)."""
+    if not table.holds({_SERVO[table.name]: 1, "data": _ELEMENTS}) or not table.holds_text("name"):
+        return np.zeros(len(table), dtype=bool)
     return np.array(table["name"] == b"EMA")
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
     """Yield a reading for each vehicle and servo."""
-    table = tables.get("DEBUG_FLOAT_ARRAY")
-    if table is None:
-        return
-    table = table.select(is_instrumented(table))
-    utc_us = clocks.utc_us(table, 1, "time_usec")
-    values = table["data"][:, : len(KEYS)].astype(np.float64)
-    places = dict(each(table.system.astype(np.int64) << 16 | table["array_id"]))
-    for vehicle in sorted({place >> 16 for place in places}):
-        for actuator in actuators:
-            rows = places.get(vehicle << 16 | actuator.servo)
-            if rows is not None:
-                yield Reading(
-                    vehicle,
-                    actuator,
-                    f"DEBUG_FLOAT_ARRAY[EMA,{actuator.servo}]",
-                    "instrumented",
-                    _FIELDS,
-                    table.frame[rows],
-                    utc_us[rows],
-                    values[rows],
-                )
+    for name, servo_field in _SERVO.items():
+        whole = tables.get(name)
+        if whole is None:
+            continue
+        rows_told = is_instrumented(whole)
+        if not rows_told.any():
+            continue
+        table = whole.select(rows_told)
+        utc_us = clocks.utc_us(table, 1, "time_usec") if name == _SENT else table.time_us
+        values = table["data"][:, : len(KEYS)].astype(np.float64)
+        places = dict(each(table.system.astype(np.int64) << 16 | table[servo_field]))
+        for vehicle in sorted({place >> 16 for place in places}):
+            for actuator in actuators:
+                rows = places.get(vehicle << 16 | actuator.servo)
+                if rows is not None:
+                    yield Reading(
+                        vehicle,
+                        actuator,
+                        f"{name}[EMA,{actuator.servo}]",
+                        "instrumented",
+                        _FIELDS,
+                        table.frame[rows],
+                        utc_us[rows],
+                        values[rows],
+                    )

@@ -1,7 +1,8 @@
 """The pwm tier: the commanded pulse, through the profile's calibration, is V1 and nothing more.
 
 SERVO_OUTPUT_RAW (36), whose ``port`` 0 and 1 are servos 1–16 and 17–32 and whose 32-bit time starts
-anew every 71.6 min; or ACTUATOR_OUTPUT_STATUS (375). The pulse already contains a reversal.
+anew every 71.6 min; or ACTUATOR_OUTPUT_STATUS (375). The pulse already contains a reversal. What PX4
+sends to servos on UAVCAN, here 33–48, is no pulse but a number from 0 to 1000.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from mavhums.actuator.readings import Reading, blank
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "commands", "read"]
 
 MESSAGES = frozenset({"SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS"})
 
 _PER_PORT = 16
+_PER_STATUS = 32
 _PULSES_US = (500.0, 2500.0)
+_UAVCAN = (0.0, 1000.0)
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
@@ -34,21 +37,25 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
             port, k = divmod(actuator.servo - 1, _PER_PORT)
             field = f"servo{k + 1}_raw"
             pulse_us = np.where(raw["port"] == port, raw[field], 0).astype(np.float64)
-            yield from _commands(raw, pulse_us, field, actuator, utc_us)
+            yield from commands(raw, pulse_us, field, actuator, utc_us)
     status = tables.get("ACTUATOR_OUTPUT_STATUS")
     if status is not None:
         utc_us = clocks.utc_us(status, 1, "time_usec")
         for actuator in moved:
             k = actuator.servo - 1
+            if k >= _PER_STATUS:
+                continue
             pulse_us = status["actuator"][:, k].astype(np.float64)
-            yield from _commands(status, pulse_us, f"actuator[{k}]", actuator, utc_us)
+            yield from commands(status, pulse_us, f"actuator[{k}]", actuator, utc_us)
 
 
-def _commands(
+def commands(
     table: Table, pulse_us: NDArray[np.float64], field: str, actuator: Actuator, utc_us: NDArray[np.int64]
 ) -> Iterator[Reading]:
+    """Yield a reading of V1 for each vehicle; ``pulse_us`` (n,) is what an output was told, µs."""
     low_deg, high_deg = actuator.travel_deg or (0.0, 0.0)
-    there = (pulse_us >= _PULSES_US[0]) & (pulse_us <= _PULSES_US[1])
+    least, most = _PULSES_US if actuator.servo <= _PER_STATUS else _UAVCAN
+    there = (pulse_us >= least) & (pulse_us <= most)
     for vehicle, rows in each(table.system, there):
         angle = np.interp(pulse_us[rows], actuator.pwm_us, (low_deg, 0.0, high_deg))
         yield Reading(

@@ -17,15 +17,16 @@ from mavhums.log.mavlink.ledger import Ledger
 from mavhums.log.mavlink.scanner import Batch, FrameScanner
 from mavhums.log.mavlink.sender_clock import SenderClocks
 from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.log.tables import Table
 
-__all__ = ["Decoder"]
+__all__ = ["MavlinkDecoder"]
 
 _REGIONS_TOLD = 100
 
 
-class Decoder:
-    """Incremental decoder of a telemetry log, in memory that does not grow with it.
+class MavlinkDecoder:
+    """Incremental decoder of a MAVLink telemetry log, in memory that does not grow with it.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ class Decoder:
 
     Examples
     --------
-    >>> Decoder().feed(b"not a log", final=True)
+    >>> MavlinkDecoder().feed(b"not a log", final=True)
     {}
     """
 
@@ -68,9 +69,19 @@ class Decoder:
         self._scanner: FrameScanner | None = None
 
     @property
+    def format(self) -> str:
+        """Name of the format."""
+        return "tlog"
+
+    @property
     def counts(self) -> dict[tuple[int, int, str], int]:
         """Number of intact messages by (system, component, name), wanted or not."""
         return self._ledger.counts
+
+    @property
+    def vehicles(self) -> tuple[int, ...]:
+        """System ids of the vehicles."""
+        return vehicles_of(self._ledger.counts)
 
     @property
     def first_time_us(self) -> int | None:
@@ -88,7 +99,7 @@ class Decoder:
         return dict(self._ledger.unknown)
 
     @property
-    def sender_clock(self) -> bool:
+    def undated(self) -> bool:
         """Whether the log has no time stamps, so that times count from the sender's boot."""
         return self._intake.stamp == 0
 

@@ -21,6 +21,7 @@ def test_mutated_records_are_read_as_the_reference_reads_them(seed: int) -> None
     assert frames > 1000
 
 
+@pytest.mark.slow
 def test_no_access_outside_the_arrays(tmp_path: Path) -> None:
     environment = os.environ | {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-m", "tests.log.mavlink.hostile", "--mutations", "2000", "--seed", "4"]

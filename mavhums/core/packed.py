@@ -1,0 +1,237 @@
+"""Read a compressed or archived file as the file in it, block by block, without unpacking it to disk.
+
+What a file is, its first bytes tell, not its name. A member of a zip archive is named by the archive's
+path and its own: ``flights.zip/2026-05-01/flight.ulg``.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import sys
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import IO, Any, Final, cast
+
+from mavhums.core.errors import MissingExtraError, UnreadableLogError
+
+__all__ = ["Unpacked", "opened"]
+
+_GZIP, _ZSTD, _ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
+_MOST_LAYERS: Final = 3
+_FREE: Final = 1 << 30
+_RATIO: Final = 200
+_ZSTD_WINDOW: Final = 1 << 27
+_MEMBERS_TOLD: Final = 10
+
+
+class Unpacked:
+    """A file that is read from its begin to its end.
+
+    Attributes
+    ----------
+    free, ratio
+        Reading fails when more than ``free`` bytes, and ``ratio`` times those of the packed file, came out.
+    """
+
+    free = _FREE
+    ratio = _RATIO
+
+    def __init__(self, path: Path, file: IO[bytes]) -> None:
+        self._path = path
+        self._packed = _Counted(file)
+        self._source: Any = file if hasattr(file, "peek") else io.BufferedReader(cast(Any, file))
+        self._plain = True
+        self._size = 0
+
+    def read(self, size: int) -> bytes:
+        """Return up to ``size`` bytes, none at the end.
+
+        Raises
+        ------
+        UnreadableLogError
+            If what is packed is damaged, or expands beyond the limit.
+        OSError
+            If the file cannot be read.
+        """
+        if self._plain:
+            return cast(bytes, self._source.read(size))
+        with _translated(self._path):
+            data = cast(bytes, self._source.read(size))
+        self._size += len(data)
+        if self._size > max(self.free, self.ratio * self._packed.count):
+            problem = f"{self._path}: expands to more than {self.ratio} times its size, which no log does"
+            raise UnreadableLogError(problem, "unpack it and look at what is in it")
+        return data
+
+    def unpack(self) -> None:
+        """Look through what the first bytes say is compressed."""
+        for _ in range(_MOST_LAYERS):
+            with _translated(self._path):
+                head = self._source.peek(len(_ZSTD))
+            if not head.startswith((_GZIP, _ZSTD)):
+                return
+            if self._plain:
+                self._plain = False
+                self._packed = _Counted(self._source)
+                self._source = io.BufferedReader(self._packed)
+            is_gzip = head.startswith(_GZIP)
+            inner = gzip.GzipFile(fileobj=self._source) if is_gzip else _zstd(self._source)
+            self._source = io.BufferedReader(cast(Any, inner))
+
+    def enter(self, archive: zipfile.ZipFile, member: str | None) -> None:
+        """Go on with a member of the archive, its only one if None."""
+        with _translated(self._path):
+            chosen = _chosen(self._path, archive, member)
+            self._source = io.BufferedReader(archive.open(chosen))
+        self._packed.count = chosen.compress_size
+        self._plain = False
+
+    def is_archive(self) -> bool:
+        """Return whether the file is a zip archive."""
+        return cast(bytes, self._source.peek(len(_ZIP))).startswith(_ZIP)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Unpacked]:
+    """Open a file, a file compressed with gzip or Zstandard, or a member of a zip archive.
+
+    Parameters
+    ----------
+    path
+        ``-`` is the standard input, which may be compressed but no archive.
+
+    Raises
+    ------
+    UnreadableLogError
+        If an archive holds several files and none is named, or the named one is not in it.
+    MissingExtraError
+        If Zstandard is not installed.
+    OSError
+        If the file cannot be read.
+    """
+    file, member = _located(path)
+    standard = str(path) == "-"
+    with ExitStack() as stack:
+        raw = sys.stdin.buffer if standard else stack.enter_context(file.open("rb"))
+        unpacked = Unpacked(path, raw)
+        if not standard and unpacked.is_archive():
+            with _translated(path):
+                archive = stack.enter_context(zipfile.ZipFile(raw))
+            unpacked.enter(archive, member)
+        elif member is not None:
+            raise UnreadableLogError(f"{path}: {file} is a file and no zip archive", "check the path")
+        unpacked.unpack()
+        yield unpacked
+
+
+class _Counted(io.RawIOBase):
+    """Counts what is read of a file."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self.count = 0
+        self._file = file
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any, /) -> int:
+        data = self._file.read(len(buffer))
+        buffer[: len(data)] = data
+        self.count += len(data)
+        return len(data)
+
+
+class _Frames(io.RawIOBase):
+    """Frames of Zstandard, one after another; the library's own reader does not tell when one is cut.
+
+    The pieces are small: one of n bytes may expand to 32,768 n.
+    """
+
+    _PIECE = 1 << 11
+
+    def __init__(self, file: IO[bytes], decompressor: Any) -> None:
+        self._file = file
+        self._decompressor = decompressor
+        self._frame: Any = None
+        self._packed = b""
+        self._ready = memoryview(b"")
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any, /) -> int:
+        while not self._ready:
+            packed = self._packed or self._file.read(self._PIECE)
+            self._packed = b""
+            if not packed:
+                if self._frame is not None:
+                    raise EOFError("a frame is cut")
+                return 0
+            self._frame = self._frame or self._decompressor.decompressobj()
+            self._ready = memoryview(self._frame.decompress(packed))
+            if self._frame.eof:
+                self._packed, self._frame = self._frame.unused_data, None
+        size = min(len(buffer), len(self._ready))
+        buffer[:size] = self._ready[:size]
+        self._ready = self._ready[size:]
+        return size
+
+
+def _located(path: Path) -> tuple[Path, str | None]:
+    """Return the file that a path leads to, and the path of a member in it."""
+    if not path.exists():
+        for parent in path.parents:
+            if parent.is_file():
+                return parent, path.relative_to(parent).as_posix()
+    return path, None
+
+
+def _chosen(path: Path, archive: zipfile.ZipFile, member: str | None) -> zipfile.ZipInfo:
+    """Return the member that is named, or the only one; what macOS adds does not count."""
+    members = [
+        info
+        for info in archive.infolist()
+        if not info.is_dir() and info.file_size and not info.filename.startswith("__MACOSX/")
+    ]
+    names = [info.filename for info in members]
+    if member in names:
+        return members[names.index(member)]
+    if not names:
+        raise UnreadableLogError(f"{path}: the archive holds no file", "name one that holds a log")
+    if member is None and len(names) == 1:
+        return members[0]
+    told = ", ".join(names[:_MEMBERS_TOLD]) + (", …" if len(names) > _MEMBERS_TOLD else "")
+    if member is None:
+        remedy = f"name one, for example {path}/{names[0]}"
+        raise UnreadableLogError(f"{path}: the archive holds {len(names)} files: {told}", remedy)
+    raise UnreadableLogError(f"{path}: the archive has no such member", f"it holds {told}")
+
+
+def _zstd(file: IO[bytes]) -> Any:
+    try:
+        import zstandard
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("reading .zst", "zstd") from error
+    return _Frames(file, zstandard.ZstdDecompressor(max_window_size=_ZSTD_WINDOW))
+
+
+@contextmanager
+def _translated(path: Path) -> Iterator[None]:
+    """Raise what a library has against the packed data as an error that a user can act on."""
+    damaged: list[type[Exception]] = [EOFError, zlib.error, gzip.BadGzipFile, zipfile.BadZipFile]
+    zstandard = sys.modules.get("zstandard")
+    if zstandard is not None:
+        damaged.append(zstandard.ZstdError)
+    try:
+        yield
+    except tuple(damaged) as error:
+        problem = f"{path}: what is packed in it is damaged or cut ({error})"
+        raise UnreadableLogError(
+            problem, "copy it again; or unpack it as far as it goes, and read that"
+        ) from error
+    except (RuntimeError, NotImplementedError) as error:
+        raise UnreadableLogError(f"{path}: cannot be unpacked here ({error})", "unpack it first") from error

@@ -1,0 +1,268 @@
+"""The scan kernel: one pass over a block, from bytes to one row per intact record.
+
+A record has no checksum. The rules, in the order in which they are asked at each place:
+
+1. Two magic bytes and a type that a FMT record has defined; a FMT record must be plausible in itself.
+2. What follows must be a record's magic bytes, the end of the log, or one byte repeated to its end.
+   In step a record also counts if what follows is a magic with one bit flipped, or a gap that begins
+   right behind it: at the border of a sector, or zeros after a byte that is none.
+3. A time that runs back by more than 0.1 s, and goes on from there, is an old cluster of the disk
+   that was not overwritten: its records are left out, until the time is right again or 64 KB are
+   past. After a FMT record of FMT it is the beginning of another log.
+4. Anything else: one byte is skipped.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import inlined, kernel
+from mavhums.log.dataflash._layout import (
+    FMT,
+    HEAD,
+    MAGIC_1,
+    MAGIC_2,
+    NO,
+    WAIT,
+    YES,
+    begins,
+    define,
+    time_at,
+)
+from mavhums.log.dataflash._times import BACK, GAP_US, IN_ORDER, ODD, judge_time
+from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.mavlink.flags import ODD_TIME
+
+__all__ = ["REGION", "ROW", "STATE", "scan"]
+
+ROW = np.dtype(
+    [("offset", "i8"), ("time_us", "i8"), ("boot", "i4"), ("definition", "i2"), ("flags", "u1")], align=True
+)
+"""One record: ``offset`` in the stream; ``time_us`` since boot, -1 before the first time; ``boot`` counts
+the logs in the stream."""
+
+REGION = np.dtype([("offset", "i8"), ("size", "i8")])
+STATE = np.dtype(
+    [
+        (name, "i8")
+        for name in (
+            "base", "position", "time_us", "lost_step", "skipped", "fill", "definitions", "epoch",
+            "marked", "boot", "old_from", "old_records", "odd_times", "jumps", "rewinds",
+        )
+    ]
+)  # fmt: skip
+"""What is carried from block to block.
+
+``base`` is the stream offset of the buffer's first byte after the guard, ``position`` where in the
+buffer the scan stopped. Since the last record ``skipped`` counts the bytes skipped and ``fill`` the
+equal bytes at their end. ``marked`` tells whether a FMT of FMT came since the last time, ``epoch``
+counts those, ``old_from`` is the offset at which an old cluster began, or -1.
+"""
+
+OLD = 2
+"""An answer: the record is one of an old cluster."""
+
+_HELD = 1 << 12
+_CLUSTER = 1 << 16
+_SECTOR, _BLOCK = 512, 200
+_GAP = 8
+
+Record = Any
+"""An element of a structured array, within compiled code."""
+
+
+@kernel
+def _ends_before(
+    data: NDArray[np.uint8], size: int, end: int, offset: int, in_step: bool, final: bool
+) -> int:
+    """Return whether a record counts that ends at ``end``, ``offset`` in the stream, no magic behind it."""
+    if end == size:
+        return YES if final else WAIT
+    if in_step and end + 2 <= size:
+        off = np.uint8(data[end] ^ MAGIC_1), np.uint8(data[end + 1] ^ MAGIC_2)
+        if (off[0] == 0 and off[1] & (off[1] - 1) == 0) or (off[1] == 0 and off[0] & (off[0] - 1) == 0):
+            return YES
+    filler = data[end]
+    run = 1
+    while run < _HELD and end + run < size and data[end + run] == filler:
+        run += 1
+    if end + run == size and run < _HELD:
+        return YES if final else WAIT
+    if not in_step:
+        return NO
+    if filler == 0 and run >= _GAP and (data[end - 1] != 0 or offset % _BLOCK == 0):
+        return YES
+    return YES if offset % _SECTOR == 0 else NO
+
+
+@inlined
+def _end_of(data: NDArray[np.uint8], size: int, position: int, types: NDArray[np.void]) -> int:
+    """Return where the record at ``position`` ends, ``NO`` if none begins there, ``WAIT`` if it is cut."""
+    if data[position] != MAGIC_1:
+        return NO
+    if position + HEAD > size:
+        return WAIT
+    if data[position + 1] != MAGIC_2:
+        return NO
+    length = int(types[data[position + 2]].length)
+    if length == 0:
+        return NO
+    return position + length if position + length <= size else WAIT
+
+
+@inlined
+def _step_on(data: NDArray[np.uint8], position: int, state: Record) -> None:
+    state.lost_step = 1
+    again = state.skipped > 0 and data[position] == data[position - 1]
+    state.fill = state.fill + 1 if again else 1
+    state.skipped += 1
+
+
+@inlined
+def _counts(data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, final: bool) -> int:
+    """Return whether a record from ``position`` to ``end`` counts by what follows it."""
+    if end <= NO:
+        return NO if final else end
+    if end + 2 <= size and begins(data, end):
+        return YES
+    return _ends_before(data, size, end, state.base + (end - GUARD), state.lost_step == 0, final)
+
+
+@kernel
+def _out_of_order(state: Record, how: int, time_us: int, offset: int) -> bool:
+    """Take a step of the time, and return whether its record counts."""
+    if how == BACK and not state.marked:
+        if state.old_from < 0:
+            state.old_from = offset
+        if offset - state.old_from < _CLUSTER:
+            return False
+        state.rewinds += 1
+    elif state.time_us >= 0 and state.marked:
+        state.boot += 1
+    elif state.time_us >= 0 and time_us > state.time_us + GAP_US:
+        state.jumps += 1
+    return True
+
+
+@inlined
+def _take_time(
+    data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, types: NDArray[np.void],
+    final: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """Return whether a record with a time counts, and its flags; the time is noted."""
+    time_us = time_at(data, position)
+    how = judge_time(data, size, end, time_us, state.time_us, types, final)
+    if how == WAIT:
+        return WAIT, 0
+    if how == ODD:
+        state.odd_times += 1
+        return (YES if state.old_from < 0 else OLD), ODD_TIME
+    if how != IN_ORDER and not _out_of_order(state, how, time_us, state.base + (position - GUARD)):
+        return OLD, 0
+    state.time_us = time_us
+    state.marked = 0
+    state.old_from = -1
+    return YES, 0
+
+
+@kernel
+def _take_definition(
+    data: NDArray[np.uint8], position: int, state: Record, types: NDArray[np.void], bodies: NDArray[np.uint8]
+) -> int:
+    """Return whether a FMT record counts; what it defines is noted."""
+    if data[position + HEAD] == FMT and state.time_us >= 0:
+        state.marked = 1
+        state.epoch += 1
+    known = define(data, position, state.epoch, types, bodies, state.definitions)
+    if known < 0:
+        return NO
+    state.definitions = known
+    return YES if state.old_from < 0 else OLD
+
+
+@inlined
+def _end_region(state: Record, region: Record, offset: int) -> int:
+    """Note the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
+    state.lost_step = 0
+    state.fill = 0
+    if state.skipped == 0:
+        return 0
+    region.offset = offset - state.skipped
+    region.size = state.skipped
+    state.skipped = 0
+    return 1
+
+
+@kernel
+def scan(
+    data: NDArray[np.uint8],
+    size: int,
+    final: bool,
+    carried: NDArray[np.void],
+    types: NDArray[np.void],
+    bodies: NDArray[np.uint8],
+    rows: NDArray[np.void],
+    regions: NDArray[np.void],
+) -> tuple[int, int]:
+    """Find the records of a buffer.
+
+    Parameters
+    ----------
+    data, size
+        ``GUARD`` bytes of any value, then the stream from offset ``carried[0].base`` on, up to ``size``;
+        eight bytes behind it must be readable.
+    final
+        Whether nothing follows; an unfinished record is skipped then, else it waits.
+    carried
+        Shape (1,) of `STATE`, updated.
+    types, bodies
+        What FMT records have told (see `define`); updated.
+    rows, regions
+        Written: the records, and the skipped regions that a record has ended.
+
+    Returns
+    -------
+    Number of rows, number of regions.
+    """
+    state = carried[0]
+    position = GUARD
+    found = 0
+    ended = 0
+    while position < size:
+        end = _end_of(data, size, position, types)
+        counts, flags, kind = _counts(data, size, position, end, state, final), 0, 0
+        if counts == YES:
+            kind = data[position + 2]
+            if types[kind].timed:
+                counts, flags = _take_time(data, size, position, end, state, types, final)
+            elif kind == FMT:
+                counts = _take_definition(data, position, state, types, bodies)
+            elif state.old_from >= 0:
+                counts = OLD
+        if counts == WAIT:
+            break
+        if counts == NO:
+            _step_on(data, position, state)
+            position += 1
+            continue
+        if counts == OLD:
+            state.old_records += 1
+            state.skipped += end - position
+            state.lost_step = state.fill = 0
+            position = end
+            continue
+        offset = state.base + (position - GUARD)
+        ended += _end_region(state, regions[ended], offset)
+        row = rows[found]
+        row.offset = offset
+        row.time_us = state.time_us
+        row.boot = state.boot
+        row.definition = types[kind].definition
+        row.flags = flags
+        found += 1
+        position = end
+    state.position = position
+    return found, ended

@@ -1,0 +1,159 @@
+"""Where a record's parts lie, and what a FMT record says of the records of its type.
+
+A record is ``A3 95``, a type and a payload without padding, little-endian. Nothing tells its length
+but the FMT record of its type, which itself is of type 128: type, length of the whole record, name
+(4 characters), a letter for each field (16), and their names, separated by commas (64).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import inlined, kernel
+from mavhums.log.mavlink._crc import load_word
+
+__all__ = [
+    "BODY",
+    "DEFINITIONS",
+    "FMT",
+    "FMT_SIZE",
+    "HEAD",
+    "MAGIC_1",
+    "MAGIC_2",
+    "NO",
+    "SIZES",
+    "TYPE",
+    "WAIT",
+    "YES",
+    "begins",
+    "define",
+]
+
+YES, NO, WAIT = 1, 0, -1
+"""Answers; ``WAIT`` where it lies in bytes to come."""
+
+MAGIC_1, MAGIC_2 = 0xA3, 0x95
+HEAD = 3
+FMT, FMT_SIZE = 128, 89
+BODY = FMT_SIZE - HEAD
+DEFINITIONS = 1024
+"""Most definitions that one log may hold; more are taken for damage."""
+
+SIZES = {
+    "a": 64, "b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4, "f": 4, "d": 8, "g": 2, "n": 4, "N": 16,
+    "Z": 64, "c": 2, "C": 2, "e": 4, "E": 4, "L": 4, "M": 1, "q": 8, "Q": 8,
+}  # fmt: skip
+"""Bytes of a field by its letter."""
+
+TYPE = np.dtype([("length", "i4"), ("epoch", "i4"), ("definition", "i2"), ("timed", "u1")])
+"""What is known of a type: bytes of a record, 0 if unknown; since which beginning of a log; the number of
+its definition; and whether its records begin with TimeUS."""
+
+_SIZE_OF = np.zeros(256, dtype=np.uint8)
+for _letter, _size in SIZES.items():
+    _SIZE_OF[ord(_letter)] = _size
+_TIME = np.frombuffer(b"TimeUS", dtype=np.uint8)
+_NAME, _FORMAT, _COLUMNS = HEAD + 2, HEAD + 6, HEAD + 22
+
+
+@inlined
+def begins(data: NDArray[np.uint8], place: int) -> bool:
+    """Return whether a record's two magic bytes are at ``place``."""
+    return bool(data[place] == MAGIC_1 and data[place + 1] == MAGIC_2)
+
+
+@kernel
+def _is_text(data: NDArray[np.uint8], start: int, end: int) -> bool:
+    """Return whether there is printable text, with zeros at its end alone."""
+    length = 0
+    while start + length < end and data[start + length] != 0:
+        if not 0x20 <= data[start + length] < 0x7F:
+            return False
+        length += 1
+    for place in range(start + length, end):
+        if data[place] != 0:
+            return False
+    return length > 0
+
+
+@kernel
+def _size_told(data: NDArray[np.uint8], start: int, end: int) -> int:
+    """Return the bytes of a record of these fields, or 0 if there is no such field."""
+    size = HEAD
+    place = start
+    while place < end and data[place] != 0:
+        if _SIZE_OF[data[place]] == 0:
+            return 0
+        size += _SIZE_OF[data[place]]
+        place += 1
+    while place < end:
+        if data[place] != 0:
+            return 0
+        place += 1
+    return size
+
+
+@kernel
+def _is_timed(data: NDArray[np.uint8], position: int) -> bool:
+    if data[position + _FORMAT] != ord("Q"):
+        return False
+    for k in range(_TIME.size):
+        if data[position + _COLUMNS + k] != _TIME[k]:
+            return False
+    after = data[position + _COLUMNS + _TIME.size]
+    return bool(after == 0) or bool(after == ord(","))
+
+
+@kernel
+def define(
+    data: NDArray[np.uint8], position: int, epoch: int, types: NDArray[np.void], bodies: NDArray[np.uint8],
+    known: int,
+) -> int:  # fmt: skip
+    """Take a FMT record, and return how many definitions there are now, or -1 if it is damaged.
+
+    A type keeps its definition until a log begins anew: what says otherwise before is damage.
+
+    Parameters
+    ----------
+    epoch
+        How often a log has begun.
+    types, bodies
+        By type, `TYPE` of shape (256,), and by definition, shape (``DEFINITIONS``, ``BODY``); updated.
+    known
+        Number of definitions so far.
+    """
+    length = int(data[position + HEAD + 1])
+    if not _is_text(data, position + _NAME, position + _FORMAT):
+        return -1
+    if not _is_text(data, position + _COLUMNS, position + FMT_SIZE):
+        return -1
+    if length <= HEAD or _size_told(data, position + _FORMAT, position + _COLUMNS) != length:
+        return -1
+    number = int(data[position + HEAD])
+    if number == FMT:
+        return known
+    kind = types[number]
+    if kind.length > 0:
+        same = True
+        for k in range(BODY):
+            same &= data[position + HEAD + k] == bodies[kind.definition, k]
+        if same:
+            return known
+        if kind.epoch == epoch:
+            return -1
+    if known == DEFINITIONS:
+        return -1
+    for k in range(BODY):
+        bodies[known, k] = data[position + HEAD + k]
+    kind.length = length
+    kind.epoch = epoch
+    kind.definition = known
+    kind.timed = _is_timed(data, position)
+    return known + 1
+
+
+@inlined
+def time_at(data: NDArray[np.uint8], position: int) -> int:
+    """Return TimeUS of the record at ``position``."""
+    return int(np.int64(load_word(data, position + HEAD)))

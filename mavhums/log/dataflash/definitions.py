@@ -1,0 +1,67 @@
+"""What the FMT records of a log define."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.log.dataflash._layout import BODY, FMT, FMT_SIZE
+
+__all__ = ["FMT_BODY", "Definition", "definition_of"]
+
+_TYPES = {
+    "a": "(32,)<i2", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
+    "d": "<f8", "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4",
+    "E": "<u4", "L": "<i4", "M": "u1", "q": "<i8", "Q": "<u8",
+}  # fmt: skip
+_DIVISORS = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
+
+FMT_BODY = bytes([FMT, FMT_SIZE]) + b"FMT\0" + b"BBnNZ".ljust(16, b"\0")
+FMT_BODY += b"Type,Length,Name,Format,Columns".ljust(64, b"\0")
+"""The definition that every log has from its beginning: that of definitions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """Records of one type.
+
+    Attributes
+    ----------
+    number
+        Of the type.
+    name
+        Of the message.
+    wire
+        Layout of the payload.
+    divisors
+        What a field's number is divided by, for the letters that say so.
+    """
+
+    number: int
+    name: str
+    wire: np.dtype[np.void]
+    divisors: dict[str, float]
+
+
+def definition_of(body: NDArray[np.uint8]) -> Definition | None:
+    """Return what the payload of a FMT record defines; None if its fields have no names of their own.
+
+    Examples
+    --------
+    >>> definition_of(np.frombuffer(FMT_BODY, dtype=np.uint8)).wire["Columns"].str
+    '|S64'
+    """
+    raw = body.tobytes()
+    name, letters, columns = (
+        part.split(b"\0")[0].decode("ascii") for part in (raw[2:6], raw[6:22], raw[22:BODY])
+    )
+    fields = columns.split(",")
+    if len(fields) != len(letters) or len(set(fields)) != len(fields) or "" in fields:
+        return None
+    wire = np.dtype([(field, _TYPES[letter]) for field, letter in zip(fields, letters, strict=True)])
+    divisors = {
+        f: _DIVISORS[letter] for f, letter in zip(fields, letters, strict=True) if letter in _DIVISORS
+    }
+    return Definition(raw[0], name, wire, divisors)

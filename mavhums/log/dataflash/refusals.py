@@ -1,0 +1,26 @@
+"""DataFlash logs that cannot be read, and what to do with them."""
+
+from __future__ import annotations
+
+from mavhums.log.dataflash.scanner import RecordScanner
+from mavhums.log.decoding import Refusal
+
+__all__ = ["refusal"]
+
+
+def refusal(head: bytes) -> Refusal | None:
+    """Return why a log that begins with ``head`` cannot be read; None if it can."""
+    scanner = RecordScanner()
+    scanner.feed(head, final=True)
+    columns = [body[22:].tobytes().split(b"\0")[0].split(b",") for body in scanner.bodies[1:]]
+    if any(fields[0] == b"TimeUS" for fields in columns):
+        return None
+    if any(b"TimeMS" in fields for fields in columns):
+        return Refusal(
+            "this DataFlash log is older than TimeUS (ArduPilot of before 2015)",
+            "update the autopilot's firmware, or judge the telemetry log (.tlog) of the flight",
+        )
+    return Refusal(
+        "this DataFlash log does not define its records (no FMT in its first megabyte)",
+        "in a copy, put the first 20 kB of another log of the same firmware before it",
+    )

@@ -1,0 +1,242 @@
+"""What every format's decoder offers, and the choice of one by a log's first bytes.
+
+A new format is a package of its own and a line in `FORMATS`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Final, NamedTuple, Protocol, cast
+
+from mavhums.core.errors import MavhumsError
+from mavhums.log.losses import Losses
+from mavhums.log.mavlink.decoder import MavlinkDecoder
+from mavhums.log.tables import Table
+
+__all__ = ["FORMATS", "Decoder", "Format", "LogDecoder", "Refusal", "format_of"]
+
+
+class LogDecoder(Protocol):
+    """Blocks of a log's bytes in, tables of messages out, in memory that does not grow with the log.
+
+    Names of messages and fields are the format's own. What the tables hold does not depend on where
+    blocks end; what a block leaves unfinished waits for the next.
+    """
+
+    @property
+    def format(self) -> str:
+        """Name of the format, as in `FORMATS`, or ``tlog``."""
+        ...
+
+    @property
+    def counts(self) -> dict[tuple[int, int, str], int]:
+        """Number of intact messages by (system, component, name), wanted or not.
+
+        ``system`` is the vehicle's id; ``component`` tells instances apart where a format has any.
+        """
+        ...
+
+    @property
+    def vehicles(self) -> tuple[int, ...]:
+        """Ids of the vehicles, increasing."""
+        ...
+
+    @property
+    def unknown(self) -> dict[int, int]:
+        """Number of records by message id that nothing defines."""
+        ...
+
+    @property
+    def losses(self) -> Losses:
+        """What could not be read so far, and what the vehicle says that it did not record."""
+        ...
+
+    @property
+    def first_time_us(self) -> int | None:
+        """Time of the first message, microseconds of UTC; None before it."""
+        ...
+
+    @property
+    def last_time_us(self) -> int | None:
+        """Time of the latest message, microseconds of UTC; None before the first."""
+        ...
+
+    @property
+    def undated(self) -> bool:
+        """Whether the log tells no date, so that times count from the vehicle's boot."""
+        ...
+
+    def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
+        """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows."""
+        ...
+
+
+class Refusal(NamedTuple):
+    """Why a log cannot be read, after the name of the file and a colon, and what to do."""
+
+    problem: str
+    remedy: str
+
+
+class _Package(Protocol):
+    """What the package of a format offers."""
+
+    def decoder(self, messages: Collection[str] | None) -> LogDecoder:
+        """Return a new decoder of the wanted message types, all if None."""
+        ...
+
+    def refusal(self, head: bytes) -> Refusal | None:
+        """Return why a log that begins with ``head`` (up to 1 MB) cannot be read; None if it can."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A log format other than MAVLink's, which is what a log without a signature is taken for.
+
+    Attributes
+    ----------
+    name
+        As inspections and assessments say it.
+    title
+        As error messages say it: "this is …".
+    signature
+        The first bytes of every such log.
+    package
+        Where it is read; imported with the first such log.
+    """
+
+    name: str
+    title: str
+    signature: bytes
+    package: str
+
+    def load(self) -> _Package:
+        """Import the package."""
+        return cast(_Package, import_module(self.package))
+
+
+FORMATS: Final[tuple[Format, ...]] = (
+    Format("dataflash", "an ArduPilot DataFlash log (.BIN)", b"\xa3\x95", "mavhums.log.dataflash"),
+    Format("ulog", "a PX4 ULog (.ulg)", b"ULog\x01\x12\x35", "mavhums.log.ulog"),
+)
+_LONGEST: Final = max(len(known.signature) for known in FORMATS)
+
+
+def format_of(head: bytes) -> Format | None:
+    """Return the format with whose signature ``head`` begins; None of a MAVLink log.
+
+    Examples
+    --------
+    >>> format_of(b"\\xa3\\x95\\x80\\x80").name
+    'dataflash'
+    """
+    return next((known for known in FORMATS if head.startswith(known.signature)), None)
+
+
+class Decoder:
+    """Decoder of a log in any format, which the first bytes choose: a `LogDecoder`.
+
+    Parameters
+    ----------
+    messages
+        Names of the message types that are wanted, of any format; all if None. Others are checked
+        and counted but not unpacked.
+    dialect
+        Of a MAVLink log: an XML file whose definitions go before the shipped ones.
+    key
+        Of a MAVLink log: 32 bytes; only frames signed with it count. If None, signatures are not
+        looked at.
+
+    Raises
+    ------
+    DialectError
+        If the XML cannot be used.
+
+    Examples
+    --------
+    >>> Decoder().feed(b"not a log", final=True)
+    {}
+    """
+
+    def __init__(
+        self,
+        messages: Iterable[str] | None = None,
+        *,
+        dialect: str | os.PathLike[str] | None = None,
+        key: bytes | None = None,
+    ) -> None:
+        self._wanted = None if messages is None else frozenset(messages)
+        self._for_mavlink = "dialect" if dialect is not None else "key" if key is not None else None
+        self._chosen: LogDecoder = MavlinkDecoder(self._wanted, dialect=dialect, key=key)
+        self._head: bytes | None = b""
+
+    @property
+    def format(self) -> str:
+        """Name of the format."""
+        return self._chosen.format
+
+    @property
+    def counts(self) -> dict[tuple[int, int, str], int]:
+        """Number of intact messages by (system, component, name), wanted or not."""
+        return self._chosen.counts
+
+    @property
+    def vehicles(self) -> tuple[int, ...]:
+        """Ids of the vehicles, increasing."""
+        return self._chosen.vehicles
+
+    @property
+    def unknown(self) -> dict[int, int]:
+        """Number of records by message id that nothing defines."""
+        return self._chosen.unknown
+
+    @property
+    def losses(self) -> Losses:
+        """What could not be read so far."""
+        return self._chosen.losses
+
+    @property
+    def first_time_us(self) -> int | None:
+        """Time of the first message, microseconds of UTC; None before it."""
+        return self._chosen.first_time_us
+
+    @property
+    def last_time_us(self) -> int | None:
+        """Time of the latest message, microseconds of UTC; None before the first."""
+        return self._chosen.last_time_us
+
+    @property
+    def undated(self) -> bool:
+        """Whether the log tells no date, so that times count from the vehicle's boot."""
+        return self._chosen.undated
+
+    def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
+        """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows.
+
+        Raises
+        ------
+        MavhumsError
+            If the log is of another format and ``dialect`` or ``key`` was given.
+        """
+        if self._head is not None:
+            block = self._head = self._head + block
+            if len(block) < _LONGEST and not final:
+                return {}
+            self._choose(block)
+        return self._chosen.feed(block, final=final)
+
+    def _choose(self, head: bytes) -> None:
+        self._head = None
+        known = format_of(head)
+        if known is None:
+            return
+        if self._for_mavlink:
+            raise MavhumsError(
+                f"this is {known.title}: a {self._for_mavlink} is for MAVLink logs alone",
+                f"leave --{self._for_mavlink} out",
+            )
+        self._chosen = known.load().decoder(self._wanted)

@@ -1,0 +1,35 @@
+"""PX4's on-board log, ULog (``.ulg``)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from mavhums.log.decoding import LogDecoder, Refusal
+from mavhums.log.ulog.decoder import UlogDecoder
+from mavhums.log.ulog.messages import flag_bits
+from mavhums.log.ulog.scanner import HEADER, UlogScanner
+
+__all__ = ["decoder", "refusal"]
+
+_CUT = "copy the log again from the card, or take another one"
+
+
+def decoder(messages: Collection[str] | None) -> LogDecoder:
+    """Return a new decoder of the wanted topics, all if None."""
+    return UlogDecoder(messages)
+
+
+def refusal(head: bytes) -> Refusal | None:
+    """Return why a log that begins with ``head`` cannot be read; None if it can."""
+    if (
+        head[HEADER + 2 : HEADER + 3] == b"B"
+        and flag_bits(head[HEADER + 3 :][:40].ljust(40, b"\0")).incompatible
+    ):
+        return Refusal("this ULog needs a newer reader (unknown incompatible flags)", "update mavhums")
+    scanner = UlogScanner()
+    rows = sum(batch.rows.size for batch in scanner.feed(head, final=True))
+    if rows == 0:
+        return Refusal("no message in the first megabyte of this ULog", _CUT)
+    if not scanner.topics.layouts:
+        return Refusal("this ULog defines no topic in its first megabyte", _CUT)
+    return None

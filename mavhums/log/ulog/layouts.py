@@ -1,0 +1,168 @@
+"""From format messages to the layout of a record: nested types laid out flat, padding left out.
+
+A format is ``name:type field;type[n] field;…``; a type is a basic one or the name of another format.
+The padding at the end of a record is not written, that within it is.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+__all__ = ["Formats", "Layout"]
+
+BASIC: Final = {
+    "int8_t": "i1",
+    "uint8_t": "u1",
+    "int16_t": "<i2",
+    "uint16_t": "<u2",
+    "int32_t": "<i4",
+    "uint32_t": "<u4",
+    "int64_t": "<i8",
+    "uint64_t": "<u8",
+    "float": "<f4",
+    "double": "<f8",
+    "bool": "u1",
+    "char": "S1",
+}
+_NAME = r"[A-Za-z_][A-Za-z0-9_\-/]*"
+_FORMAT = re.compile(rf"({_NAME}):(.*)", re.DOTALL)
+_FIELD = re.compile(rf"({_NAME})(?:\[(\d{{1,5}})\])? +({_NAME})")
+_LARGEST = 65_533
+_MOST_FIELDS = 4096
+_MOST_FORMATS = 4096
+_MOST_STEPS = 1_000_000
+
+
+class _NoLayoutError(ValueError):
+    """The formats do not tell the layout."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The layout of a topic's records.
+
+    Attributes
+    ----------
+    name
+        Of the topic.
+    wire
+        A record, little endian without gaps but for padding; a nested type's fields are named
+        ``esc[0].esc_rpm``, an array of numbers is one field, chars are text.
+    most
+        Bytes of a record if the padding at its end is written, too.
+    stamp
+        Where the field ``timestamp`` is, a u64; -1 if there is none.
+    """
+
+    name: str
+    wire: np.dtype[np.void]
+    most: int
+    stamp: int
+
+    def has(self, field: str, form: str) -> bool:
+        """Return whether a record has a field of this type."""
+        return field in (self.wire.names or ()) and self.wire[field] == np.dtype(form)
+
+
+@dataclass(slots=True)
+class _Part:
+    """A field of a record."""
+
+    name: str
+    form: str
+    count: int | None
+    offset: int
+
+
+class Formats:
+    """The formats that a log defines, of which a damaged log may define any number.
+
+    Examples
+    --------
+    >>> formats = Formats()
+    >>> formats.add(b"airspeed:uint64_t timestamp;float true_airspeed_m_s;uint8_t[4] _padding0;")
+    >>> layout = formats.layout("airspeed")
+    >>> layout.wire.itemsize, layout.most, layout.stamp
+    (12, 16, 0)
+    """
+
+    def __init__(self) -> None:
+        self._fields: dict[str, list[tuple[str, int | None, str]]] = {}
+        self._layouts: dict[str, Layout | None] = {}
+        self._steps = 0
+
+    def add(self, body: bytes) -> None:
+        """Take a format message; one that cannot be understood, or contradicts one in use, does not count."""
+        text = body.decode("utf-8", "replace")
+        match = _FORMAT.fullmatch(text)
+        if match is None:
+            return
+        fields = [_FIELD.fullmatch(field.strip()) for field in match[2].split(";") if field.strip()]
+        known = [(m[1], int(m[2]) if m[2] else None, m[3]) for m in fields if m]
+        name = match[1]
+        if len(known) < len(fields) or self._layouts.get(name) is not None:
+            return
+        if len(self._fields) < _MOST_FORMATS or name in self._fields:
+            self._fields[name] = known
+            self._layouts = {used: layout for used, layout in self._layouts.items() if layout}
+
+    def layout(self, name: str) -> Layout | None:
+        """Return the layout of a topic's records; None if the formats do not tell it."""
+        if name not in self._layouts:
+            try:
+                self._layouts[name] = self._lay_out(name)
+            except _NoLayoutError:
+                self._layouts[name] = None
+        return self._layouts[name]
+
+    def _lay_out(self, name: str) -> Layout:
+        parts: list[_Part] = []
+        most = self._expand(name, "", 0, (), parts)
+        least = most
+        while parts and parts[-1].name.startswith("_padding"):
+            least = parts.pop().offset
+        kept = [part for part in parts if not part.name.rpartition(".")[2].startswith("_padding")]
+        names = [part.name for part in kept]
+        if not kept or len(set(names)) < len(names):
+            raise _NoLayoutError
+        stamps = [part.offset for part in kept if (part.name, part.form) == ("timestamp", "<u8")]
+        wire = np.dtype(
+            {
+                "names": names,
+                "formats": [_form(part) for part in kept],
+                "offsets": [part.offset for part in kept],
+                "itemsize": least,
+            }
+        )
+        return Layout(name, wire, most, stamps[0] if stamps else -1)
+
+    def _expand(self, name: str, prefix: str, at: int, within: tuple[str, ...], parts: list[_Part]) -> int:
+        """Append the fields of a format from byte ``at`` on; return where they end."""
+        if name not in self._fields or name in within:
+            raise _NoLayoutError
+        for kind, count, field in self._fields[name]:
+            self._steps += 1
+            if self._steps > _MOST_STEPS or len(parts) > _MOST_FIELDS or count == 0:
+                raise _NoLayoutError
+            if kind in BASIC:
+                parts.append(_Part(prefix + field, BASIC[kind], count, at))
+                at += np.dtype(BASIC[kind]).itemsize * (1 if count is None else count)
+            elif count is None:
+                at = self._expand(kind, f"{prefix}{field}.", at, (*within, name), parts)
+            else:
+                for k in range(count):
+                    at = self._expand(kind, f"{prefix}{field}[{k}].", at, (*within, name), parts)
+            if at > _LARGEST:
+                raise _NoLayoutError
+        return at
+
+
+def _form(part: _Part) -> object:
+    """Return a field's type, as numpy takes it."""
+    if part.form == "S1":
+        return f"S{part.count or 1}"
+    return part.form if part.count is None else (part.form, (part.count,))

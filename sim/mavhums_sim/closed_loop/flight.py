@@ -1,0 +1,259 @@
+"""A flight in closed loop: the aircraft answers to its surfaces, and the autopilot to the aircraft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums_sim.closed_loop.aircraft import FRAME_S, Air, Aircraft, Dispersion
+from mavhums_sim.closed_loop.autopilot import Autopilot
+from mavhums_sim.closed_loop.emas import Emas
+from mavhums_sim.closed_loop.frame import COLUMNS, MEMORY, advance
+from mavhums_sim.closed_loop.mission import PHASES, Mission, plan, sticks
+from mavhums_sim.closed_loop.prepare import Gust, fault_rows, measurement_errors, servo_rows, vehicle_row
+from mavhums_sim.closed_loop.surfaces import LAYOUTS, SurfaceFault
+from mavhums_sim.cyclogram import Cyclogram
+from mavhums_sim.flight import Flight, FlightRecord
+from mavhums_sim.motion import CONTROL_PERIOD_S
+
+__all__ = ["CONFOUNDERS", "ClosedLoop", "Confounder", "FlownLoop", "fly_closed_loop"]
+
+Array = NDArray[np.float64]
+Flavour = Literal["ardupilot", "px4"]
+
+CONFOUNDERS = {
+    "engine": "share of the thrust that is left",
+    "airspeed": "what the sensor reads, as a share of the truth",
+    "wind": "m/s that the mean wind gains within 3 s, from a random side",
+    "gps": "m/s at which the position drifts",
+}
+_LAUNCH_HEIGHT_M, _LAUNCH_SPEED = 8.0, 23.0
+_LOWEST_M = 1.0
+_LONGEST_EMA_S = 1800.0
+_AIR_DENSITY = 1.225
+
+
+@dataclass(frozen=True, slots=True)
+class Confounder:
+    """What is no surface's fault: ``kind`` of :data:`CONFOUNDERS`, its value, and when.
+
+    Raises
+    ------
+    ValueError
+        If the kind is unknown or the value no number.
+    """
+
+    kind: str
+    value: float
+    at_s: float
+    until_s: float = inf
+
+    def __post_init__(self) -> None:
+        if self.kind not in CONFOUNDERS:
+            raise ValueError(f"no confounder {self.kind!r}; there are {', '.join(CONFOUNDERS)}")
+        if not (isfinite(self.value) and 0.0 <= self.at_s < self.until_s):
+            raise ValueError(f"confounder {self.kind}: the value must be a number and the times in order")
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedLoop:
+    """What is to be flown.
+
+    Attributes
+    ----------
+    seed
+        Decides mission, turbulence, pilot and noise.
+    airframe
+        Seed of the individual: aerodynamics, servos, gains; None flies the published aircraft.
+    duration_s
+        From switching on; the first ``ground_s`` of it stand on the launcher.
+    layout, flavour, mission, air
+        Surfaces, whose messages, what is flown, and in which air.
+    faults, confounders
+        At most one fault a surface; times count from switching on.
+    emas
+        What is wrong with the EMAs that move the surfaces, and how they report; their conditions are
+        :class:`~mavhums_sim.conditions.Condition`. Without it the servos are of reduced order.
+
+    Raises
+    ------
+    ValueError
+        If something is impossible; the message names it.
+    """
+
+    seed: int = 0
+    airframe: int | None = 0
+    duration_s: float = 600.0
+    ground_s: float = 12.0
+    layout: str = "conventional"
+    flavour: Flavour = "ardupilot"
+    mission: Mission = "mixed"
+    air: Air = field(default_factory=Air)
+    faults: tuple[SurfaceFault, ...] = ()
+    confounders: tuple[Confounder, ...] = ()
+    emas: Flight | None = None
+
+    def __post_init__(self) -> None:
+        if self.layout not in LAYOUTS:
+            raise ValueError(f"no layout {self.layout!r}; there are {', '.join(LAYOUTS)}")
+        for name, choices in (("flavour", get_args(Flavour)), ("mission", get_args(Mission))):
+            if getattr(self, name) not in choices:
+                raise ValueError(f"no {name} {getattr(self, name)!r}; there are {', '.join(choices)}")
+        if not 0.0 <= self.ground_s < self.duration_s - 10.0 or self.duration_s > 7200.0:
+            raise ValueError("a flight lasts at least 10 s beyond its time on the ground, and at most 7200 s")
+        if self.emas and (self.layout != "conventional" or self.duration_s > _LONGEST_EMA_S):
+            raise ValueError(f"EMAs fly the conventional layout, up to {_LONGEST_EMA_S:g} s")
+        surfaces = [fault.surface for fault in self.faults]
+        for name in surfaces:
+            if name not in LAYOUTS[self.layout].surfaces:
+                there = ", ".join(LAYOUTS[self.layout].surfaces)
+                raise ValueError(f"no surface {name!r} in layout {self.layout}; there are {there}")
+        kinds = [confounder.kind for confounder in self.confounders]
+        if len(set(surfaces)) < len(surfaces) or len(set(kinds)) < len(kinds):
+            raise ValueError("one fault a surface, and one confounder of a kind")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlownLoop:
+    """A flight that was flown; its log begins at the launch.
+
+    Attributes
+    ----------
+    log
+        One row a frame of 10 ms, :data:`~mavhums_sim.closed_loop.frame.COLUMNS` and behind them the
+        servos' demands, the surfaces' and the shafts' angles, rad.
+    errors
+        Of the autopilot's measurements, at 50 Hz.
+    end
+        ``complete``, ``landed`` or ``crashed``.
+    emas
+        What the EMAs did over the length flown; None for servos of reduced order.
+    """
+
+    flight: ClosedLoop
+    log: Array
+    errors: Array
+    end: str
+    emas: FlightRecord | None = None
+
+    @property
+    def time_s(self) -> Array:
+        """Times of the rows since switching on, s, shape (n,)."""
+        return self.flight.ground_s + np.arange(self.log.shape[0], dtype=np.float64) * FRAME_S
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last row, s."""
+        return float(self.flight.ground_s + (self.log.shape[0] - 1) * FRAME_S)
+
+    def column(self, name: str) -> Array:
+        """Return a column of the log, shape (n,)."""
+        return self.log[:, COLUMNS[name]]
+
+    def servos(self, what: Literal["demand", "surface", "shaft"]) -> Array:
+        """Return demands, surface or shaft angles of all servos, rad, shape (n, servos)."""
+        count = len(LAYOUTS[self.flight.layout].surfaces)
+        first = len(COLUMNS) + count * ("demand", "surface", "shaft").index(what)
+        return self.log[:, first : first + count]
+
+
+def fly_closed_loop(flight: ClosedLoop) -> FlownLoop:
+    """Fly; the same flight gives the same log.
+
+    Examples
+    --------
+    >>> flown = fly_closed_loop(ClosedLoop(duration_s=40.0))
+    >>> flown.end, flown.log.shape[0]
+    ('complete', 2800)
+    """
+    layout = LAYOUTS[flight.layout]
+    frames = round((flight.duration_s - flight.ground_s) / FRAME_S)
+    count, half = len(layout.surfaces), frames // 2 + 1
+    log = np.zeros((frames, len(COLUMNS) + 3 * count))
+    errors, stick = measurement_errors(flight.seed, half), sticks(flight.seed, half)
+    legs, memory = plan(flight.seed, flight.duration_s - flight.ground_s, flight.mission), np.zeros(1, MEMORY)
+    memory["throttle"], memory["nav_pitch"] = 1.0, 0.15
+    fixed = (
+        vehicle_row(flight),
+        _pilot(flight).record(),
+        legs,
+        memory,
+        servo_rows(flight),
+        fault_rows(flight),
+    )
+    out = np.zeros(5)
+    matrices = (np.array(layout.mixing), layout.effect(), out)
+    gust, aircraft = Gust(flight), _launched(flight)
+    emas = _Shafts(flight, fixed[4], log)
+    end = "complete"
+    for k in range(frames):
+        height = advance(aircraft.read(), emas.at(k), log, errors, stick, *fixed, *matrices)
+        if not height > _LOWEST_M:
+            end, log = "landed" if _approaches(legs, memory) else "crashed", log[:k]
+            break
+        if k == gust.next:
+            aircraft.wind(*gust.step())
+        aircraft.drive(out.tolist())
+        aircraft.run()
+    return FlownLoop(flight, log, errors, end, emas.record(log))
+
+
+class _Shafts:
+    """The shafts of the servos: NaN, which asks for the reduced order, or those of the EMAs."""
+
+    def __init__(self, flight: ClosedLoop, servos: NDArray[np.void], log: Array) -> None:
+        self._angles = np.full(servos.size, np.nan)
+        self._emas = Emas(flight.emas, flight.duration_s, flight.ground_s) if flight.emas else None
+        self._log, self._servos = log, servos
+
+    def at(self, k: int) -> Array:
+        """Return the angles in frame ``k``, rad, shape (n,), after what frame ``k − 1`` demanded."""
+        if self._emas is not None:
+            row = self._log[max(k - 1, 0)]
+            demand = row[len(COLUMNS) : len(COLUMNS) + self._servos.size]
+            pressure = 0.5 * _AIR_DENSITY * row[COLUMNS["airspeed"]] ** 2
+            streams = self._servos["streams_with_alpha"] * row[COLUMNS["alpha"]]
+            streams = streams + self._servos["streams_with_beta"] * row[COLUMNS["beta"]]
+            self._emas.step(demand, float(pressure), streams, self._angles)
+        return self._angles
+
+    def record(self, log: Array) -> FlightRecord | None:
+        return self._emas.record(_as_cyclogram(self._emas, log)) if self._emas else None
+
+
+def _as_cyclogram(emas: Emas, log: Array) -> Cyclogram:
+    """Return what was flown as a cyclogram, standing still before the launch."""
+    commands = emas.commands()
+    count = next(iter(commands.values())).size
+    time_s = (np.arange(count, dtype=np.float64) + 1.0) * CONTROL_PERIOD_S
+    frames = np.clip(np.arange(count) // 10 - count // 10 + log.shape[0], 0, log.shape[0] - 1)
+    flying = np.arange(count) // 10 >= count // 10 - log.shape[0]
+
+    def at(name: str) -> Array:
+        return np.where(flying, log[frames, COLUMNS[name]], 0.0)
+
+    incidence = dict.fromkeys(commands, at("alpha")) | {"rudder": at("beta")}
+    state = (at(name) for name in ("roll", "pitch", "yaw", "height"))
+    return Cyclogram("closed-loop", time_s, commands, at("airspeed"), incidence, *state)
+
+
+def _pilot(flight: ClosedLoop) -> Autopilot:
+    return Autopilot() if flight.airframe is None else Autopilot.tuned(flight.airframe, flight.flavour)
+
+
+def _launched(flight: ClosedLoop) -> Aircraft:
+    """Return the aircraft as it leaves the launcher, into the wind."""
+    dispersion = Dispersion() if flight.airframe is None else Dispersion.draw(flight.airframe)
+    aircraft = Aircraft(dispersion, flight.seed)
+    speed = max(_LAUNCH_SPEED - flight.air.wind, 6.0)
+    aircraft.place(_LAUNCH_HEIGHT_M, speed, 0.12, float(np.radians(flight.air.direction_deg)))
+    aircraft.blow(flight.air)
+    return aircraft
+
+
+def _approaches(legs: NDArray[np.void], memory: NDArray[np.void]) -> bool:
+    return int(legs["phase"][memory["leg"][0]]) == PHASES.index("approach")

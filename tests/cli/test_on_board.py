@@ -1,0 +1,114 @@
+"""Every command on the log that the autopilot keeps, as on a telemetry log."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from mavhums_sim import Flight, fly, write_dataflash
+from tests.conftest import REAL_LOGS, Run
+from tests.log.dataflash.synthetic import definition, fmt_of_fmt
+
+F25 = REAL_LOGS / "sitl" / "control" / "f25_jam_bin.BIN.gz"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("on_board") / "flight.BIN"
+    flight = Flight(seed=4, duration_s=20.0, rate_hz=50.0, friction_nm={"elevator": (1.1, 1.1)},
+                    tiers=("csrv", "pwm"))  # fmt: skip
+    write_dataflash(fly(flight), path)
+    return path
+
+
+def test_inspect_says_what_it_holds(run: Run, log: Path) -> None:
+    told = json.loads(run("inspect", log, "--json").out)
+    assert told["start_utc"].startswith("2026-01-01T09:00:00")
+    assert not told["sender_clock"]
+    [vehicle] = told["vehicles"]
+    assert (vehicle["vehicle"], vehicle["airframe"], vehicle["tier"]) == (1, "paper", "csrv")
+    elevator = next(a for a in vehicle["actuators"] if a["actuator"] == "elevator")
+    assert elevator["provenance"]["V3"] == "CSRV[2].Pos"
+    rates = {message["name"]: message["rate_hz"] for message in told["messages"]}
+    assert rates["CSRV"] == pytest.approx(200, abs=5)
+
+
+def test_analyse_judges_it(run: Run, log: Path, tmp_path: Path) -> None:
+    recording = tmp_path / "flight.rrd"
+    outcome = run("analyse", log, "--json", "--rrd", recording)
+    assert outcome.code == 11
+    told = json.loads(outcome.out)
+    assert told["log"]["format"] == "dataflash"
+    assert told["log"]["flight"][0]["board"] == "4D415648554D5353494D0001"
+    conditions = {verdict["actuator"]: verdict["condition"] for verdict in told["verdicts"]}
+    assert conditions["elevator"] == "emergency"
+    assert recording.stat().st_size > 10_000
+
+
+def test_export_writes_quantities_and_records(run: Run, log: Path, tmp_path: Path) -> None:
+    quantities, records = tmp_path / "v.csv", tmp_path / "att.csv"
+    assert run("export", log, "-o", quantities).code == 0
+    table = pd.read_csv(quantities)
+    assert set(table["actuator"]) == {"aileron_left", "aileron_right", "elevator", "rudder"}
+    assert table["V10"].notna().mean() > 0.99
+    assert run("export", log, "-o", records, "--messages", "ATT").code == 0
+    assert {"TimeUS", "DesRoll", "Yaw"} <= set(pd.read_csv(records).columns)
+
+
+def test_a_profile_is_drafted_from_its_parameters(run: Run, log: Path) -> None:
+    drafted = run("profile", "new", log)
+    assert drafted.code == 0
+    assert 'surface = "elevator"\nservo = 3  # SERVO3_FUNCTION = 19' in drafted.out
+
+
+def test_a_key_and_a_dialect_are_for_mavlink(run: Run, log: Path, tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_text("00" * 32)
+    refused = run("analyse", log, "--key", key)
+    assert refused.code == 1
+    assert "leave --key out" in refused.err
+
+
+def test_a_log_that_is_too_old_is_one_line_and_a_remedy(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "old.BIN"
+    path.write_bytes(fmt_of_fmt() + definition(3, "ATT", "IccC", "TimeMS,Roll,Pitch,Yaw") + bytes(300))
+    refused = run("analyse", path)
+    assert refused.code == 1
+    assert str(path) in refused.err
+    assert "Traceback" not in refused.err
+
+
+@pytest.mark.slow
+def test_rerun_opens_it(log: Path) -> None:
+    pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")
+    command = [sys.executable, "-m", "mavhums.cli.importer", str(log), "--recording-id", "x"]
+    done = subprocess.run(command, capture_output=True, check=False)
+    assert done.returncode == 0
+    assert done.stdout.startswith(b"RRF2")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not F25.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+def test_a_jam_is_seen_through_csrv(run: Run, tmp_path: Path) -> None:
+    import gzip
+
+    path, profile = tmp_path / "f25.BIN", tmp_path / "f25.toml"
+    path.write_bytes(gzip.decompress(F25.read_bytes()))
+    profile.write_text(run("profile", "new", path).out)
+    outcome = run("analyse", path, "--airframe", profile, "--json")
+    assert outcome.code == 11
+    verdicts = [v for v in json.loads(outcome.out)["verdicts"] if v.get("subject", "actuator") == "actuator"]
+    worst = {verdict["actuator"]: verdict["worst"] for verdict in verdicts}
+    assert worst.pop("aileron_1") == "emergency"
+    assert "emergency" not in worst.values()
+    jam = next(v for v in verdicts if v["actuator"] == "aileron_1")
+    assert {e["kind"] for e in jam["evidence"]} == {"jam"}
+    start, end = jam["evidence"][0]["start_s"], jam["evidence"][0]["end_s"]
+    fault_s, clear_s = 237.66 - 26.33, 437.05 - 26.33  # of boot, and the log begins 26.33 s after it
+    assert fault_s - 5 <= start <= fault_s + 15
+    assert clear_s - 15 <= end <= clear_s + 15

@@ -1,0 +1,173 @@
+"""Compressed and archived files are read as what is in them, or refused with a word that helps."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import sys
+import tracemalloc
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import zstandard
+
+from mavhums import analyse, read_log
+from mavhums.core import packed
+from mavhums.core.errors import UnreadableLogError
+from mavhums.core.packed import Unpacked, opened
+from tests.conftest import Run
+from tests.log.ulog import writer
+
+LOG = writer.flight(2.0)
+
+
+def zipped(path: Path, *members: tuple[str, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members:
+            archive.writestr(name, data)
+    return path
+
+
+def packings(folder: Path) -> dict[str, Path]:
+    out = {
+        "flight.ulg.gz": gzip.compress(LOG),
+        "two members.gz": gzip.compress(LOG[:1000]) + gzip.compress(LOG[1000:]),
+        "flight.ulg.zst": zstandard.compress(LOG),
+        "two frames.zst": zstandard.compress(LOG[:1000]) + zstandard.compress(LOG[1000:]),
+        "no suffix": gzip.compress(LOG),
+    }
+    for name, data in out.items():
+        (folder / name).write_bytes(data)
+    paths = {name: folder / name for name in out}
+    paths["one.zip"] = zipped(folder / "one.zip", ("a/", b""), ("a/flight.ulg", LOG), ("__MACOSX/a", b"x"))
+    paths["gz in zip"] = zipped(folder / "inner.zip", ("flight.ulg.gz", gzip.compress(LOG)))
+    several = zipped(folder / "several.zip", ("flight.ulg", LOG), ("notes.txt", b"windy"))
+    paths["named member"] = several / "flight.ulg"
+    return paths
+
+
+PACKINGS = (
+    "flight.ulg.gz",
+    "two members.gz",
+    "flight.ulg.zst",
+    "two frames.zst",
+    "no suffix",
+    "one.zip",
+    "gz in zip",
+    "named member",
+)
+
+
+@pytest.mark.parametrize("name", PACKINGS)
+def test_what_is_packed_is_read_as_the_log_in_it(name: str, tmp_path: Path) -> None:
+    plain = tmp_path / "plain.ulg"
+    plain.write_bytes(LOG)
+    path = packings(tmp_path)[name]
+    log = read_log(path)
+    assert log.format == "ulog"
+    assert log.counts == read_log(plain).counts
+    assert analyse(path).log.sha256 == analyse(plain).log.sha256
+
+
+def cut_gzip(folder: Path) -> Path:
+    path = folder / "cut.gz"
+    path.write_bytes(gzip.compress(LOG)[:-100])
+    return path
+
+
+def cut_zstd(folder: Path) -> Path:
+    path = folder / "cut.zst"
+    path.write_bytes(zstandard.compress(LOG)[:-100])
+    return path
+
+
+def broken_directory(folder: Path) -> Path:
+    path = zipped(folder / "bad.zip", ("flight.ulg", LOG))
+    path.write_bytes(path.read_bytes().replace(b"PK\x01\x02", b"PK\x01\x03"))
+    return path
+
+
+def several(folder: Path) -> Path:
+    return zipped(folder / "several.zip", ("a.ulg", LOG), ("b.ulg", LOG))
+
+
+def unknown_member(folder: Path) -> Path:
+    return several(folder) / "c.ulg"
+
+
+def empty(folder: Path) -> Path:
+    return zipped(folder / "empty.zip", ("a/", b""))
+
+
+def member_of_a_file(folder: Path) -> Path:
+    (folder / "flight.ulg").write_bytes(LOG)
+    return folder / "flight.ulg" / "member"
+
+
+def zip_in_zip(folder: Path) -> Path:
+    return zipped(folder / "outer.zip", ("several.zip", several(folder).read_bytes()))
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (cut_gzip, "damaged or cut"),
+        (cut_zstd, "damaged or cut"),
+        (broken_directory, "damaged or cut"),
+        (several, "holds 2 files: a.ulg, b.ulg: name one, for example .*several.zip/a.ulg"),
+        (unknown_member, "no such member: it holds a.ulg, b.ulg"),
+        (empty, "holds no file"),
+        (member_of_a_file, "is a file and no zip archive"),
+        (zip_in_zip, "this is a zip archive"),
+    ],
+)
+def test_what_cannot_be_read_is_told(made: Callable[[Path], Path], said: str, tmp_path: Path) -> None:
+    with pytest.raises(UnreadableLogError, match=said):
+        read_log(made(tmp_path))
+
+
+def drain(file: Unpacked) -> None:
+    while file.read(1 << 16):
+        pass
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, zstandard.compress])
+def test_a_bomb_is_stopped_and_needs_no_memory(
+    pack: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Unpacked, "free", 1 << 20)
+    path = tmp_path / "bomb"
+    path.write_bytes(pack(bytes(256 << 20)))
+    tracemalloc.start()
+    with opened(path) as file, pytest.raises(UnreadableLogError, match="expands to more than 200 times"):
+        drain(file)
+    assert tracemalloc.get_traced_memory()[1] < 80 << 20
+    tracemalloc.stop()
+
+
+def test_zeros_that_a_card_left_are_no_bomb(tmp_path: Path) -> None:
+    path = tmp_path / "zeros.gz"
+    path.write_bytes(gzip.compress(LOG + bytes(20 << 20)))
+    assert read_log(path).losses.trailing_zeros >= 20 << 20
+
+
+def test_the_standard_input_may_be_compressed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(gzip.compress(LOG))))
+    assert read_log("-").format == "ulog"
+
+
+def test_without_zstandard_the_remedy_is_its_installation(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "zstandard", None)
+    path = tmp_path / "flight.ulg.zst"
+    path.write_bytes(zstandard.compress(LOG))
+    outcome = run("inspect", path)
+    assert outcome.code == 1
+    assert "pip install 'mavhums[zstd]'" in outcome.err
+
+
+def test_the_limit_is_beyond_any_log() -> None:
+    assert (packed.Unpacked.free, packed.Unpacked.ratio) == (1 << 30, 200)

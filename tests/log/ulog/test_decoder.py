@@ -1,0 +1,181 @@
+"""The decoder: blocks, clocks, vehicles, losses, refusals."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mavhums import read_log
+from mavhums.core.errors import UnreadableLogError
+from mavhums.log.mavlink.flags import ODD_TIME
+from tests.log.ulog import writer
+from tests.log.ulog.peer import decode
+
+FLIGHT = writer.flight(2.0)
+TOPIC = writer.form("topic", "uint64_t timestamp;float value;") + writer.subscribe(1, "topic")
+
+
+def row(time_us: int, value: float = 0.0, number: int = 1) -> bytes:
+    return writer.data(number, struct.pack("<Qf", time_us, value))
+
+
+@settings(max_examples=40, deadline=None)
+@given(cuts=st.lists(st.integers(0, len(FLIGHT)), max_size=8).map(sorted), damage=st.booleans())
+def test_where_blocks_end_never_matters(cuts: list[int], damage: bool) -> None:
+    log = FLIGHT[:3000] + bytes(70) + FLIGHT[3040:] if damage else FLIGHT
+    whole, decoder = decode(log)
+    pieces, other = decode(log, tuple(cuts))
+    assert whole.keys() == pieces.keys()
+    for name, table in whole.items():
+        for part in ("frame", "time_us", "system", "component", "flags", "fields"):
+            assert getattr(table, part).tobytes() == getattr(pieces[name], part).tobytes(), (name, part)
+    assert decoder.losses == other.losses
+    assert decoder.counts == other.counts
+    assert (decoder.first_time_us, decoder.last_time_us) == (other.first_time_us, other.last_time_us)
+
+
+def test_byte_by_byte_is_the_same_log() -> None:
+    log = FLIGHT[:6000]
+    assert decode(log, tuple(range(1, len(log))))[1].counts == decode(log)[1].counts
+
+
+def test_names_instances_and_units_are_the_formats_own() -> None:
+    tables, decoder = decode(FLIGHT)
+    outputs = tables["actuator_outputs"]
+    assert np.unique(outputs.component).tolist() == [0, 1]
+    assert outputs["output"].shape == (len(outputs), 16)
+    assert tables["esc_status"]["esc[3].esc_rpm"].tolist() == [300 + 5 * k for k in range(20)]
+    assert "_padding0" not in (tables["esc_status"].fields.dtype.names or ())
+    assert decoder.format == "ulog"
+    assert decoder.vehicles == (7,)
+    assert set(outputs.system.tolist()) == {7}
+    assert decoder.counts[7, 1, "actuator_outputs"] == 20
+    assert decoder.losses.logger_dropped == 1
+    assert not decoder.losses.any
+
+
+def test_the_first_fix_dates_the_whole_log() -> None:
+    tables, decoder = decode(FLIGHT)
+    assert not decoder.undated
+    assert decoder.first_time_us == 1_700_000_005_000_000
+    attitude = tables["vehicle_attitude"]
+    assert (attitude.time_us - attitude["timestamp"].astype(np.int64)).tolist() == [
+        1_700_000_000_000_000
+    ] * 100
+
+
+def test_without_a_fix_times_count_from_boot() -> None:
+    _, decoder = decode(writer.flight(1.0, fix_from=None))
+    assert decoder.undated
+    assert decoder.first_time_us == 5_000_000
+
+
+def test_a_fix_behind_the_first_megabyte_dates_nothing() -> None:
+    late = writer.flight(240.0, fix_from=11_900)
+    assert len(late) > 1 << 20
+    assert decode(late)[1].undated
+
+
+def test_appended_data_begins_where_the_flags_say_though_a_message_is_cut_there() -> None:
+    whole = writer.header(appended=[1]) + TOPIC + row(1_000_001, 1.0)
+    cut = row(1_000_002, 2.0)[:9]
+    log = writer.header(appended=[len(whole + cut)]) + TOPIC + row(1_000_001, 1.0) + cut + row(1_000_003, 3.0)
+    tables, decoder = decode(log)
+    assert tables["topic"]["value"].tolist() == [1.0, 3.0]
+    assert decoder.losses.cut_end_bytes == len(cut)
+    assert decoder.losses.bytes_skipped == 0
+
+
+def test_a_cut_end_is_told_as_such() -> None:
+    log = writer.header() + TOPIC + row(1_000_001) + row(1_000_002)[:-3]
+    tables, decoder = decode(log)
+    assert len(tables["topic"]) == 1
+    assert decoder.losses.cut_end_bytes == len(row(0)) - 3
+
+
+def test_an_odd_time_is_flagged_and_does_not_move_the_clock() -> None:
+    times = [1_000_000, 1_010_000, 9_000_000_000, 1_030_000]
+    tables, decoder = decode(writer.header() + TOPIC + b"".join(map(row, times)))
+    topic = tables["topic"]
+    assert topic.time_us.tolist() == [1_000_000, 1_010_000, 1_010_000, 1_030_000]
+    assert (topic.flags & ODD_TIME).astype(bool).tolist() == [False, False, True, False]
+    assert decoder.losses.implausible_times == 1
+
+
+def test_three_times_in_a_row_set_the_clock() -> None:
+    later = 9_000_000_000
+    times = [1_000_000, later, later + 1, later + 2, later + 3]
+    tables, decoder = decode(writer.header() + TOPIC + b"".join(map(row, times)))
+    assert tables["topic"].time_us.tolist() == [1_000_000, 1_000_000, 1_000_000, later + 2, later + 3]
+    assert decoder.losses.time_jumps == 1
+
+
+def test_a_topic_that_never_tells_the_time_is_no_damage() -> None:
+    tables, decoder = decode(writer.header() + TOPIC + row(0) + row(0) + row(0))
+    assert len(tables["topic"]) == 3
+    assert not decoder.losses.any
+
+
+def test_data_without_a_layout_is_counted() -> None:
+    lost = b"".join(row(1_000_000 + k, number=4) for k in range(3))
+    log = writer.header() + TOPIC + row(1_000_000) + writer.subscribe(4, "undefined") + lost + row(1_000_009)
+    tables, decoder = decode(log)
+    assert len(tables["topic"]) == 2
+    assert decoder.unknown == {4: 3}
+
+
+def test_a_kind_of_message_to_come_is_counted_and_passed_over() -> None:
+    new = writer.message("Z", b"something new")
+    _, decoder = decode(writer.header() + TOPIC + row(1_000_000) + new + row(1_000_001) + row(1_000_002))
+    assert decoder.counts == {(1, 0, "topic"): 3}
+    assert decoder.unknown == {-1: 1}
+    assert not decoder.losses.any
+
+
+@pytest.mark.parametrize(
+    "formats",
+    [
+        "topic:topic[3] again;",
+        "topic:uint8_t[99999] huge;",
+        "topic:missing part;",
+        "topic:float twice;float twice;",
+        "topic:",
+        "topic",
+        "topic:float[x] what;",
+        "STATUSTEXT:uint64_t timestamp;char[50] text;",
+        "parameter:uint64_t timestamp;",
+    ],
+)
+def test_formats_that_cannot_be_used_leave_their_records_unknown(formats: str) -> None:
+    name = formats.partition(":")[0]
+    log = writer.header() + writer.message("F", formats.encode()) + writer.subscribe(1, name)
+    tables, decoder = decode(log + row(1_000_000) + row(1_000_001))
+    assert tables == {}
+    assert decoder.unknown == {1: 2}
+
+
+def test_formats_within_formats_do_not_explode() -> None:
+    forms = [writer.form(f"t{k}", f"t{k + 1}[65535] a;") for k in range(9)] + [writer.form("t9", "t10[9] a;")]
+    forms += [writer.form("t10", "float[0] none;")]
+    tables, _ = decode(writer.header() + b"".join(forms) + writer.subscribe(1, "t0") + row(1))
+    assert tables == {}
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        (writer.header(incompatible=2) + TOPIC, "needs a newer reader"),
+        (writer.MAGIC + bytes(9), "no message"),
+        (writer.header() + writer.parameter("A", 1) * 3, "no topic"),
+    ],
+)
+def test_what_cannot_be_read_is_refused(log: bytes, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(log)
+    with pytest.raises(UnreadableLogError, match=said):
+        read_log(path)

@@ -1,0 +1,94 @@
+"""``mavhums-sim flight --closed-loop``: from the command line to the log."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from mavhums_sim.cli import main
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
+    monkeypatch.setattr(sys, "argv", ["mavhums-sim", "flight", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def test_closed_loop_flight_and_its_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "jam.tlog"
+    options = ["--surface-fault", "aileron_left=freeze:8@25..28.5", "--confounder", "engine:0.5@27"]
+    air = [
+        "--wind",
+        "4@200",
+        "--turbulence",
+        "7",
+        "--autopilot",
+        "px4",
+        "--stream-rate",
+        "4",
+        "--aircraft",
+        "3",
+    ]
+    code = run(monkeypatch, "--closed-loop", "-o", log, "--duration", "30", "--seed", "2", *options, *air)
+    assert code == 0
+    truth = json.loads(log.with_suffix(".truth.json").read_text())["flights"][0]
+    (fault,) = truth["faults"]
+    assert (fault["surface"], fault["kind"], fault["value"]) == ("aileron_left", "freeze", 8.0)
+    assert (fault["begin_boot_s"], fault["end_boot_s"]) == (55.0, 58.5)
+    assert truth["confounders"][0]["kind"] == "engine"
+    assert truth["wind"] == {"speed": 4.0, "from_deg": 200.0}
+    assert truth["messages"]["ATTITUDE_TARGET"] == pytest.approx(4 * 30, abs=2)
+
+
+def test_a_fault_of_an_ema_brings_the_emas_and_their_telemetry(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = tmp_path / "worn.tlog"
+    options = ["--fault", "elevator=friction:0.5@20", "--rate", "10"]
+    assert run(monkeypatch, "--closed-loop", "-o", log, "--duration", "25", *options) == 0
+    truth = json.loads(log.with_suffix(".truth.json").read_text())["flights"][0]
+    assert truth["emas"]["actuators"]["elevator"]["fault"] == "friction"
+    assert (
+        truth["messages"]["DEBUG_FLOAT_ARRAY"] == 4 * 249 or truth["messages"]["DEBUG_FLOAT_ARRAY"] == 4 * 250
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--wind", "5"], "--wind needs --closed-loop"),
+        (["--closed-loop", "--cyclogram", "cruise"], "--cyclogram and --closed-loop exclude each other"),
+        (["--closed-loop", "--surface-fault", "rudder"], "not SURFACE=KIND"),
+        (["--closed-loop", "--surface-fault", "rudder=gain"], "needs a value"),
+        (["--closed-loop", "--confounder", "engine"], "not KIND:X"),
+        (["--closed-loop", "--confounder", "ice:1@5"], "no confounder 'ice'"),
+        (["--closed-loop", "--wind", "strong"], "not M/S"),
+        (["--closed-loop", "--turbulence", "99"], "turbulence of 99"),
+        (["--closed-loop", "--layout", "canard"], "no layout 'canard'"),
+        (["--closed-loop", "--stream-rate", "500"], "outside 0.5…50 Hz"),
+    ],
+)
+def test_usage_errors_are_one_line(
+    options: list[str],
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(monkeypatch, "-o", tmp_path / "no.tlog", *options) == 2
+    assert says in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_jsbsim_the_command_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "jsbsim", None)
+    assert run(monkeypatch, "--closed-loop", "-o", tmp_path / "no.tlog") == 2
+    assert "mavhums[sim]" in capsys.readouterr().err

@@ -1,0 +1,113 @@
+"""The simulator's on-board log: DFReader reads it, and it is judged as the telemetry log is."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from mavhums import analyse, read_log
+from mavhums.report.assessment import Assessment, Verdict
+from mavhums_sim import Flight, FlightRecord, fly, write_dataflash, write_tlog
+from mavhums_sim.cli import cli
+from mavhums_sim.link import BOOT_US, EPOCH_US
+from tests.log.dataflash.peer import by_dfreader, differing_columns
+
+UNTOLD_BY_CSRV = [1, 5, 7, 8, 11]  # but V7, which follows from V10
+
+
+@pytest.fixture(scope="module")
+def record() -> FlightRecord:
+    return fly(
+        Flight(
+            seed=11,
+            duration_s=40.0,
+            rate_hz=50.0,
+            friction_nm={"elevator": (1.0, 1.0), "rudder": (0.6, 0.6)},
+            tiers=("csrv", "pwm"),
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def on_board(record: FlightRecord, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("on_board") / "flight.BIN"
+    write_dataflash(record, path)
+    return path
+
+
+def test_dfreader_reads_what_was_flown(record: FlightRecord, on_board: Path) -> None:
+    theirs = by_dfreader(on_board)
+    assert differing_columns(read_log(on_board).tables, theirs) == []
+    fields, rows = theirs["CSRV"]
+    own = np.array([row for row in rows if row[fields.index("Id")] == 2], dtype=np.float64)
+    flown = record.actuators["elevator"]
+    assert np.array_equal(own[:, 0], BOOT_US + np.rint(flown.time_s * 1e6))
+    assert np.allclose(own[:, fields.index("Pos")], flown.values[:, 2], rtol=1e-6)
+    assert np.allclose(own[:, fields.index("Speed")] / 6, flown.values[:, 9], rtol=1e-6, atol=1e-9)
+    assert np.allclose(own[:, fields.index("A")], flown.esc[:, 1], rtol=1e-6)
+
+
+def test_the_date_is_the_flights(on_board: Path) -> None:
+    log = read_log(on_board)
+    assert log.span is not None
+    assert abs(log.span[0] - EPOCH_US) <= 1000
+    assert not log.losses.any
+
+
+def test_what_no_on_board_log_carries_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "flight.BIN"
+    with pytest.raises(ValueError, match="no tier 'instrumented'"):
+        write_dataflash(fly(Flight(duration_s=2.0)), path)
+    assert not path.exists()
+    arguments = ["flight", "-o", str(path), "--duration", "2", "--tier", "instrumented"]
+    refused = CliRunner().invoke(cli, arguments)
+    assert refused.exit_code == 2
+    assert "no tier" in refused.output
+
+
+def by_actuator(assessment: Assessment) -> dict[str, Verdict]:
+    return {verdict.actuator: verdict for verdict in assessment.verdicts}
+
+
+def test_a_flight_recorded_twice_gets_the_same_verdicts(
+    record: FlightRecord, on_board: Path, tmp_path: Path
+) -> None:
+    """The telemetry log carries what CSRV carries, and nothing else of the actuators."""
+    actuators = {}
+    for surface, flown in record.actuators.items():
+        values = flown.values.copy()
+        values[:, UNTOLD_BY_CSRV] = np.nan
+        actuators[surface] = replace(flown, values=values)
+    told = replace(record, actuators=actuators)
+    told = replace(told, flight=replace(record.flight, tiers=("instrumented", "pwm")))
+    sent = tmp_path / "flight.tlog"
+    write_tlog(told, sent)
+    ours, theirs = by_actuator(analyse(on_board)), by_actuator(analyse(sent))
+    assert {name: verdict.condition for name, verdict in ours.items()} == {
+        "aileron_left": "normal",
+        "aileron_right": "normal",
+        "elevator": "emergency",
+        "rudder": "degraded",
+    }
+    for name, verdict in ours.items():
+        other = theirs[name]
+        assert (verdict.condition, verdict.worst) == (other.condition, other.worst)
+        assert verdict.tier == "csrv"
+        assert verdict.friction_nm is not None
+        assert other.friction_nm is not None
+        assert verdict.friction_nm.estimate == pytest.approx(other.friction_nm.estimate, abs=0.005)
+        assert {s.fault for s in verdict.suspects} == {s.fault for s in other.suspects}
+
+
+def test_the_command_line_writes_one(tmp_path: Path) -> None:
+    path = tmp_path / "flight.BIN"
+    done = CliRunner().invoke(cli, ["flight", "-o", str(path), "--duration", "3"])
+    assert done.exit_code == 0
+    truth = json.loads((tmp_path / "flight.truth.json").read_text())
+    assert truth["flights"][0]["tiers"] == ["csrv", "esc-unsigned", "pwm"]
+    assert len(read_log(path).tables["CSRV"]) == 1200

@@ -1,0 +1,93 @@
+"""Two recordings of one flight have one identity; two flights have not."""
+
+from __future__ import annotations
+
+import struct
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+from mavhums import analyse
+from mavhums.log import Decoder
+from mavhums.report.assessment import FlightIdentity
+from mavhums.vehicle.recorded import RecordedFlights
+from mavhums_sim import Flight, fly, write_dataflash, write_tlog
+from mavhums_sim.link import BOOT_US, EPOCH_US, Link
+from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
+from tests.log.ulog import writer
+from tests.strategies import START_US
+
+
+def heard(*messages: object) -> RecordedFlights:
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    data = b"".join(struct.pack(">Q", START_US) + bytes(m.pack(link)) for m in messages)  # type: ignore[attr-defined]
+    identities = RecordedFlights()
+    identities.feed(Decoder().feed(data, final=True))
+    return identities
+
+
+def test_the_board_says_the_same_in_a_message_and_in_a_text() -> None:
+    text = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB")
+    uid = [*range(0, 0xBC, 0x11), *[0] * 6]
+    version = v2.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0, uid)
+    assert heard(text).of(1).board == heard(version).of(1).board == "00112233445566778899AABB"
+
+
+def test_px4s_board_is_the_same_in_a_message_and_in_a_ulog() -> None:
+    uid = [0, 6, 0, 0, 0, 0, *range(0x30, 0x3C)]
+    version = v2.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0, uid)
+    told = writer.keyed("I", "char[36] sys_uuid", bytes(uid).hex().encode())
+    log = writer.flight(1.0).replace(writer.keyed("I", "char[3] sys_name", b"PX4"), told)
+    identities = RecordedFlights()
+    identities.feed(Decoder().feed(log, final=True))
+    assert identities.of(7).board == heard(version).of(1).board == bytes(uid).hex().upper()
+
+
+def test_a_serial_number_stands_for_a_board_that_is_not_told() -> None:
+    serial = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 17.0, 9, 1, 0)
+    unset = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 0.0, 9, 1, 0)
+    text = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB")
+    assert heard(serial).of(1).board == "serial 17"
+    assert heard(unset).of(1).board is None
+    assert heard(serial, text).of(1).board == "00112233445566778899AABB"
+
+
+def test_the_satellites_time_goes_before_that_of_reception() -> None:
+    time = v2.MAVLink_system_time_message(START_US + 7_000_000, 4000)
+    attitude = v2.MAVLink_attitude_message(4000, 0, 0, 0, 0, 0, 0)
+    assert heard(attitude).of(1).boot_us == START_US - 4_000_000
+    assert heard(attitude, time).of(1).boot_us == START_US + 3_000_000
+    assert heard(v2.MAVLink_system_time_message(0, 4000)).of(1).boot_us is None
+
+
+def test_one_flight_recorded_twice_is_one_flight(tmp_path: Path) -> None:
+    flown = fly(Flight(duration_s=3.0, rate_hz=20.0, tiers=("pwm",)))
+    sent, logged, later = (tmp_path / name for name in ("a.tlog", "a.BIN", "b.BIN"))
+    write_tlog(flown, sent, Link(day=1.0))
+    write_dataflash(flown, logged, day=1.0)
+    write_dataflash(flown, later, day=1.0 + 120 / 86_400)
+    logs = {path: analyse(path).log for path in (sent, logged, later)}
+    identities: dict[Path, FlightIdentity] = {path: log.flight[0] for path, log in logs.items()}
+    assert [logs[path].format for path in logs] == ["tlog", "dataflash", "dataflash"]
+    assert identities[sent].board == identities[logged].board == "4D415648554D5353494D0001"
+    assert identities[sent].is_same(identities[logged])
+    assert not identities[sent].is_same(identities[later])
+    boot = datetime.fromisoformat(str(identities[logged].boot_utc)).timestamp()
+    assert boot == pytest.approx((EPOCH_US + 86_400_000_000 - BOOT_US) / 1e6, abs=0.01)
+
+
+def test_an_undated_log_is_no_known_flight(tmp_path: Path) -> None:
+    path = tmp_path / "undated.BIN"
+    text = record(5, "QZ", [1000, b"CubeOrange 00112233 44556677 8899AABB"])
+    path.write_bytes(fmt_of_fmt() + definition(5, "MSG", "QZ", "TimeUS,Message") + text * 3)
+    [identity] = analyse(path).log.flight
+    assert identity.board == "00112233445566778899AABB"
+    assert identity.boot_utc is identity.start_utc is None
+    assert not identity.is_same(identity)
+
+
+@pytest.mark.parametrize("text", [b"EKF3 IMU0 is using GPS", b"00112233 44556677 8899AABB", b"A B C D"])
+def test_other_texts_are_no_board(text: bytes) -> None:
+    assert heard(v2.MAVLink_statustext_message(6, text)).of(1).board is None
