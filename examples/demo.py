@@ -102,7 +102,7 @@ def _write(path: Path, assessments: dict[str, Assessment]) -> None:
     objects = [json.loads(assessment.to_json()) for assessment in assessments.values()]
     partial = path.with_suffix(".partial")
     partial.write_text(
-        json.dumps({"schema": "mavhums.assessment/1", "assessments": objects}, indent=2) + "\n"
+        json.dumps({"schema": "mavhums.assessment/2", "assessments": objects}, indent=2) + "\n"
     )
     partial.replace(path)
 

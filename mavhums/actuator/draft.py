@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
+from mavhums.actuator.named_guess import Guess, guesses_for, named_values
 from mavhums.core.errors import MavhumsError
 from mavhums.vehicle.outputs import Output, control_surfaces
 from mavhums.vehicle.parameters import Parameters, read_parameters
@@ -17,8 +18,9 @@ __all__ = ["draft_profile"]
 _HEAD = """\
 # DRAFT of an airframe profile, from the parameters of vehicle {vehicle} in {log}.
 #
-# A log cannot tell what an actuator is made of. Until you fill in what is marked FILL IN, its
-# quantities are shown and its verdict is "undecided". Remove the # of a line that you fill in.
+# A log cannot tell what an actuator is made of. Until you fill in what is marked FILL IN, an actuator
+# that reports something is held against its own earlier flights alone. Remove the # of a line that you
+# fill in. What is marked GUESS follows from a name in the log: check it.
 name = {name}
 """
 _ACTUATOR = """
@@ -30,7 +32,7 @@ pwm_us = {pwm_us}  # {calibrated_by}{reversal}
 # travel_deg =    # FILL IN: [deflection at the smallest pulse, at the largest], degrees
 # esc =           # the ESC (from 0) that drives this actuator's motor, not the propeller's, if any
 # esc_side =      # "motor" or "bus": where that ESC measures
-
+{fields}
 # [actuators.ema]     # FILL IN, from the data sheet
 # gear_ratio =        # rotor turns per output shaft turn
 # torque_constant =   # N·m/A
@@ -76,12 +78,14 @@ def draft_profile(
     if not outputs:
         raise MavhumsError(f"{path}: {_no_surface(parameters)}", "write a profile by hand, after paper.toml")
     head = _HEAD.format(vehicle=parameters.vehicle, log=_plain(path.name), name=_text(name or path.stem))
+    named = named_values(path, parameters)
     sections = zip(_names(outputs), outputs, strict=True)
-    return head + "".join(_section(own, output) for own, output in sections)
+    return head + "".join(_section(own, output, named) for own, output in sections)
 
 
-def _section(name: str, output: Output) -> str:
+def _section(name: str, output: Output, named: Collection[str]) -> str:
     return _ACTUATOR.format(
+        fields="".join(_field(guess) for guess in guesses_for(output.servo, named)),
         name=_text(name),
         surface=_text(output.surface),
         servo=output.servo,
@@ -90,6 +94,13 @@ def _section(name: str, output: Output) -> str:
         calibrated_by=output.calibrated_by,
         reversal="; reversed, as the logged pulses are" if output.is_reversed else "",
     )
+
+
+def _field(guess: Guess) -> str:
+    """Write a mapping of a quantity to a named value."""
+    scale = "" if guess.scale == 1.0 else f", scale = {guess.scale!r}"
+    mapping = f'message = "NAMED_VALUE_FLOAT", where = {{ name = {_text(guess.name)} }}, field = "value"'
+    return f"fields.{guess.key} = {{ {mapping}{scale} }}  # GUESS: {guess.taken_for}\n"
 
 
 def _names(outputs: Sequence[Output]) -> list[str]:

@@ -12,13 +12,23 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from mavhums.actuator.field_check import field_mistake
+from mavhums.actuator.identified_motor import IdentifiedMotor
 from mavhums.actuator.profile_errors import explain_syntax, explain_values
 from mavhums.actuator.toml_lines import Place
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
 
-__all__ = ["Actuator", "Airframe", "Ema", "Limits", "ProfileError", "load_airframe", "packaged_airframes"]
+__all__ = [
+    "Actuator",
+    "Airframe",
+    "Ema",
+    "IdentifiedMotor",
+    "Limits",
+    "ProfileError",
+    "load_airframe",
+    "packaged_airframes",
+]
 
 _LARGEST = 1e9
 _SMALLEST = 1e-12
@@ -155,6 +165,8 @@ class Actuator(Contract):
         A quantity that comes less often is shown but is no evidence.
     ema, limits
         None in a draft: the actuator's quantities are shown, but it is not judged.
+    identified
+        What its own flights showed of its motor; nothing is judged by it.
     fields
         Quantities that the log carries under names of its own.
     """
@@ -173,6 +185,7 @@ class Actuator(Contract):
     min_rate_hz: _Positive = 5.0
     ema: Ema | None = None
     limits: Limits | None = None
+    identified: IdentifiedMotor | None = None
     fields: dict[Literal[*KEYS], FieldMapping] = {}  # type: ignore[valid-type]
 
     @model_validator(mode="after")
@@ -255,6 +268,7 @@ _SECTIONS: dict[Place, tuple[str, ...]] = {
     ("actuators",): tuple(Actuator.model_fields),
     ("actuators", "ema"): tuple(Ema.model_fields),
     ("actuators", "limits"): tuple(Limits.model_fields),
+    ("actuators", "identified"): tuple(IdentifiedMotor.model_fields),
     ("actuators", "fields"): tuple(FieldMapping.model_fields),
 }
 

@@ -128,7 +128,7 @@ def analyse_alone(
     >>> compared(flight, {}) == flight.assessment
     True
     """
-    engine, digest = _fed(path, replace(options, baselines={}, recorded=True), (), progress)
+    engine, digest = _fed(path, replace(options, baselines={}, past=None, recorded=True), (), progress)
     return LoneFlight(engine.assessment(str(path), digest), engine.records(), engine.profiles())
 
 
@@ -140,7 +140,7 @@ def _judge(
 ) -> Assessment:
     """Judge alone and then beside the past; in flight, where somebody follows the events."""
     if options.baselines and not consumers:
-        return compared(analyse_alone(path, options, progress=progress), options.baselines)
+        return compared(analyse_alone(path, options, progress=progress), options.baselines, options.past)
     engine, digest = _fed(path, options, consumers, progress)
     return engine.assessment(str(path), digest)
 

@@ -73,10 +73,12 @@ class Options:
             If there is no folder for the history.
         """
         airframe, key = self.airframe, self.key
+        history = self.flights()
         return EngineOptions(
             airframe=airframe if isinstance(airframe, Airframe | None) else load_airframe(airframe),
             models=self.models(),
-            baselines=partial(self.flights().baselines, since=self.since),
+            baselines=partial(history.baselines, since=self.since),
+            past=partial(history.past, since=self.since),
             false_alarms=self.false_alarms,
             dialect=self.dialect,
             key=key if isinstance(key, bytes | None) else load_key(key),

@@ -72,9 +72,7 @@ def scan(
     from mavhums.fleet import ScanOptions
     from mavhums.fleet import scan as scan_logs
 
-    judging = Options(
-        airframe=airframe, model=model, dialect=dialect, false_alarms=false_alarms, key=key
-    )
+    judging = Options(airframe=airframe, model=model, dialect=dialect, false_alarms=false_alarms, key=key)
     options = ScanOptions(judging=judging, aircraft=aircraft, workers=workers, scheduler=scheduler)
     done = scan_logs(sources, store, options, progress=_Told())
     if as_json:

@@ -118,3 +118,31 @@ def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str |
             temporary.write_text(text, encoding="utf-8")
         say(f"{output}: drafted {text.count('[[actuators]]')} actuators")
         say(f"  fill in: {_TO_FILL_IN}")
+
+
+@profile.command("identify")
+@click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=PATH)
+@click.option("--airframe", required=True, metavar="FILE", type=PATH, help="The profile, as drafted.")
+@click.option("-o", "--output", type=PATH, metavar="FILE", help="The profile filled in. Default: print it.")
+def identify_motors(logs: tuple[Path, ...], airframe: Path, output: Path | None) -> None:
+    """Identify each actuator's motor from LOGs of one aircraft: resistance, back-EMF constant, voltage drop.
+
+    It takes voltage, current and rotor speed at the motor, and no data sheet. The profile gets a section
+    [actuators.identified] with each value, its 95 % interval and the logs that it rests on.
+    """
+    from mavhums.app.identify import identify, with_motors
+    from mavhums.app.options import Options
+    from mavhums.core.files import written_whole
+
+    if output is not None and output.exists():
+        raise MavhumsError(f"{output}: exists already", "name another file")
+    options = Options(airframe=airframe)
+    with reading(logs[0]) as progress:
+        motors = identify(logs, options, progress=progress)
+    filled = with_motors(airframe.read_text(encoding="utf-8"), motors)
+    if output is None:
+        click.echo(filled, nl=False)
+        return
+    with written_whole(output) as temporary:
+        temporary.write_text(filled, encoding="utf-8")
+    click.echo(f"{output}: identified {', '.join(motors)}")

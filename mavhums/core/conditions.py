@@ -6,10 +6,32 @@ from typing import Final, Literal
 
 __all__ = ["SEVERITY", "URGENCY", "Condition"]
 
-Condition = Literal["normal", "degraded", "emergency", "undecided"]
+Condition = Literal[
+    "normal", "unchanged", "unmonitored", "learning", "undecided", "changed", "degraded", "emergency"
+]
+"""Without a known limit an actuator is not ``normal``: it is ``unchanged`` against its own earlier flights,
+``changed``, or still ``learning`` what they are."""
 
-SEVERITY: Final[dict[Condition, int]] = {"undecided": -1, "normal": 0, "degraded": 1, "emergency": 2}
+SEVERITY: Final[dict[Condition, int]] = {
+    "unmonitored": -2,
+    "undecided": -1,
+    "learning": -1,
+    "normal": 0,
+    "unchanged": 0,
+    "changed": 1,
+    "degraded": 1,
+    "emergency": 2,
+}
 """What evidence shows: any evidence outranks none. A detector's state only ever grows along it."""
 
-URGENCY: Final[dict[Condition, int]] = {"normal": 0, "undecided": 1, "degraded": 2, "emergency": 3}
+URGENCY: Final[dict[Condition, int]] = {
+    "normal": 0,
+    "unchanged": 1,
+    "unmonitored": 2,
+    "learning": 3,
+    "undecided": 4,
+    "changed": 5,
+    "degraded": 6,
+    "emergency": 7,
+}
 """What a maintainer acts on first: a subject without evidence comes before one that is normal."""

@@ -13,19 +13,34 @@ from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, packaged_airframes
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
+from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
+from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
 from mavhums.health.baseline import Baseline
 from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.monitor import Monitor
+from mavhums.health.own.registry import comparable
+from mavhums.health.own.verdict import held_against
 from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
-from mavhums.report.assessment import Assessment, FlightIdentity, LogSummary, ModelSummary, Verdict
+from mavhums.report.assessment import (
+    ALL,
+    Assessment,
+    FlightIdentity,
+    LogSummary,
+    ModelSummary,
+    Verdict,
+)
+from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
+from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
+from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 
 __all__ = ["Engine"]
@@ -53,13 +68,19 @@ class Engine:
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._crowd = Crowd(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | RECORDED_MESSAGES
+        wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
+        wanted |= AXIS_MESSAGES
+        self._axes = Axes(airframe)
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._identities, self._recorded = Identities(), RecordedFlights()
         self._mappers = VehicleMappers(airframe)
         self._models = tuple(options.models)
         self._baselines = options.baselines
+        self._past = options.past
+        self._airspeeds = Airspeeds()
+        self._temperatures = EscTemperatures()
         self._false_alarms = options.false_alarms
         self._keeps_records = options.recorded
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
@@ -97,7 +118,7 @@ class Engine:
         verdicts = tuple(
             verdict
             for vehicle in vehicles or (None,)
-            for verdict in self._verdicts(
+            for verdict in self._of_vehicle(
                 vehicle, self._mappers.tier(vehicle, told.get(vehicle, {})), indicators
             )
         )
@@ -106,7 +127,7 @@ class Engine:
             log=LogSummary(
                 path=path,
                 sha256=sha256,
-                start_utc=None if first is None or decoder.undated else _utc(first).isoformat(),
+                start_utc=begun.isoformat() if (begun := self._begun()) else None,
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=decoder.losses,
@@ -134,6 +155,10 @@ class Engine:
         boot, start, end = (None if t is None or decoder.undated else _utc(t).isoformat() for t in times)
         return FlightIdentity(vehicle=vehicle, board=known.board, boot_utc=boot, start_utc=start, end_utc=end)
 
+    def flown_s(self) -> float:
+        """Return how many seconds the vehicles flew forward as fixed wings, where that is known."""
+        return self._axes.flown_s()
+
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
@@ -141,8 +166,12 @@ class Engine:
         self._identities.feed(tables)
         self._recorded.feed(tables)
         yield from self._listen(tables)
+        self._airspeeds.feed(tables)
+        self._temperatures.feed(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
+        start_us = self._decoder.first_time_us or 0
+        yield from self._axes.feed(tables, start_us, admits=self._crowd.admits, final=final)
         settled = list(self._mappers.feed(tables, final=final))
         for vehicle, time_us in self._mappers.clock_jumps():
             if not self._crowd.admits(vehicle):
@@ -158,6 +187,8 @@ class Engine:
         for said, airframe in self._mappers.listen(tables):
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
+                start_us = self._decoder.first_time_us or 0
+                self._axes.announce(said.vehicle, said.time_us, start_us, airframe)
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
@@ -180,7 +211,8 @@ class Engine:
                 false_alarms=self._false_alarms,
                 recorded=self._keeps_records,
             )
-        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v)
+        airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
+        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v, airspeed)
 
     def _serving(self, airframe: Airframe) -> list[Model]:
         return [model for model in self._models if model.card.airframe == airframe.name]
@@ -189,32 +221,63 @@ class Engine:
         """Return what an actuator's own flights say, by fault."""
         baselines = self._baselines
         if callable(baselines):
-            first = self._decoder.first_time_us
-            undated = first is None or self._decoder.undated
-            baselines = baselines(airframe, None if undated else _utc(first or 0))
+            baselines = baselines(airframe, self._begun())
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
+
+    def _begun(self) -> datetime | None:
+        """Return when the flight began; None if no clock tells."""
+        first = self._decoder.first_time_us
+        return None if first is None or self._decoder.undated else _utc(first)
+
+    def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
+        """Return the verdicts on a vehicle: its actuators first, then its axes."""
+        actuators = [*self._verdicts(vehicle, tier, indicators)]
+        own = any(v.condition != "unmonitored" and v.actuator != ALL for v in actuators)
+        axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
+        if own and all(verdict.worst == "undecided" for verdict in axes):
+            return actuators  # their own telemetry answers for them
+        return [*actuators, *axes]
+
+    def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
+        followed = self._axes.vehicle(vehicle)
+        if followed is None:
+            return
+        why = why_not_at_all(followed.flight)
+        if why is not None:
+            yield unjudged_axes(vehicle, *why)
+            return
+        start_utc = _utc(self._decoder.first_time_us or 0)
+        for axis in AXES:
+            findings = followed.monitor.findings(axis)
+            yield judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc)
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
             identity = None if vehicle is None else self._identities.of(vehicle)
-            yield unjudged_vehicle(vehicle, tier, packaged_airframes(), identity)
+            followed = None if vehicle is None else self._axes.vehicle(vehicle)
+            surfaces = followed.surfaces if followed else None
+            yield from unjudged_vehicle(vehicle, tier, packaged_airframes(), identity, surfaces=surfaces)
             return
         if not self._crowd.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST)
             return
+        past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))
             own = mapper.tier(vehicle, actuator)
             provenance = mapper.provenance(vehicle, actuator)
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
-            elif actuator.blanks and monitor.worst == "undecided":
-                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance)
+                continue
+            findings = monitor.findings(
+                indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
+            )
+            if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
+                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
             else:
-                findings = monitor.findings(indicators=indicators)
                 voted = findings.network
-                yield judged(
+                verdict = judged(
                     vehicle,
                     actuator,
                     findings,
@@ -226,6 +289,8 @@ class Engine:
                     tier=tier_named(own),
                     model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),
                 )
+                flown = past.get((vehicle, actuator.name), ())
+                yield held_against(verdict, flown, self._false_alarms)
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from mavhums.actuator.profile import Airframe
 from mavhums.health.baseline import BaselineSource
 from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.own.past import PastSource
 
 if TYPE_CHECKING:
     from mavhums.learn import Model
@@ -31,6 +32,9 @@ class EngineOptions:
     baselines
         Baselines from the actuators' own earlier flights, or a function that returns them for an airframe
         and a time.
+    past
+        Function that returns the actuators' earlier flights for an airframe and a time: an actuator without
+        a known limit is compared with them.
     false_alarms
         False alarms that are accepted in 100 hours of an actuator.
     dialect
@@ -52,6 +56,7 @@ class EngineOptions:
     airframe: Airframe | None = None
     models: Sequence[Model] = ()
     baselines: BaselineSource = field(default_factory=dict)
+    past: PastSource | None = None
     false_alarms: float = FALSE_ALARMS
     dialect: str | os.PathLike[str] | None = None
     key: bytes | None = None

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from datetime import datetime
 
 from mavhums.core.conditions import URGENCY
 from mavhums.fleet.aircraft import UNKNOWN
 from mavhums.fleet.store import Store
+from mavhums.health.baseline import Baselines
+from mavhums.health.own.past import PastRecord
 from mavhums.history.comparison import LoneFlight, compared, unpacked
 from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight, is_healthy
 from mavhums.report.assessment import Assessment
@@ -24,28 +27,46 @@ def hold_against_past(store: Store, aircraft: str) -> None:
 
 
 def in_order(flights: Iterable[LoneFlight]) -> Iterator[Assessment]:
-    """Yield the assessments of one aircraft's flights, given in the order of time, beside their past.
-
-    Of the flights before only those are remembered that can still be one of an indicator's references.
-    """
-    references: list[PastFlight] = []
-    ends: dict[tuple[object, ...], list[datetime]] = defaultdict(list)
+    """Yield the assessments of one aircraft's flights, given in the order of time, beside their past."""
+    known = _Known()
     for flight in flights:
-        history = FlightHistory(tuple(references))
-        assessment = compared(flight, history.baselines)
+        assessment = compared(flight, known.baselines, known.past)
         yield assessment
-        if assessment.log.start_utc is None:
-            continue
-        past = PastFlight.of(assessment)
+        if assessment.log.start_utc is not None:
+            known.add(PastFlight.of(assessment))
+
+
+class _Known:
+    """The flights so far: those that can still be references of an indicator, and own-scale records of all."""
+
+    def __init__(self) -> None:
+        self._references: list[PastFlight] = []
+        self._ends: dict[tuple[object, ...], list[datetime]] = defaultdict(list)
+        self._slim: list[PastFlight] = []
+
+    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
+        return FlightHistory(tuple(self._references)).baselines(airframe, before)
+
+    def past(self, airframe: str | None, before: datetime | None) -> dict[tuple[int, str], list[PastRecord]]:
+        return FlightHistory(tuple(self._slim)).past(airframe, before)
+
+    def add(self, flown: PastFlight) -> None:
+        ends = (self._ends[key] for key in _shown(flown.assessment))
         wanted = [
-            ends[key]
-            for key in _shown(assessment)
-            if sum(end <= past.start for end in ends[key]) < REFERENCE_FLIGHTS
+            several for several in ends if sum(end <= flown.start for end in several) < REFERENCE_FLIGHTS
         ]
         if wanted:
-            references.append(past)
+            self._references.append(flown)
         for several in wanted:
-            several.append(past.end)
+            several.append(flown.end)
+        self._slim.append(replace(flown, assessment=_slim(flown.assessment)))
+
+
+def _slim(assessment: Assessment) -> Assessment:
+    """Return an assessment with what the own-scale past reads of it."""
+    nothing = {"evidence": (), "indicators": (), "provenance": {}}
+    slim = tuple(verdict.model_copy(update=nothing) for verdict in assessment.verdicts)
+    return assessment.model_copy(update={"verdicts": slim})
 
 
 def rows_of(aircraft: str, assessment: Assessment) -> Iterator[dict[str, object]]:

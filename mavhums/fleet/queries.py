@@ -7,19 +7,20 @@ from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.fleet.aircraft import UNKNOWN
 from mavhums.fleet.store import Store
 from mavhums.history.comparison import unpacked
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.report.assessment import Assessment, Verdict, exit_code_of
 from mavhums.report.trend import TrendReport
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Status", "Worst", "assessments", "export", "status", "trend", "verdicts", "worst"]
+__all__ = ["Status", "Worst", "assessments", "exit_code", "export", "status", "trend", "verdicts", "worst"]
 
 _LATEST = """
 SELECT aircraft, vehicle, actuator, condition, worst, friction_nm, start_us, path, verdict FROM verdicts
@@ -92,15 +93,11 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
 
 def exit_code(store: str | os.PathLike[str]) -> ExitCode:
     """Return the exit code of ``fleet worst``, as of ``analyse`` on the last flights and the failures."""
-    rows = Store(store).opened().query(_LATEST).fetchall()
-    shown = {Verdict.model_validate_json(row[-1]).gravest for row in rows}
-    if "emergency" in shown:
-        return ExitCode.EMERGENCY
-    if "degraded" in shown:
-        return ExitCode.DEGRADED
-    if status(store).failures:
+    rows = Store(store).opened().query(f"SELECT condition, worst FROM ({_LATEST})").fetchall()
+    code = exit_code_of(max(condition, worst, key=URGENCY.__getitem__) for condition, worst in rows)
+    if code not in (ExitCode.EMERGENCY, ExitCode.DEGRADED) and status(store).failures:
         return ExitCode.ERROR
-    return ExitCode.UNDECIDED if "undecided" in shown or not shown else ExitCode.OK
+    return code if rows else ExitCode.UNDECIDED
 
 
 def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Verdict]]:
@@ -159,8 +156,10 @@ def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None 
     from mavhums.core.table_writers import writer_for
 
     columns = "aircraft, path, sha256, start_us, vehicle, actuator, condition, worst, friction_nm, airframe"
-    answer = Store(store).opened().query(
-        f"SELECT {columns} FROM verdicts ORDER BY aircraft, start_us, path, vehicle, actuator"
+    answer = (
+        Store(store)
+        .opened()
+        .query(f"SELECT {columns} FROM verdicts ORDER BY aircraft, start_us, path, vehicle, actuator")
     )
     frame: pd.DataFrame = answer.df()
     if output is not None:

@@ -75,7 +75,7 @@ def judge(file: LogFile, options: Options, settings: str, rule: str | None) -> R
         flight = analyse_alone(file.path, _resolved(options))
     except MavhumsError as error:
         return _failed(file, settings, aircraft, error.problem, error.remedy)
-    except Exception as error:  # noqa: BLE001 — one log must not stop a fleet's
+    except Exception as error:
         told = f"{file.path}: {type(error).__name__}: {str(error)[:200]}"
         return _failed(file, settings, aircraft, told, "report it with the log")
     try:

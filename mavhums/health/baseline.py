@@ -14,10 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from mavhums.health.random_effects import variance_between, weighted
+from mavhums.health.random_effects import population
 from mavhums.report.assessment import Indicator, Interval
 
-__all__ = ["Baseline", "BaselineSource", "Baselines"]
+__all__ = ["LEAST_FLIGHTS", "Baseline", "BaselineSource", "Baselines"]
+
+LEAST_FLIGHTS = 10
+"""Fewer flights make no baseline: their scatter is too uncertain to keep the promised false alarms."""
 
 _LEAST_FREEDOM = 3
 
@@ -36,9 +39,12 @@ class Baseline:
     mean, error
         Of the flights' values, each weighted with its certainty, and the standard error of that.
     flights, between
-        Number of flights, at least two, and the standard deviation of their true values.
+        Number of flights, and the standard deviation of their true values; see
+        :func:`mavhums.health.random_effects.population`.
     spread
         Standard deviation of their measured values.
+    freedom
+        Degrees of freedom of another flight's deviation from the mean; flights less one if None.
     """
 
     mean: float
@@ -46,6 +52,12 @@ class Baseline:
     flights: int
     between: float
     spread: float
+    freedom: float | None = None
+
+    @property
+    def certainty(self) -> float:
+        """Degrees of freedom of another flight's deviation."""
+        return self.flights - 1.0 if self.freedom is None else self.freedom
 
     @property
     def flight_variance(self) -> float:
@@ -59,27 +71,25 @@ class Baseline:
 
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:
-        """Return the baseline of several flights; None of fewer than two that show their scatter."""
+        """Return the baseline of several flights; None of fewer than ten that show their scatter."""
         shown = [
             (i.value.estimate, i.windows, i.scatter)
             for i in indicators
             if i.scatter is not None and i.windows > 1
         ]
-        if len(shown) < 2:
+        if len(shown) < LEAST_FLIGHTS:
             return None
         values, windows, scatter = (np.array(column, dtype=np.float64) for column in zip(*shown, strict=True))
         errors = _errors(windows, scatter)
         errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), 1e-12))
-        constant = np.ones((len(values), 1))
-        between = variance_between(constant, values, errors)
-        mean, residuals, inverse = weighted(constant, values, 1 / (errors**2 + between))
-        scale = max(float(residuals @ residuals) / (len(values) - 1), 1.0)
+        flights = population(np.ones((len(values), 1)), values, errors)
         return cls(
-            mean=float(mean[0]),
-            error=float(np.sqrt(scale * inverse[0, 0])),
+            mean=float(flights.coefficients[0]),
+            error=float(np.sqrt(flights.covariance[0, 0])),
             flights=len(shown),
-            between=float(np.sqrt(between)),
+            between=flights.between,
             spread=float(values.std(ddof=1)),
+            freedom=flights.freedom,
         )
 
 

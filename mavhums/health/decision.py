@@ -32,7 +32,7 @@ LASTING = 20
 FALSE_ALARMS = 1.0
 """How many false alarms 100 hours of an actuator may bring, by default."""
 
-_CONDITIONS: dict[int, Condition] = {severity: condition for condition, severity in SEVERITY.items()}
+_CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
 _WINDOWS_OF_100_H = 36_000.0
 
 Array = NDArray[np.float64]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Actuator
 from mavhums.health.least_squares import Fit
 from mavhums.health.motion import Motion
+from mavhums.health.own.registry import inspected
 from mavhums.health.slots import Slots
 
 __all__ = ["Detector", "EquationDetector", "Estimates", "Levels", "Seen", "detectors_for", "to_inspect"]
@@ -173,7 +174,8 @@ def to_inspect(fault: str) -> str | None:
     >>> to_inspect("backlash")
     'gear and linkage for play'
     """
-    return next((detector.inspect for detector in _discovered() if detector.fault == fault), None)
+    own = inspected(fault)
+    return own or next((detector.inspect for detector in _discovered() if detector.fault == fault), None)
 
 
 def detectors_for(actuator: Actuator) -> list[Detector]:

@@ -134,7 +134,7 @@ class Drift:
         """Return a shift of which the own variance is known, against what chance reaches with this tail."""
         flight = self.baseline.flight_variance
         error = float(np.sqrt(own + flight))
-        freedom = _satterthwaite(own, own_freedom, flight, self.baseline.flights - 1.0)
+        freedom = _satterthwaite(own, own_freedom, flight, self.baseline.certainty)
         size = abs(shift) if self._two_sided else shift
         return Shift(shift, error, size / (float(stdtrit(freedom, 1.0 - tail)) * error), since_s)
 

@@ -35,7 +35,8 @@ class Window:
 class ConditionChanged:
     """An actuator's condition changed; ``since_s`` is where it did, ``time_s`` when it was certain.
 
-    ``fault`` is what changed it.
+    ``fault`` is what changed it, and ``finding`` says it in a few words for an alert, where the fault's name
+    does not.
     """
 
     vehicle: int
@@ -46,6 +47,7 @@ class ConditionChanged:
     after: Condition
     rule: str
     fault: str = "friction"
+    finding: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

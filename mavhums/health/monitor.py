@@ -20,6 +20,9 @@ from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.holding import Change, Holding
 from mavhums.health.indicator_tracker import IndicatorTracker
 from mavhums.health.motion import Motion, motion
+from mavhums.health.own.record import OwnSums
+from mavhums.health.own.registry import EQUATIONS
+from mavhums.health.own.voltage import VoltageSums
 from mavhums.health.panel import Look, Panel
 from mavhums.health.slots import SlotCutter, Slots, widen
 from mavhums.health.tracker_report import (
@@ -31,7 +34,7 @@ from mavhums.health.tracker_report import (
 )
 from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcome
 from mavhums.health.windows import WINDOW_SLOTS, Windows
-from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, Suspect
+from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
 __all__ = ["WINDOW_S", "Findings", "Monitor"]
 
@@ -59,6 +62,8 @@ class Findings:
     evidence: tuple[Evidence, ...]
     indicators: tuple[Indicator, ...]
     last_s: float
+    own: tuple[OwnRecord, ...] = ()
+    own_gap: str | None = None
 
 
 class Monitor:
@@ -101,7 +106,13 @@ class Monitor:
         self._slot_s = window_s / WINDOW_SLOTS
         self._window_s = window_s
         self._cutter = SlotCutter(self._slot_s)
-        self._waiting: list[tuple[Array, Array, NDArray[np.bool_], Array]] = []
+        self._waiting: list[tuple[Array, Array, NDArray[np.bool_], Array, Array]] = []
+        open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
+        self._own: list[OwnSums | VoltageSums] = [
+            OwnSums(equation, actuator) for equation in EQUATIONS if open_limits
+        ]
+        if open_limits:
+            self._own.append(VoltageSums(actuator))
         self._latest_s = -np.inf
         detectors = detectors_for(actuator)
         self._trackers = {
@@ -132,18 +143,21 @@ class Monitor:
         values: Array,
         measured: NDArray[np.bool_] | None = None,
         bus_v: Array | None = None,
+        airspeed: Array | None = None,
     ) -> Iterator[Window | ConditionChanged | Indication]:
         """Take samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12).
 
         ``measured`` (n, 12) tells what a sensor gave from what was derived; all if omitted. The rotor's
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
-        of the supply bus, where an ESC there measures it. What no actuator can reach counts as missing.
+        of the supply bus, where an ESC there measures it, and ``airspeed`` (n,) the aircraft's, m/s, where it
+        is known. What no actuator can reach counts as missing.
         """
         if not time_s.size:
             return
         count = len(values)
         known = np.ones(values.shape, dtype=np.bool_) if measured is None else measured
-        self._waiting.append((time_s, values, known, np.full(count, np.nan) if bus_v is None else bus_v))
+        bus, air = (np.full(count, np.nan) if given is None else given for given in (bus_v, airspeed))
+        self._waiting.append((time_s, values, known, bus, air))
         self._latest_s = max(self._latest_s, float(time_s.max()))
         if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
             yield from self._judge(self._cut())
@@ -169,8 +183,11 @@ class Monitor:
         """The worst condition that the actuator was held to be in."""
         return self._held.worst
 
-    def findings(self, *, indicators: bool = True) -> Findings:
-        """Return what was found so far; the ``indicators`` look at all of the flight again."""
+    def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> Findings:
+        """Return what was found so far; the ``indicators`` look at all of the flight again.
+
+        ``temperature_c`` is the actuator's in this flight, where the log has it.
+        """
         whole = self._fits.whole() if indicators else {}
         trackers = self._trackers.values()
         suspects = [suspect for tracker in trackers if (suspect := suspect_of(tracker))]
@@ -193,6 +210,12 @@ class Monitor:
             suspects=ranked(suspects),
             evidence=in_order(evidence, self._vote_record(), self._held.condition, self._window_s),
             indicators=tuple(shown),
+            own=tuple(
+                record.model_copy(update={"temperature_c": temperature_c})
+                for own in self._own
+                if indicators and (record := own.record())
+            ),
+            own_gap=next((gap for own in self._own if (gap := own.gap)), None),
         )
 
     def record(self) -> ActuatorRecord:
@@ -220,6 +243,8 @@ class Monitor:
     def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
         if slots is None:
             return
+        for collector in self._own:
+            collector.feed(slots)
         moved = motion(self.actuator, slots) if self.actuator.ema else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = Seen(slots, moved, windows, flight)

@@ -11,7 +11,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import KEYS, column
 from mavhums.health.slots import APART, BUS, GUARD_S, Slots
 
-__all__ = ["Motion", "motion"]
+__all__ = ["Motion", "lasting", "motion"]
 
 _PERIODS = 2.5
 _LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; how they round must not decide
@@ -60,16 +60,8 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     span[1:-1] = time_s[2:] - time_s[:-2]
     acceleration[1:-1] = (speed[2:] - speed[:-2]) / span[1:-1]
     around[1:-1] = (speed[2:] + speed[:-2]) / 2
-    way = np.sign(rev_min)
-    fast = np.abs(rev_min) > actuator.moving_speed_rev_min
-    gap = np.diff(time_s) > _PERIODS / actuator.min_rate_hz
-    turns = np.flatnonzero((way[1:] != way[:-1]) | gap)
-    run = np.searchsorted(turns, np.arange(time_s.size))
-    begin = time_s[np.concatenate([[0], turns + 1])[run]]
-    end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
-    lasting = (time_s - begin >= _LASTING_S) & (end - time_s >= _LASTING_S)
-    fast[1:-1] &= fast[2:] & fast[:-2]
-    moving = fast & lasting & (span < _PERIODS / actuator.min_rate_hz)
+    longest_s = _PERIODS / actuator.min_rate_hz
+    moving = lasting(time_s, rev_min, actuator.moving_speed_rev_min, longest_s) & (span < longest_s)
     own = slots.judged
     values = slots.values[own]
     return Motion(
@@ -81,3 +73,27 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
         values[:, BUS],
         values[:, APART] > 0,
     )
+
+
+def lasting(time_s: Array, speed: Array, moving_speed: float, longest_gap_s: float) -> NDArray[np.bool_]:
+    """Return which samples move one way, fast enough, from ``GUARD_S`` before until as long after.
+
+    Parameters
+    ----------
+    time_s, speed
+        Increasing times and the speeds then, shape (n,).
+    moving_speed
+        From which on a sample moves, in the speed's unit.
+    longest_gap_s
+        A longer gap between samples ends a motion.
+    """
+    way = np.sign(speed)
+    fast: NDArray[np.bool_] = np.abs(speed) > moving_speed
+    gap = np.diff(time_s) > longest_gap_s
+    turns = np.flatnonzero((way[1:] != way[:-1]) | gap)
+    run = np.searchsorted(turns, np.arange(time_s.size))
+    begin = time_s[np.concatenate([[0], turns + 1])[run]]
+    end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
+    fast[1:-1] &= fast[2:] & fast[:-2]
+    lasts: NDArray[np.bool_] = (time_s - begin >= _LASTING_S) & (end - time_s >= _LASTING_S)
+    return fast & lasts

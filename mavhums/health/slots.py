@@ -14,10 +14,21 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import KEYS, column
 
-__all__ = ["APART", "BUS", "COLUMNS", "GUARD_S", "SENSED", "SHAFT", "SlotCutter", "Slots", "widen"]
+__all__ = [
+    "AIRSPEED",
+    "APART",
+    "BUS",
+    "COLUMNS",
+    "GUARD_S",
+    "SENSED",
+    "SHAFT",
+    "SlotCutter",
+    "Slots",
+    "widen",
+]
 
-BUS, SHAFT, SENSED, APART = (len(KEYS) + k for k in range(4))
-COLUMNS = len(KEYS) + 4
+BUS, SHAFT, SENSED, APART, AIRSPEED = (len(KEYS) + k for k in range(5))
+COLUMNS = len(KEYS) + 5
 GUARD_S = 0.06
 _ABSURD = 1e9
 _V2, _V3, _V7 = (column(key) for key in ("V2", "V3", "V7"))
@@ -39,7 +50,7 @@ class Slots:
     judged
         Which of the samples these slots judge; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, 16), increasing in time; the columns are those of :func:`widen`.
+        Shapes (n,) and (n, 17), increasing in time; the columns are those of :func:`widen`.
     """
 
     index: NDArray[np.int64]
@@ -58,13 +69,18 @@ class Slots:
         return np.diff(self.start, append=self.judged.stop - self.judged.start)
 
 
-def widen(values: Array, measured: NDArray[np.bool_] | None = None, bus_v: Array | None = None) -> Array:
+def widen(
+    values: Array,
+    measured: NDArray[np.bool_] | None = None,
+    bus_v: Array | None = None,
+    airspeed: Array | None = None,
+) -> Array:
     """Return V1…V12 with what only some of health needs beside them, shape (n, ``COLUMNS``).
 
     Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle where it does not rest
     on a sign that was derived; ``SENSED`` is 1 where that angle is a sensor's and not the rotor's, and
-    ``APART`` where V2 and V3 were measured each by a sensor of its own. What is not finite, or absurd, is
-    NaN.
+    ``APART`` where V2 and V3 were measured each by a sensor of its own; ``AIRSPEED`` is the aircraft's, m/s.
+    What is not finite, or absurd, is NaN.
 
     Parameters
     ----------
@@ -72,7 +88,7 @@ def widen(values: Array, measured: NDArray[np.bool_] | None = None, bus_v: Array
         Shape (n, 12).
     measured
         Which of them were measured and not derived, shape (n, 12); all if omitted.
-    bus_v
+    bus_v, airspeed
         Shape (n,); NaN if omitted.
     """
     wide = np.full((len(values), COLUMNS), np.nan)
@@ -81,6 +97,8 @@ def widen(values: Array, measured: NDArray[np.bool_] | None = None, bus_v: Array
     wide[:, [SENSED, APART]] = 1.0
     if bus_v is not None:
         wide[:, BUS] = bus_v
+    if airspeed is not None:
+        wide[:, AIRSPEED] = airspeed
     if measured is not None:
         wide[:, SENSED] = measured[:, _V3]
         wide[:, APART] = measured[:, _V2] & measured[:, _V3]
@@ -120,7 +138,7 @@ class SlotCutter:
         return bool(np.floor(latest_s / self._slot_s) * self._slot_s > self._closed)
 
     def feed(self, time_s: Array, values: Array) -> Slots | None:
-        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 16)."""
+        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 17)."""
         if time_s.size == 0:
             return None
         latest = np.maximum(np.maximum.accumulate(time_s), self.latest_s)

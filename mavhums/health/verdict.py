@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from mavhums.report.assessment import (
     Verdict,
 )
 from mavhums.vehicle.identity import Identity
+from mavhums.vehicle.surfaces import Surfaces
 
 __all__ = ["Held", "against_baseline", "crowded_out", "judged", "unjudged_actuator", "unjudged_vehicle"]
 
@@ -91,6 +92,7 @@ def judged(
         provenance=provenance,
         evidence=tuple(_rounded_evidence(evidence) for evidence in findings.evidence),
         indicators=tuple(_rounded_indicator(indicator) for indicator in findings.indicators),
+        own=() if silent else findings.own,
         reason=reason,
         remedy=remedy,
     )
@@ -123,10 +125,27 @@ def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_
 
 
 def unjudged_actuator(
-    vehicle: int, actuator: Actuator, tier: Tier | None, provenance: dict[str, str]
+    vehicle: int,
+    actuator: Actuator,
+    tier: Tier | None,
+    provenance: dict[str, str],
+    own_gap: str | None = None,
 ) -> Verdict:
-    """Return the verdict on an actuator of which the log carries, or its profile says, too little."""
+    """Return the verdict on an actuator of which the log carries, or its profile says, too little.
+
+    One that reports nothing back is not monitored, whatever its profile says. ``own_gap`` is why it cannot
+    be held against its own earlier flights either.
+    """
+    if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
+        unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
+        if actuator.travel_deg is not None or "V1" in actuator.fields:
+            return unmonitored
+        reason = f"{unmonitored.reason}; without travel_deg in the profile its command is no angle"
+        return unmonitored.model_copy(update={"reason": reason})
     reasons, remedies = [], []
+    if own_gap:
+        reasons.append(own_gap)
+        remedies.append("record its telemetry faster, or a flight in which the surface works")
     if actuator.blanks:
         no_command = actuator.travel_deg is None and "V1" not in actuator.fields
         travel = ("travel_deg",) if no_command else ()
@@ -152,27 +171,53 @@ def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
         return f"the log carries no telemetry of servo {actuator.servo}"
     if tier.name.startswith("esc") and actuator.esc is None:
         return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
-    if tier.judged:
-        return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
-    return f"the log carries {tier.gives} ({tier.name}), which does not show the friction"
+    return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
 
 
 def unjudged_vehicle(
-    vehicle: int | None, tier: Tier | None, airframes: list[str], identity: Identity | None = None
-) -> Verdict:
-    """Return the verdict on all actuators of a vehicle without a profile, or of a log without one."""
+    vehicle: int | None,
+    tier: Tier | None,
+    airframes: list[str],
+    identity: Identity | None = None,
+    *,
+    surfaces: Surfaces | None = None,
+) -> Iterator[Verdict]:
+    """Yield the verdicts on the actuators of a vehicle without a profile, or on a log without a vehicle.
+
+    Where nothing reports back from the servos, each that is known to move a surface is not monitored.
+    """
+    if vehicle is not None and surfaces is not None and (tier is None or not tier.judged):
+        for moved in surfaces.moved:
+            yield _unmonitored(vehicle, f"{moved.surface} (servo {moved.servo})", tier, {})
+        return
     if vehicle is None:
         reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"
     else:
         reason, remedy = obstacle(tier, airframes, identity)
-    return Verdict(
+    silent = vehicle is not None and (tier is None or not tier.judged)
+    condition: Condition = "unmonitored" if silent else "undecided"
+    yield Verdict(
         vehicle=vehicle,
         actuator=ALL,
-        condition="undecided",
-        worst="undecided",
+        condition=condition,
+        worst=condition,
         tier=tier.name if tier else None,
         reason=reason,
         remedy=remedy,
+    )
+
+
+def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[str, str]) -> Verdict:
+    """Return the verdict on an actuator that reports nothing back: neither an alarm nor a clean bill."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=name,
+        condition="unmonitored",
+        worst="unmonitored",
+        tier=tier.name if tier else None,
+        provenance=provenance,
+        reason="no servo telemetry: wear cannot be seen",
+        remedy=TO_BE_JUDGED,
     )
 
 

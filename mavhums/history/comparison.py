@@ -12,6 +12,8 @@ from pydantic import TypeAdapter, ValidationError
 from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baseline, Baselines, BaselineSource
 from mavhums.health.flight_record import ActuatorRecord
+from mavhums.health.own.past import PastSource
+from mavhums.health.own.verdict import held_against, without_own
 from mavhums.health.replay import replay
 from mavhums.report.assessment import Assessment, Verdict
 
@@ -41,8 +43,8 @@ class LoneFlight(NamedTuple):
     profiles: Mapping[tuple[int, str], str]
 
 
-def compared(flight: LoneFlight, baselines: BaselineSource) -> Assessment:
-    """Return the assessment of a flight as held against the actuators' own baselines.
+def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | None = None) -> Assessment:
+    """Return the assessment of a flight as held against the actuators' own flights before.
 
     Parameters
     ----------
@@ -50,19 +52,28 @@ def compared(flight: LoneFlight, baselines: BaselineSource) -> Assessment:
         Judged alone.
     baselines
         Of the flights before, or a function that returns them for an airframe and a time.
+    past
+        Function that returns the flights before for an airframe and a time; None for none.
     """
     log = flight.assessment.log
     start = None if log.start_utc is None else datetime.fromisoformat(log.start_utc)
     if start is None:
         return flight.assessment
-    known = {name: _known(baselines, name, start) for name in set(flight.profiles.values())}
+    profiles = set(flight.profiles.values())
+    known = {name: baselines(name, start) if callable(baselines) else baselines for name in profiles}
+    own_scale = any(verdict.own for verdict in flight.assessment.verdicts)
+    flown = {name: past(name, start) for name in profiles} if past and own_scale else {}
 
     def held(verdict: Verdict) -> Verdict:
         key = (verdict.vehicle or 0, verdict.actuator)
-        own = _own(known.get(flight.profiles.get(key, ""), {}), key)
-        if key not in flight.records or not own or not verdict.coverage.windows:
+        record, profile = flight.records.get(key), flight.profiles.get(key, "")
+        if record is None or verdict.subject != "actuator" or not verdict.coverage.windows:
             return verdict
-        return replay(verdict, flight.records[key], own, start_utc=start, end_s=log.duration_s)
+        own = _own(known.get(profile, {}), key)
+        if own:
+            alone = without_own(verdict)
+            verdict = replay(alone, record, own, start_utc=start, end_s=log.duration_s)
+        return held_against(verdict, flown.get(profile, {}).get(key, ()), record.false_alarms)
 
     return flight.assessment.model_copy(update={"verdicts": tuple(map(held, flight.assessment.verdicts))})
 
@@ -112,10 +123,6 @@ class _Stored(NamedTuple):
 
 
 _STORED = TypeAdapter(_Stored)
-
-
-def _known(baselines: BaselineSource, airframe: str, start: datetime) -> Baselines:
-    return baselines(airframe, start) if callable(baselines) else baselines
 
 
 def _own(baselines: Baselines, key: tuple[int, str]) -> dict[str, Baseline]:

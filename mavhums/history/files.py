@@ -18,7 +18,7 @@ from pydantic_core import from_json
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.history.flights import FlightHistory, PastFlight, UndatedError
-from mavhums.report.assessment import SCHEMA, Assessment
+from mavhums.report.assessment import READABLE, SCHEMA, Assessment
 
 __all__ = ["UnusedError", "assessment_files", "keep_assessment", "read_file", "read_history"]
 
@@ -153,7 +153,7 @@ def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
     schema = content.get("schema") if isinstance(content, dict) else None
     if not isinstance(schema, str) or not schema.startswith(_FAMILY):
         raise _ForeignError(f"{path}: is no assessment, and was left alone")
-    if schema != SCHEMA:
+    if schema not in READABLE:
         raise MavhumsError(
             f"{path}: is of the schema {schema[:60]!r}, not {SCHEMA}", f"update mavhums, or {_AGAIN}"
         )

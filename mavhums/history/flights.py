@@ -9,12 +9,12 @@ from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baseline, Baselines
+from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
 __all__ = ["REFERENCE_FLIGHTS", "FlightHistory", "PastFlight", "Since", "UndatedError", "is_healthy"]
 
-REFERENCE_FLIGHTS = 20
-"""The flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter."""
+_SOUND = ("normal", "unchanged", "learning")
 
 Since = Mapping[str | None, datetime]
 """Dates from which flights count, by actuator, as after a repair; None for those that are not named."""
@@ -135,6 +135,24 @@ class FlightHistory:
                         flown.append(shown)
         return {key: baseline for key, flown in reference.items() if (baseline := Baseline.of(flown))}
 
+    def past(
+        self, airframe: str | None, before: datetime | None, since: Since | None = None
+    ) -> dict[tuple[int, str], list[PastRecord]]:
+        """Return what the flights before left of own-scale equations, by vehicle and actuator.
+
+        The parameters are those of :meth:`baselines`.
+        """
+        records: dict[tuple[int, str], list[PastRecord]] = {}
+        for flight in self.flights:
+            if before is None or flight.end > before or not _judged_by(flight, airframe):
+                continue
+            for verdict in flight.assessment.verdicts:
+                if verdict.vehicle is None or not flight.counts(verdict.actuator, since):
+                    continue
+                left = PastRecord(verdict.own, flight.start.isoformat(), is_healthy(verdict))
+                records.setdefault((verdict.vehicle, verdict.actuator), []).append(left)
+        return records
+
     def with_flight(self, assessment: Assessment) -> FlightHistory:
         """Return the history with one more flight, if its log has a date."""
         try:
@@ -150,8 +168,9 @@ def _judged_by(flight: PastFlight, airframe: str | None) -> bool:
 
 
 def is_healthy(verdict: Verdict) -> bool:
-    """Return whether a flight may be a reference of the actuator: judged normal, and nothing suspected."""
-    return verdict.condition == verdict.worst == "normal" and not verdict.suspects
+    """Return whether a flight may be a reference of the actuator: found sound, and nothing suspected."""
+    found_sound = verdict.condition == verdict.worst and verdict.condition in _SOUND
+    return found_sound and not verdict.suspects
 
 
 def _once(flights: Iterable[PastFlight]) -> tuple[PastFlight, ...]:

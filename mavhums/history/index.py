@@ -19,7 +19,8 @@ from weakref import finalize
 
 from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baselines
-from mavhums.history.files import UnusedError, assessment_files, read_file
+from mavhums.health.own.past import PastRecord
+from mavhums.history.files import UnusedError, assessment_files, read_file, read_history
 from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight, Since, is_healthy
 from mavhums.report.assessment import Assessment
 
@@ -110,6 +111,12 @@ class IndexedFolder:
         if before is None:
             return {}
         return self._flights(self._references(airframe, before, since)).baselines(airframe, before, since)
+
+    def past(
+        self, airframe: str | None, before: datetime | None, since: Since | None = None
+    ) -> dict[tuple[int, str], list[PastRecord]]:
+        """Return what :meth:`FlightHistory.past` returns; it needs the whole folder."""
+        return read_history(self._folder).past(airframe, before, since)
 
     def with_flight(self, assessment: Assessment) -> IndexedFolder:
         """Return the folder with one more flight, which was kept in it."""

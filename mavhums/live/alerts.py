@@ -31,7 +31,13 @@ _ACTIONS: Final[dict[Condition, tuple[str, ...]]] = {
     "emergency": ("land as soon as possible", "land now"),
     "degraded": ("inspect after landing", "inspect"),
 }
-_HEALTH: Final[dict[Condition, float]] = {"normal": 1.0, "degraded": 0.5, "emergency": 0.0}
+_HEALTH: Final[dict[Condition, float]] = {
+    "normal": 1.0,
+    "unchanged": 1.0,
+    "changed": 0.5,
+    "degraded": 0.5,
+    "emergency": 0.0,
+}
 
 
 def text_of(actuator: str, condition: Condition, fault: str) -> str:

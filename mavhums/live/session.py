@@ -271,7 +271,7 @@ class Session:
         found = {}
         for event in worse:
             key = (event.vehicle, event.actuator)
-            fault = getattr(event, "fault", None) or suspects.get(key)
+            fault = event.finding or event.fault or suspects.get(key)
             if fault:
                 found[key] = fault
         return found

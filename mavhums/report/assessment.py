@@ -1,12 +1,13 @@
-"""The verdict's contract: what mavhums says of each actuator, as typed objects and as JSON.
+"""The verdict's contract: what mavhums says of each actuator and each axis, as typed objects and as JSON.
 
-The JSON schema lies beside this module in ``schema/assessment-1.json`` and is generated
+The JSON schema lies beside this module in ``schema/assessment-2.json`` and is generated
 from these classes by ``python -m mavhums.report.assessment``.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from datetime import datetime
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ALL",
     "NOTICE",
+    "READABLE",
     "SCHEMA",
     "Assessment",
     "Coverage",
@@ -34,13 +36,17 @@ __all__ = [
     "Interval",
     "LogSummary",
     "ModelSummary",
+    "OwnRecord",
     "Since",
     "Suspect",
     "Verdict",
+    "exit_code_of",
     "json_schema",
 ]
 
-SCHEMA = "mavhums.assessment/1"
+SCHEMA = "mavhums.assessment/2"
+READABLE = ("mavhums.assessment/1", SCHEMA)
+"""Versions whose objects are still read: version 2 only adds fields."""
 NOTICE = "not an airworthiness decision; validated in simulation only"
 
 _CLOCKS_APART_S = 30.0
@@ -116,6 +122,10 @@ class Indicator(Contract):
         Value from which it is an emergency; None where the fault alone is none. A fault grows upwards.
     baseline
         What the actuator's own history says it is, as a 95 % prediction interval of one flight.
+    baseline_flights, needed_flights
+        How many flights that baseline rests on, and how many it takes; None where limits alone decide.
+    least_rise
+        Share of the baseline by which the quantity must rise to be found with 95 % probability.
     """
 
     fault: str
@@ -127,6 +137,35 @@ class Indicator(Contract):
     limit: float | None = None
     emergency: float | None = None
     baseline: Interval | None = None
+    baseline_flights: int | None = Field(default=None, ge=0)
+    needed_flights: int | None = Field(default=None, ge=1)
+    least_rise: float | None = Field(default=None, ge=0)
+
+
+class OwnRecord(Contract):
+    """What a flight leaves of one own-scale equation, for the comparison with the actuator's other flights.
+
+    Attributes
+    ----------
+    equation
+        That the sums belong to.
+    setup
+        How it was measured, in words; flights that were measured in another way are not compared.
+    rate_hz, duration_s
+        Of the samples, and the time that they cover.
+    temperature_c
+        Median over the flight; None where the log carries none.
+    groups
+        Sums over parts of the flight: the number of samples, and the upper triangle of the sums of products
+        of the equation's columns, the left side last.
+    """
+
+    equation: str
+    setup: str
+    rate_hz: float = Field(gt=0)
+    duration_s: float = Field(gt=0)
+    temperature_c: float | None = None
+    groups: tuple[tuple[float, ...], ...]
 
 
 class ModelSummary(Contract):
@@ -137,11 +176,15 @@ class ModelSummary(Contract):
 
 
 class Verdict(Contract):
-    """What the log says of one actuator.
+    """What the log says of one actuator, or of one axis of the aircraft.
 
-    ``condition`` is the last decidable state, ``worst`` the worst one reached.
-    ``undecided`` always carries ``reason`` and ``remedy``. ``model`` is the network that
-    ``p_emergency`` is of, the probability that its friction lies nearer to an emergency than to normal.
+    ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
+    ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that it keeps.
+    ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
+    ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``model``
+    is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an emergency
+    than to normal.
 
     Examples
     --------
@@ -149,10 +192,13 @@ class Verdict(Contract):
     'degraded'
     """
 
+    subject: Literal["actuator", "axis"] = "actuator"
     vehicle: int | None
     actuator: str
+    surfaces: tuple[str, ...] = ()
     condition: Condition
     worst: Condition
+    effectiveness: Interval | None = None
     p_emergency: float | None = Field(default=None, ge=0, le=1)
     model: ModelSummary | None = None
     friction_nm: Interval | None = None
@@ -163,6 +209,7 @@ class Verdict(Contract):
     provenance: dict[str, str] = {}
     evidence: tuple[Evidence, ...] = ()
     indicators: tuple[Indicator, ...] = ()
+    own: tuple[OwnRecord, ...] = ()
     reason: str | None = None
     remedy: str | None = None
 
@@ -242,7 +289,9 @@ class Assessment(Contract):
     'EMERGENCY'
     """
 
-    schema_: Literal["mavhums.assessment/1"] = Field(default="mavhums.assessment/1", alias="schema")
+    schema_: Literal["mavhums.assessment/1", "mavhums.assessment/2"] = Field(
+        default="mavhums.assessment/2", alias="schema"
+    )
     notice: str = NOTICE
     log: LogSummary
     airframe: str | None
@@ -250,7 +299,7 @@ class Assessment(Contract):
     verdicts: tuple[Verdict, ...]
 
     def to_json(self, *, indent: int | None = 2) -> str:
-        """Return the assessment as JSON that follows ``schema/assessment-1.json``."""
+        """Return the assessment as JSON that follows ``schema/assessment-2.json``."""
         return self.model_dump_json(by_alias=True, indent=indent)
 
     def to_frame(self) -> pd.DataFrame:
@@ -259,9 +308,12 @@ class Assessment(Contract):
 
         rows = []
         for verdict in self.verdicts:
-            row = verdict.model_dump(include={"vehicle", "actuator", "condition", "worst", "p_emergency"})
+            row = verdict.model_dump(
+                include={"subject", "vehicle", "actuator", "condition", "worst", "p_emergency"}
+            )
             friction = verdict.friction_nm
             row |= {
+                "effectiveness": verdict.effectiveness.estimate if verdict.effectiveness else None,
                 "friction_nm": friction.estimate if friction else None,
                 "friction_low_nm": friction.low if friction else None,
                 "friction_high_nm": friction.high if friction else None,
@@ -283,30 +335,57 @@ class Assessment(Contract):
 
     @property
     def exit_code(self) -> ExitCode:
-        """The exit code that tells a script the worst of it."""
-        ranked = self.ranked()
-        gravest = ranked[0].gravest if ranked else "normal"
-        if gravest == "normal":
-            return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
-        return ExitCode[gravest.upper()]
+        """The exit code that tells a script the worst of it.
+
+        Actuators that nothing monitors do not count, unless nothing at all was judged.
+        """
+        code = exit_code_of(verdict.gravest for verdict in self.verdicts)
+        return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
+
+
+def exit_code_of(found: Iterable[Condition]) -> ExitCode:
+    """Return the exit code that tells the worst of conditions; those that nothing monitors do not count.
+
+    Examples
+    --------
+    >>> exit_code_of(["normal", "changed", "unmonitored"]).name, exit_code_of(["unmonitored"]).name
+    ('DEGRADED', 'UNDECIDED')
+    """
+    several = [*found]
+    counted = [condition for condition in several if condition != "unmonitored"]
+    if several and not counted:
+        return ExitCode.UNDECIDED
+    gravest = max(counted, key=URGENCY.__getitem__, default="normal")
+    return ExitCode.OK if gravest in ("normal", "unchanged") else _EXIT_CODES[gravest]
+
+
+_EXIT_CODES: dict[Condition, ExitCode] = {
+    "learning": ExitCode.UNDECIDED,
+    "undecided": ExitCode.UNDECIDED,
+    "changed": ExitCode.DEGRADED,
+    "degraded": ExitCode.DEGRADED,
+    "emergency": ExitCode.EMERGENCY,
+}
 
 
 def _line(verdict: Verdict) -> str:
     text = f"{verdict.actuator}: {verdict.condition}"
     if verdict.worst != verdict.condition:
         text += f" (worst {verdict.worst})"
+    if verdict.effectiveness:
+        text += f", control effectiveness {100 * verdict.effectiveness.estimate:.0f} %"
     if verdict.friction_nm:
         text += f", friction {verdict.friction_nm.estimate:.3f} N·m"
     if verdict.since:
         text += f", since {verdict.since.flight_time_s:.1f} s"
     if verdict.reason:
-        text += f": {verdict.reason}; {verdict.remedy}"
+        text += f": {'; '.join(filter(None, (verdict.reason, verdict.remedy)))}"
     return text
 
 
 def json_schema() -> dict[str, Any]:
     """Return the versioned JSON schema of an assessment."""
-    text = resources.files("mavhums.report").joinpath("schema/assessment-1.json").read_text(encoding="utf-8")
+    text = resources.files("mavhums.report").joinpath("schema/assessment-2.json").read_text(encoding="utf-8")
     schema: dict[str, Any] = json.loads(text)
     return schema
 

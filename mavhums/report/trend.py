@@ -102,9 +102,14 @@ class TrendReport(Contract):
         """As of ``mavhums analyse``; an emergency limit in sight counts as degraded."""
         if any(shown.condition == "emergency" for shown in self.trends):
             return ExitCode.EMERGENCY
-        if any(shown.condition == "degraded" or shown.flights_left for shown in self.trends):
+        conditions = {shown.condition for shown in self.trends}
+        if conditions & {"changed", "degraded"} or any(shown.flights_left for shown in self.trends):
             return ExitCode.DEGRADED
-        if self.unshown or not self.trends or any(shown.condition == "undecided" for shown in self.trends):
+        if (
+            self.unshown
+            or not self.trends
+            or any(shown.condition in ("undecided", "learning") for shown in self.trends)
+        ):
             return ExitCode.UNDECIDED
         return ExitCode.READ_WITH_LOSSES if self.errors else ExitCode.OK
 

@@ -112,6 +112,9 @@ class Scene:
             self._track(verdict.vehicle, verdict.actuator)
         for track in self._tracks.values():
             track.now(assessment.log.duration_s)
+        for verdict in assessment.verdicts:
+            self._track(verdict.vehicle, verdict.actuator).conclude(verdict.condition)
+        for track in self._tracks.values():
             track.finish()
         for vehicle in self._vehicles.values():
             vehicle.finish()

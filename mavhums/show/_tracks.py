@@ -22,6 +22,7 @@ __all__ = ["STALE_S", "Track", "actuator_path"]
 STALE_S: Final = 3.0
 """An actuator that is silent for longer is stale: what was held of it is no longer shown as true."""
 
+_COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
 _ROWS_PER_CHUNK: Final = 4096
 _BEFORE_S, _AFTER_S = 10.0, 10.0
@@ -154,6 +155,15 @@ class Track:
         if SEVERITY[event.after] >= SEVERITY[self.worst]:
             self.cause = event.fault
         self.worst = max(self.worst, event.after, key=SEVERITY.__getitem__)
+
+    def conclude(self, condition: Condition) -> None:
+        """Show over the whole flight what only its comparison with the flights before told."""
+        if condition not in _COMPARED or self._first_s == np.inf:
+            return
+        self._states = [(at_s, condition if state == self.held else state) for at_s, state in self._states]
+        self.held = self.worst = condition
+        if self._state_s is None:
+            self._state(self._first_s, condition)
 
     def now(self, time_s: float) -> None:
         """Say how far the flight has come, so that silence is noticed."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from mavhums.core.conditions import Condition
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.text import printable
+from mavhums.health.axis.detector import to_inspect as axis_to_inspect
 from mavhums.health.detector import to_inspect
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, Verdict
@@ -21,6 +22,8 @@ __all__ = [
     "STALE_COLOUR",
     "advice",
     "clock",
+    "effectiveness",
+    "explained",
     "finding",
     "friction",
     "headline",
@@ -32,6 +35,7 @@ __all__ = [
     "percent",
     "printable",
     "undecided",
+    "unmonitored",
 ]
 
 COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
@@ -39,6 +43,10 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "degraded": (230, 159, 0),
     "emergency": (213, 94, 0),
     "undecided": (153, 153, 153),
+    "unmonitored": (110, 110, 116),
+    "unchanged": (86, 180, 233),
+    "changed": (240, 228, 66),
+    "learning": (204, 121, 167),
 }
 """One colour per condition, of Okabe and Ito's palette, told apart by the colour-blind too."""
 
@@ -52,8 +60,15 @@ ADVICE: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log for the trend over flights",
     "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
     "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
+    "unchanged": "nothing to do; keep the log: later flights are compared with it",
+    "changed": "inspect {parts} before the next flight, and watch the trend over flights",
+    "learning": "keep the log: the baseline grows with every flight",
     "undecided": "undecided is not healthy: check it by other means, or record what is missing",
+    "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
 }
+
+
+_COMPARED: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged")
 
 
 def name(verdict: Verdict, assessment: Assessment) -> str:
@@ -61,7 +76,8 @@ def name(verdict: Verdict, assessment: Assessment) -> str:
     vehicles = {other.vehicle for other in assessment.verdicts}
     if verdict.actuator == ALL:
         return "every actuator"
-    return verdict.actuator if len(vehicles) < 2 else f"{verdict.vehicle}: {verdict.actuator}"
+    own = f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator
+    return own if len(vehicles) < 2 else f"{verdict.vehicle}: {own}"
 
 
 def clock(seconds: float) -> str:
@@ -138,8 +154,17 @@ def headline(assessment: Assessment) -> str:
         return "No actuator was found in this log"
     word = ranked[0].gravest
     worst = [verdict for verdict in ranked if verdict.gravest == word]
-    if word == "normal":
-        return f"{_all(worst, ranked)} normal"
+    if SEVERITY[word] <= SEVERITY["normal"] and any(verdict.subject == "axis" for verdict in ranked):
+        return _what_could_be_judged(assessment)
+    if word == "unmonitored":
+        worst = [verdict for verdict in ranked if verdict.gravest == "normal"]
+        none = f"{_all(ranked, ranked)} unmonitored: {ranked[0].reason}"
+        return f"{_all(worst, ranked)} normal, the others unmonitored" if worst else none
+    if word in ("normal", "unchanged"):
+        return f"{_all(worst, ranked)} {word}"
+    if word == "learning":
+        flights = [why for condition, why, _ in explained(assessment) if condition == word]
+        return f"{_all(worst, ranked)} learning" + (f": {flights[0]}" if len(flights) == 1 else "")
     if word == "undecided":
         reasons = list(undecided(assessment))
         if ranked[0].actuator == ALL:
@@ -148,9 +173,44 @@ def headline(assessment: Assessment) -> str:
     text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
     if len(worst) > 1:
         return text
+    if worst[0].surfaces:
+        text = f"{text}, {' or '.join(worst[0].surfaces)}"
     if worst[0].condition != word:
         return f"{text} during the flight, {worst[0].condition} at its end"
     return f"{text} since {clock(worst[0].since.flight_time_s)}" if worst[0].since else text
+
+
+def _what_could_be_judged(assessment: Assessment) -> str:
+    """Return what was judged and found well, then what was not judged and why, then what nothing monitors."""
+    ranked = assessment.ranked()
+    well = [name(v, assessment) for v in assessment.verdicts if v.gravest == "normal"]
+    open_ = [v for v in assessment.verdicts if v.gravest == "undecided"]
+    silent = sum(v.gravest == "unmonitored" for v in ranked)
+    parts = [f"{join(well)} normal"] if well else []
+    if open_:
+        reasons = list(dict.fromkeys(v.reason or "" for v in open_))
+        why = f" ({reasons[0]})" if len(reasons) == 1 else ""
+        parts.append(f"{join(name(v, assessment) for v in open_)} not judged{why}")
+    if silent:
+        parts.append("servos unmonitored" if silent > 1 else "the servos are unmonitored")
+    text = "; ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def effectiveness(interval: Interval) -> str:
+    """Return what is left of the control effectiveness, with its interval.
+
+    Examples
+    --------
+    >>> effectiveness(Interval(estimate=0.52, low=0.31, high=0.73))
+    '52 % (31–73)'
+    """
+    return f"{100 * interval.estimate:.0f} % ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
+
+
+def unmonitored(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
+    """Return the unmonitored actuators by reason and remedy."""
+    return _by_reason(assessment, "unmonitored")
 
 
 def _all(part: list[Verdict], whole: list[Verdict]) -> str:
@@ -163,7 +223,10 @@ def advice(verdict: Verdict) -> str:
     """Return what to do about an actuator, by the worst it went through and the fault suspected."""
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
-    parts = next((parts for fault in faults if (parts := to_inspect(fault))), "the actuator and its wiring")
+    look = axis_to_inspect if verdict.subject == "axis" else to_inspect
+    parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
+    if verdict.subject == "axis" and verdict.gravest == "emergency":
+        return f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"
     return ADVICE[verdict.gravest].format(parts=parts)
 
 
@@ -178,17 +241,32 @@ def finding(item: Evidence) -> str:
     when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
         return f"{when}: {percent(item.value)} {item.rule}"
+    if item.kind in ("effectiveness", "slow", "hard_over", "tracking"):
+        return f"{when}: {item.rule}"
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
     return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
 
 
+def explained(assessment: Assessment) -> dict[tuple[Condition, str, str], list[Verdict]]:
+    """Return the actuators without a known limit by condition, reason and remedy."""
+    return {
+        (condition, *why): verdicts
+        for condition in _COMPARED
+        for why, verdicts in _by_reason(assessment, condition).items()
+    }
+
+
 def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
     """Return the undecided actuators by reason and remedy, so that neither is said twice."""
+    return _by_reason(assessment, "undecided")
+
+
+def _by_reason(assessment: Assessment, condition: Condition) -> dict[tuple[str, str], list[Verdict]]:
     groups: dict[tuple[str, str], list[Verdict]] = {}
     for verdict in assessment.verdicts:
-        if verdict.condition == "undecided":
-            reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE["undecided"]
+        if verdict.condition == condition:
+            reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE[condition]
             groups.setdefault((reason.rstrip("."), remedy.rstrip(".")), []).append(verdict)
     return groups
 

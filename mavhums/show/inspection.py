@@ -124,7 +124,7 @@ def _notes(inspection: Inspection) -> Iterator[str]:
     """Say what befell the log as a whole, and what never reached it."""
     losses = inspection.losses
     if inspection.sender_clock:
-        yield "The log has no time stamps (.tlog.raw): times count from the sender's boot."
+        yield "The log has no date: times count from the autopilot's boot."
     if losses.line_ends_restored:
         yield (
             "The log was converted to text (LF to CRLF); "

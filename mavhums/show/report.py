@@ -12,6 +12,8 @@ from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, V
 from mavhums.show._words import (
     advice,
     clock,
+    effectiveness,
+    explained,
     finding,
     friction,
     headline,
@@ -22,6 +24,7 @@ from mavhums.show._words import (
     percent,
     printable,
     undecided,
+    unmonitored,
 )
 
 __all__ = ["markdown", "so_far"]
@@ -50,8 +53,9 @@ def markdown(assessment: Assessment) -> str:
     if assessment.verdicts:
         sections.append(_table(assessment))
     ranked = assessment.ranked()
-    told = [verdict for verdict in ranked if verdict.worst not in ("normal", "undecided")]
+    told = [verdict for verdict in ranked if verdict.worst in ("degraded", "emergency")]
     sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
+    sections += _explained(assessment)
     sections += _doubtful(assessment)
     sections += _undecided(assessment)
     sections.append(_log(assessment))
@@ -121,6 +125,11 @@ def _section(verdict: Verdict, title: str) -> str:
     if verdict.indicators:
         lines.append(_indicators(verdict.indicators))
     sure = []
+    if verdict.surfaces:
+        lines.append(f"**Surfaces:** {_literal(join(verdict.surfaces))}.")
+    if verdict.effectiveness:
+        left = effectiveness(verdict.effectiveness)
+        sure.append(f"{left} of the reference's control effectiveness with its 95 % interval")
     if verdict.friction_nm:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if verdict.p_emergency is not None:
@@ -166,6 +175,13 @@ def _figure(value: float, interval: Interval) -> str:
     return f"{value:z.{digits}f}"
 
 
+def _explained(assessment: Assessment) -> Iterator[str]:
+    for (condition, reason, remedy), verdicts in explained(assessment).items():
+        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
+        why, what = _literal(reason), _literal(remedy)
+        yield f"## {names}: {condition}\n\n**Why:** {why}.\n\n**What to do:** {what}."
+
+
 def _doubtful(assessment: Assessment) -> Iterator[str]:
     for verdict in assessment.ranked():
         odd = implausible(verdict)
@@ -178,6 +194,10 @@ def _undecided(assessment: Assessment) -> Iterator[str]:
     for (reason, remedy), verdicts in undecided(assessment).items():
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
         yield f"## {names}: undecided\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
+    for (reason, remedy), verdicts in unmonitored(assessment).items():
+        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
+        why, todo = _literal(reason), _literal(remedy)
+        yield f"## {names}: unmonitored\n\n**Why:** {why}.\n\n**What to do:** {todo}."
 
 
 def _provenance(assessment: Assessment) -> Iterator[str]:

@@ -16,6 +16,8 @@ from mavhums.show._words import (
     COLOURS,
     advice,
     clock,
+    effectiveness,
+    explained,
     finding,
     friction,
     headline,
@@ -26,6 +28,7 @@ from mavhums.show._words import (
     percent,
     printable,
     undecided,
+    unmonitored,
 )
 
 __all__ = ["render"]
@@ -44,7 +47,7 @@ def render(assessment: Assessment, console: Console) -> None:
         Where to print; rich leaves the colours out where it is not a terminal.
     """
     console.print(Text(printable(headline(assessment)), style="bold"))
-    if assessment.verdicts:
+    if any(verdict.gravest != "unmonitored" for verdict in assessment.verdicts):
         console.print(_table(assessment, console.width))
     for title, lines in _paragraphs(assessment):
         console.print(Text(title, style="bold"))
@@ -54,17 +57,23 @@ def render(assessment: Assessment, console: Console) -> None:
     console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
 
 
-_COLUMNS = ("actuator", "condition", "friction, N·m", "network", "since", "moving", "judged")
-_KEPT = (0, 1, 2, 4, 5, 3, 6)  # the first two always, the others as far as the terminal is wide
+_COLUMNS = ("subject", "condition", "control left", "friction, N·m", "network", "since", "moving", "judged")
+_KEPT = (0, 1, 2, 3, 5, 6, 4, 7)  # the first two always, the others as far as the terminal is wide
+_OF_ACTUATORS: tuple[int, ...] = (3, 4, 6)
+_OF_AXES: tuple[int, ...] = (2,)
 
 
 def _table(assessment: Assessment, width: int) -> Table:
-    rows = [_row(verdict, assessment) for verdict in assessment.ranked()]
-    widths = [
-        max(len(title), *(len(row[column]) for row in rows)) + 1 for column, title in enumerate(_COLUMNS)
-    ]
+    listed = [verdict for verdict in assessment.ranked() if verdict.gravest != "unmonitored"]
+    subjects = {verdict.subject for verdict in listed}
+    titles = ("axis" if subjects == {"axis"} else "actuator", *_COLUMNS[1:])
+    rows = [_row(verdict, assessment) for verdict in listed]
+    widths = [max(len(title), *(len(row[column]) for row in rows)) + 1 for column, title in enumerate(titles)]
+    absent = {"actuator": _OF_AXES, "axis": _OF_ACTUATORS}[next(iter(subjects))] if len(subjects) == 1 else ()
     shown, taken = set(_KEPT[:2]), widths[0] + widths[1]
     for column in _KEPT[2:]:
+        if column in absent:
+            continue
         taken += widths[column]
         if taken <= width:
             shown.add(column)
@@ -72,10 +81,10 @@ def _table(assessment: Assessment, width: int) -> Table:
     for column in sorted(shown):
         least = min(widths[0] - 1, width * 2 // 3) if column == 0 else None
         table.add_column(
-            _COLUMNS[column],
+            titles[column],
             overflow="fold",
-            justify="left" if column < 3 else "right",
-            no_wrap=column in (2, 4, 6),
+            justify="left" if column < 4 else "right",
+            no_wrap=column in (2, 3, 5, 7),
             min_width=least,
         )
     for row in rows:
@@ -88,6 +97,7 @@ def _row(verdict: Verdict, assessment: Assessment) -> list[Text]:
     return [
         Text(printable(name(verdict, assessment))),
         _condition(verdict),
+        Text(effectiveness(verdict.effectiveness) if verdict.effectiveness else "—"),
         Text(friction(verdict.friction_nm) if verdict.friction_nm else "—"),
         Text(percent(verdict.p_emergency) if verdict.p_emergency is not None else "—"),
         Text(clock(verdict.since.flight_time_s) if verdict.since else "—"),
@@ -103,7 +113,7 @@ def _condition(verdict: Verdict) -> Text:
 
 def _word(condition: Condition) -> Text:
     red, green, blue = COLOURS[condition]
-    word = condition.upper() if condition in ("degraded", "emergency") else condition
+    word = condition.upper() if condition in ("changed", "degraded", "emergency") else condition
     return Text(word, style=f"bold rgb({red},{green},{blue})")
 
 
@@ -115,6 +125,9 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
             if len(verdict.evidence) > len(shown):
                 lines.append(f"and {len(verdict.evidence) - len(shown)} more findings (--json has them all)")
             yield (printable(name(verdict, assessment)), [*lines, f"what to do: {advice(verdict)}"])
+    for (condition, reason, remedy), verdicts in explained(assessment).items():
+        names = join(name(verdict, assessment) for verdict in verdicts)
+        yield (printable(f"{names}: {condition}"), [f"why: {reason}", f"what to do: {remedy}"])
     for verdict in assessment.ranked():
         odd = implausible(verdict)
         if odd:
@@ -122,3 +135,6 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     for (reason, remedy), verdicts in undecided(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])
+    for (reason, remedy), verdicts in unmonitored(assessment).items():
+        names = join(name(verdict, assessment) for verdict in verdicts)
+        yield (printable(f"{names}: unmonitored"), [f"why: {reason}", f"what to do: {remedy}"])

@@ -40,7 +40,7 @@ def headline(report: TrendReport) -> str:
     if not report.trends:
         return "No flight in this folder carries an indicator of a fault"
     gravest = report.trends[0].condition
-    if gravest in ("emergency", "degraded"):
+    if gravest in ("emergency", "degraded", "changed"):
         names = dict.fromkeys(_name(one, report) for one in report.trends if one.condition == gravest)
         return f"{join(names)}: {gravest.upper()} in the last flight"
     told = [one for one in report.trends if one.flights_left]

@@ -18,7 +18,7 @@ import numpy as np
 from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
 
-__all__ = ["PARAMETER_MESSAGES", "Parameters", "read_parameters"]
+__all__ = ["PARAMETER_MESSAGES", "Parameters", "Sent", "read_parameters"]
 
 PARAMETER_MESSAGES = frozenset({"HEARTBEAT", "PARAM_VALUE", "PARM", "parameter"})
 """Messages that tell parameters."""
@@ -38,13 +38,14 @@ class Parameters:
 
 
 @dataclass(slots=True)
-class _Sent:
+class Sent:
     """What vehicles sent: (bits of the float, type) by name, and who is a PX4."""
 
     values: dict[int, dict[str, tuple[int, int]]] = field(default_factory=dict)
     px4: set[int] = field(default_factory=set)
 
     def take(self, tables: Mapping[str, Table]) -> None:
+        """Take the parameters, and who is a PX4, of these tables."""
         heartbeats, sent = tables.get("HEARTBEAT"), tables.get("PARAM_VALUE")
         if heartbeats is not None:
             self.px4.update(heartbeats.system[heartbeats["autopilot"] == _PX4].tolist())
@@ -66,6 +67,13 @@ class _Sent:
             bits = np.ascontiguousarray(logged["Value"].astype("<f4")).view("<u4")
             for system, name, value in zip(logged.system, logged.texts("Name"), bits, strict=True):
                 self.values.setdefault(int(system), {})[name] = int(value), _REAL32
+
+    def of(self, vehicle: int) -> Parameters:
+        """Return what a vehicle sent so far."""
+        is_px4 = vehicle in self.px4
+        sent = self.values.get(vehicle, {})
+        values = {name: _number(*value, is_px4=is_px4) for name, value in sent.items()}
+        return Parameters(vehicle, is_px4, {name: value for name, value in values.items() if isfinite(value)})
 
 
 def read_parameters(
@@ -92,15 +100,13 @@ def read_parameters(
     MavhumsError
         If the log holds no parameters, not the vehicle's, or those of several vehicles.
     """
-    sent = _Sent()
+    sent = Sent()
     for tables, size, _ in decode_blocks(path, Decoder(PARAMETER_MESSAGES)):
         sent.take(tables)
         if progress:
             progress(size)
     vehicle = _choose(Path(path), vehicle, sorted(sent.values))
-    is_px4 = vehicle in sent.px4
-    values = {name: _number(*value, is_px4=is_px4) for name, value in sent.values[vehicle].items()}
-    return Parameters(vehicle, is_px4, {name: value for name, value in values.items() if isfinite(value)})
+    return sent.of(vehicle)
 
 
 def _choose(path: Path, vehicle: int | None, there: list[int]) -> int:

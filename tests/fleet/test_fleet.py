@@ -40,9 +40,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     def flown(seed: int, friction: float) -> Path:
         path = folder / f"{seed}.tlog"
-        flight = Flight(
-            seed, 21.0, {"elevator": (friction, friction)}, rate_hz=25.0, tiers=("instrumented",)
-        )
+        flight = Flight(seed, 21.0, {"elevator": (friction, friction)}, rate_hz=25.0, tiers=("instrumented",))
         write_tlog(fly(flight), path)
         return path
 
@@ -171,6 +169,13 @@ def test_a_log_of_an_unknown_aircraft_is_held_against_no_other(
     assert not any(indicator.baseline for _, verdict in told for indicator in verdict.indicators)
     assert fleet.status(tmp_path).unknown == FLIGHTS
     assert len(fleet.worst(tmp_path)) == 4 * FLIGHTS
+
+
+def test_the_board_names_an_aircraft_where_no_rule_does(
+    logs: Path, options: fleet.ScanOptions, tmp_path: Path
+) -> None:
+    fleet.scan([logs / "D-A" / "00.tlog"], tmp_path, fleet.ScanOptions(scheduler=options.scheduler))
+    assert fleet.worst(tmp_path)[0].aircraft.startswith("board 4D4156")
 
 
 def test_an_interrupted_scan_keeps_what_it_has_and_resumes(
@@ -316,7 +321,9 @@ def test_a_killed_worker_loses_and_doubles_nothing(
 
 
 @pytest.mark.slow
-def test_own_workers_say_the_same(logs: Path, one_by_one: dict[str, list[str]], run: Run, tmp_path: Path) -> None:
+def test_own_workers_say_the_same(
+    logs: Path, one_by_one: dict[str, list[str]], run: Run, tmp_path: Path
+) -> None:
     command = ("fleet", "scan", logs, "--to", tmp_path / "store", "--aircraft", "folder", "--workers", "2")
     outcome = run(*command)
     assert outcome.code == 0

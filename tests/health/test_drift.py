@@ -36,20 +36,20 @@ def follow(
 
 
 def test_flights_known_alike_count_alike() -> None:
-    values = [0.20, 0.22, 0.27]
+    values = [0.20, 0.22, 0.27] * 4
     baseline = Baseline.of([indicator(value, 11, 0.011) for value in values])
     assert baseline is not None
     assert baseline.mean == pytest.approx(0.23)
     of_flight = 0.011**2 / 11 * 10 / 8
     assert baseline.between == pytest.approx(np.sqrt(np.var(values, ddof=1) - of_flight))
-    assert baseline.error == pytest.approx(np.std(values, ddof=1) / np.sqrt(3))
-    assert baseline.flights == 3
+    assert baseline.error == pytest.approx(np.std(values, ddof=1) / np.sqrt(12))
+    assert baseline.flights == 12
     assert baseline.flight_variance == pytest.approx(baseline.between**2 + baseline.error**2)
 
 
 def test_a_flight_that_tells_little_counts_little() -> None:
-    good = [indicator(value, 9, 0.003) for value in (0.218, 0.220, 0.222)]
-    poor = [indicator(value, 9, 0.15) for value in (0.26, 0.18, 0.22)]
+    good = [indicator(value, 9, 0.003) for value in (0.218, 0.220, 0.222) * 4]
+    poor = [indicator(value, 9, 0.15) for value in (0.26, 0.18, 0.22) * 4]
     alone, together = Baseline.of(good), Baseline.of([*good, *poor])
     assert alone is not None
     assert together is not None
@@ -58,10 +58,11 @@ def test_a_flight_that_tells_little_counts_little() -> None:
     assert together.spread > 5 * alone.spread
 
 
-def test_one_flight_or_one_window_is_no_baseline() -> None:
+def test_fewer_than_ten_flights_that_show_their_scatter_are_no_baseline() -> None:
     assert Baseline.of([]) is None
-    assert Baseline.of([indicator(0.2, 5, 0.01)]) is None
-    assert Baseline.of([indicator(0.2, 5, 0.01), indicator(0.2, 1, None)]) is None
+    assert Baseline.of([indicator(0.2, 5, 0.01)] * 9) is None
+    assert Baseline.of([*[indicator(0.2, 5, 0.01)] * 9, indicator(0.2, 1, None)]) is None
+    assert Baseline.of([indicator(0.2, 5, 0.01)] * 10) is not None
 
 
 def test_the_prediction_is_a_students_interval() -> None:
@@ -74,7 +75,7 @@ def test_a_prediction_holds_the_next_flight_as_often_as_it_says() -> None:
     rng = np.random.default_rng(1)
     inside = 0
     for _ in range(2000):
-        *past, following = rng.normal(0.22, 0.003, 7).tolist()
+        *past, following = rng.normal(0.22, 0.003, 13).tolist()
         baseline = Baseline.of([indicator(value, 10, 0.008) for value in past])
         assert baseline is not None
         inside += baseline.prediction().low <= following <= baseline.prediction().high
@@ -82,9 +83,10 @@ def test_a_prediction_holds_the_next_flight_as_often_as_it_says() -> None:
 
 
 def test_flights_without_any_scatter_make_a_baseline() -> None:
-    baseline = Baseline.of([indicator(0.2, 9, 0.0)] * 3)
+    baseline = Baseline.of([indicator(0.2, 9, 0.0)] * 10)
     assert baseline is not None
-    assert (baseline.mean, baseline.between) == pytest.approx((0.2, 0.0))
+    natural = 0.05 * 0.2 * np.sqrt(9 / 18)
+    assert (baseline.mean, baseline.between) == pytest.approx((0.2, natural))
 
 
 def test_the_baseline_itself_is_no_drift() -> None:
@@ -167,7 +169,7 @@ def test_false_alarms_are_as_rare_as_promised(heavy: bool, unlike: bool) -> None
     high, so that it can be counted: 1000 alarms in 100 h, that is one in 36 windows.
     """
     rng = np.random.default_rng(4)
-    between, flights, rate = 0.003, 10, 1000.0
+    between, flights, rate = 0.011, 10, 1000.0
     alarms = windows = 0
     for _ in range(300):
         within = 0.008 * 10 ** (rng.uniform(-0.5, 0.5, flights + 1) if unlike else np.zeros(flights + 1))

@@ -108,7 +108,7 @@ def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:
         (lambda _: "\0" * 500, "no whole JSON"),
         (lambda text: text.replace("0.2", "NaN"), "no whole JSON"),
         (lambda _: "[" * 100_000, "no whole JSON"),
-        (lambda text: text.replace("assessment/1", "assessment/2"), "mavhums.assessment/2"),
+        (lambda text: text.replace("assessment/2", "assessment/9"), "mavhums.assessment/9"),
         (lambda text: text.replace('"normal"', '"fine"'), "verdicts.0.condition"),
         (lambda text: text.replace('"estimate": 0.2', '"estimate": 1e300'), "beyond all measure"),
         (
@@ -237,32 +237,32 @@ def test_the_baseline_is_of_the_first_healthy_flights() -> None:
 
 
 def test_neither_the_flight_itself_nor_a_later_one_is_its_baseline() -> None:
-    flights = [flown(verdict(shown(0.2 + 0.01 * day)), day=day) for day in range(6)]
-    found = history(*flights).baselines("paper", START + timedelta(days=3))
-    assert found[KEY] == Baseline.of([shown(0.2), shown(0.21), shown(0.22)])
-    during = history(*flights).baselines("paper", START + timedelta(days=2, seconds=300))
-    assert during[KEY].flights == 2
+    flights = [flown(verdict(shown(0.2 + 0.01 * day)), day=day) for day in range(16)]
+    found = history(*flights).baselines("paper", START + timedelta(days=13))
+    assert found[KEY] == Baseline.of([shown(0.2 + 0.01 * day) for day in range(13)])
+    during = history(*flights).baselines("paper", START + timedelta(days=12, seconds=300))
+    assert during[KEY].flights == 12
     assert history(*flights).baselines("paper", None) == {}
 
 
 def test_flights_of_another_profile_are_no_baseline() -> None:
-    flights = [flown(verdict(shown(0.2)), day=day, airframe="other") for day in range(5)]
+    flights = [flown(verdict(shown(0.2)), day=day, airframe="other") for day in range(10)]
     assert history(*flights).baselines("paper", LATER) == {}
-    both = [flown(verdict(shown(0.2)), day=day, airframe="other, paper") for day in range(5)]
-    assert history(*both).baselines("paper", LATER)[KEY].flights == 5
+    both = [flown(verdict(shown(0.2)), day=day, airframe="other, paper") for day in range(10)]
+    assert history(*both).baselines("paper", LATER)[KEY].flights == 10
 
 
 def test_after_a_repair_the_baseline_begins_anew() -> None:
     flights = [
         flown(verdict(shown(0.2 + 0.1 * (day > 4))), verdict(shown(0.2), actuator="rudder"), day=day)
-        for day in range(10)
+        for day in range(18)
     ]
     found = history(*flights).baselines("paper", LATER, {"elevator": START + timedelta(days=5)})
-    assert found[KEY].flights == 5
+    assert found[KEY].flights == 13
     assert found[KEY].mean == pytest.approx(0.3)
-    assert found[1, "rudder", "friction"].flights == 10
+    assert found[1, "rudder", "friction"].flights == 18
     everyone = history(*flights).baselines("paper", LATER, {None: START + timedelta(days=8)})
-    assert {baseline.flights for baseline in everyone.values()} == {2}
+    assert {baseline.flights for baseline in everyone.values()} == {10}
 
 
 def test_a_flight_is_added_in_its_place() -> None:

@@ -325,7 +325,7 @@ def test_of_several_logs_each_is_held_against_those_before(
 def test_each_monitor_gets_the_baselines_of_its_own_actuator(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for day in (-4, -3, -2, 0.5, 5):
+    for day in (*range(-13, -1), 0.5, 5):
         wear = (verdict(shown(0.2)), verdict(shown(0.3), actuator="rudder"))
         keep_assessment(flown(*wear, day=day), tmp_path)
     given: dict[str, Any] = {}
@@ -337,15 +337,15 @@ def test_each_monitor_gets_the_baselines_of_its_own_actuator(
 
     monkeypatch.setattr("mavhums.engine.engine.Monitor", Spy)
     mavhums.analyse(logs[0], mavhums.Options(history=tmp_path))
-    expected = Baseline.of([shown(0.2)] * 3)
+    expected = Baseline.of([shown(0.2)] * 12)
     assert given["elevator"] == {"friction": expected}
     assert given["rudder"]["friction"].mean == pytest.approx(0.3)
     assert given["aileron_left"] == {}
     mavhums.analyse(
-        logs[0], mavhums.Options(history=tmp_path, since={"elevator": START - timedelta(days=3, hours=1)})
+        logs[0], mavhums.Options(history=tmp_path, since={"elevator": START - timedelta(days=11, hours=1)})
     )
-    assert given["elevator"]["friction"].flights == 2
-    assert given["rudder"]["friction"].flights == 3
+    assert given["elevator"]["friction"].flights == 10
+    assert given["rudder"]["friction"].flights == 12
     mavhums.analyse(logs[0])
     assert given["elevator"] == {}
 

@@ -75,7 +75,7 @@ def test_a_log_without_stamps_and_a_converted_one_are_named(tmp_path: Path) -> N
     raw.write_bytes(b"".join(data[k + 8 : k + 29] for k in range(0, len(data), 29)))
     assert "converted to text (LF to CRLF)" in said(text)
     assert "Log losses: none" in said(text)
-    assert "no time stamps (.tlog.raw)" in said(raw)
+    assert "The log has no date" in said(raw)
     assert inspect_log(raw).start_utc is None
 
 

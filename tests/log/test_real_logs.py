@@ -11,7 +11,6 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavhums.core.errors import UnreadableLogError
 from mavhums.log import Table, read_log
 from mavhums.log.mavlink.flags import ODD_TIME
 from tests.conftest import real_logs
@@ -19,7 +18,6 @@ from tests.conftest import real_logs
 DAMAGED = ("Avalanche", "LucaGemma", "ardusub_log_tools", "mavrik-control")
 WITHOUT_STAMPS = ".tlog.raw"
 LOGS = [path for path in real_logs() if path.suffix == ".tlog"]
-OTHERS = [path for path in real_logs() if path.suffix in {".BIN", ".ulg"}]
 NOT_IN_PYMAVLINK = {
     "CURRENT_EVENT_SEQUENCE",
     "ESC_INFO",
@@ -131,11 +129,3 @@ def test_a_log_without_time_stamps_holds_what_pymavlink_parses() -> None:
     assert_nothing_that_pymavlink_found_is_missing(log.tables, theirs)
     boot_us = log.tables["ATTITUDE"]["time_boot_ms"].astype(np.int64) * 1000
     assert np.all(np.abs(log.tables["ATTITUDE"].time_us - boot_us) <= 1_000_000)
-
-
-@needs_logs
-@pytest.mark.parametrize("path", OTHERS, ids=lambda path: path.name)
-def test_other_files_are_refused(path: Path) -> None:
-    with pytest.raises(UnreadableLogError) as caught:
-        read_log(path)
-    assert caught.value.remedy

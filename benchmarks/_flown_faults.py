@@ -1,0 +1,179 @@
+"""Flights with labelled faults: read the labels, judge each flight, and compare what was found with them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mavhums import Engine, load_airframe
+from mavhums.engine.events import ConditionChanged, Event
+from mavhums.engine.options import EngineOptions
+from mavhums.log import read_blocks, read_log
+
+__all__ = ["CONFOUNDERS", "Fault", "Flight", "Outcome", "judge", "judge_bytes", "read_labels", "summary"]
+
+ALARMS = ("degraded", "emergency")
+CONFOUNDERS = ("engine", "airspeed", "wind", "gps")
+AFTER_S = 30.0
+"""An alarm that comes this long after a fault was cleared is still the fault's."""
+
+_AXES = {
+    "aileron": {"roll"},
+    "elevator": {"pitch"},
+    "rudder": {"yaw"},
+    "elevon": {"roll", "pitch"},
+    "vtail": {"pitch", "yaw"},
+    "all": {"roll", "pitch", "yaw"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A labelled interval, flight seconds after the log's first frame."""
+
+    surface: str
+    kind: str
+    start_s: float
+    end_s: float
+
+    @property
+    def confounds(self) -> bool:
+        """Whether it is no fault of a surface."""
+        return self.surface in CONFOUNDERS
+
+    @property
+    def axes(self) -> set[str]:
+        """Axes that a finding may name."""
+        return _AXES.get(self.surface, set())
+
+
+@dataclass(slots=True)
+class Flight:
+    """A file with its faults."""
+
+    path: Path
+    faults: list[Fault] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What was found in a flight: the alarms, the conditions of the axes, and what could be judged."""
+
+    flight: Flight
+    alarms: tuple[ConditionChanged, ...]
+    conditions: dict[str, str]
+    judged: dict[str, tuple[int, int]]
+    reasons: dict[str, str]
+    surfaces: tuple[str, ...]
+    flown_s: float
+
+    def found(self, fault: Fault) -> list[ConditionChanged]:
+        """Return the alarms that came while a fault lasted."""
+        return [a for a in self.alarms if fault.start_s <= a.time_s <= fault.end_s + 1]
+
+    def false_alarms(self) -> list[ConditionChanged]:
+        """Return the alarms that no fault of a surface explains."""
+        real = [fault for fault in self.flight.faults if not fault.confounds]
+        return [a for a in self.alarms if not any(f.start_s <= a.time_s <= f.end_s + AFTER_S for f in real)]
+
+    def fault_free_s(self) -> float:
+        """Return the seconds of forward flight outside faults, those after an engine failure included."""
+        real = [fault for fault in self.flight.faults if not fault.confounds]
+        return max(self.flown_s - sum(fault.end_s - fault.start_s for fault in real), 0.0)
+
+
+def read_labels(folder: Path) -> Iterator[Flight]:
+    """Yield the flights of a folder's ``labels.csv``: that of ALFA, or that of flights with boot times."""
+    flights: dict[str, Flight] = {}
+    with (folder / "labels.csv").open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            path = folder / row["file"]
+            flight = flights.setdefault(row["file"], Flight(path))
+            fault = _alfa(row, path) if "t_fault_s" in row else _booted(row, path)
+            if fault is not None:
+                flight.faults.append(fault)
+    yield from flights.values()
+
+
+def _alfa(row: dict[str, str], path: Path) -> Fault | None:
+    """Times count from the flight's first SERVO_OUTPUT_RAW."""
+    if row["fault"] == "none":
+        return None
+    log = read_log(path, messages=["SERVO_OUTPUT_RAW"])
+    first = log.span[0] if log.span else 0
+    offset = (int(log.tables["SERVO_OUTPUT_RAW"].time_us[0]) - first) / 1e6
+    start, end = float(row["t_fault_s"]), float(row["t_end_s"])
+    return Fault(row["surface"], row["fault"], start + offset, end + offset)
+
+
+def _booted(row: dict[str, str], path: Path) -> Fault | None:
+    """Times count from the autopilot's boot."""
+    if row["kind"] == "none":
+        return None
+    log = read_log(path, messages=["ATTITUDE"])
+    table, first = log.tables["ATTITUDE"], log.span[0] if log.span else 0
+    offset = (int(table.time_us[0]) - first) / 1e6 - float(table["time_boot_ms"][0]) / 1e3
+    end = row["t_clear_boot_s"] or row["t_end_boot_s"]
+    surface = row["kind"] if row["surface"] == "none" else row["surface"]
+    return Fault(surface, row["kind"], float(row["t_fault_boot_s"]) + offset, float(end) + offset)
+
+
+def judge(flight: Flight, airframe: str | Path | None) -> Outcome:
+    """Return what the engine finds in a flight, its outputs named by a profile or told by the log."""
+    return judge_bytes(flight, read_blocks(flight.path), airframe)
+
+
+def judge_bytes(flight: Flight, blocks: Iterable[bytes], airframe: str | Path | None) -> Outcome:
+    """Return the same of the bytes of a flight."""
+    profile = None if airframe is None else load_airframe(airframe)
+    engine = Engine(EngineOptions(airframe=profile))
+    events: list[Event] = []
+    for block in blocks:
+        events += engine.feed(block)
+    events += engine.finish()
+    changes = [event for event in events if isinstance(event, ConditionChanged)]
+    alarms = tuple(c for c in changes if c.after in ALARMS and c.actuator in ("roll", "pitch", "yaw"))
+    axes = [v for v in engine.assessment(indicators=False).verdicts if v.subject == "axis"]
+    return Outcome(
+        flight,
+        alarms,
+        {v.actuator: v.condition for v in axes},
+        {v.actuator: (v.coverage.decidable, v.coverage.windows) for v in axes},
+        {v.actuator: v.reason or "" for v in axes},
+        tuple(dict.fromkeys(s for v in axes for s in v.surfaces)),
+        engine.flown_s(),
+    )
+
+
+def summary(outcomes: Sequence[Outcome]) -> list[str]:
+    """Return the figures over all flights, one a line."""
+    lasting, short, delays, right, engines, flagged = 0, 0, [], 0, 0, 0
+    for outcome in outcomes:
+        for fault in outcome.flight.faults:
+            if fault.confounds:
+                engines += 1
+                after = [a for a in outcome.false_alarms() if fault.start_s <= a.time_s]
+                flagged += bool(after)
+                continue
+            found = outcome.found(fault)
+            long = fault.end_s - fault.start_s >= 20
+            lasting, short = lasting + long, short + (not long)
+            if found:
+                delays.append((found[0].time_s - fault.start_s, long))
+                right += any(a.actuator in fault.axes for a in found)
+    hours = sum(outcome.fault_free_s() for outcome in outcomes) / 3600
+    false = [alarm for outcome in outcomes for alarm in outcome.false_alarms()]
+    seconds = sorted(delay for delay, _ in delays)
+    median = seconds[len(seconds) // 2] if seconds else float("nan")
+    long_found = sum(long for _, long in delays)
+    return [
+        f"surface faults that leave 20 s or more: {long_found} of {lasting} found; shorter: "
+        f"{len(delays) - long_found} of {short}",
+        f"delay: median {median:.1f} s, worst {max(seconds, default=float('nan')):.1f} s",
+        f"the axis named is one that the surface moves: {right} of {len(delays)}",
+        f"false alarms: {len(false)} in {hours:.2f} h of fault-free flight "
+        f"({len(false) / hours if hours else float('nan'):.2f} per hour)",
+        f"engine failures and other confounders flagged as a surface: {flagged} of {engines}",
+    ]

@@ -1,0 +1,290 @@
+"""What a servo's own past shows without a data sheet: ``python benchmarks/own_history.py [--first 10]``.
+
+Flights of 100 s by two-mass individuals with dispersion, five flight modes in turn. Everything was tuned on
+aircraft 0–2; the figures are of aircraft from ``--first`` on, whose seeds tuning never used.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from _fleet import ACTUATORS, MODES, Judged, added, baselines_of, flight, fly_all, judge, quantities
+from _fleet import Task as Sheet
+from _own_flights import BLANK, TIERS, Row, Task, flown, scattered
+from scipy.stats import chi2
+
+from mavhums.health.own.fit import learned, wear
+from mavhums.health.own.identify import identified
+from mavhums.health.own.judge import compare
+from mavhums.health.own.past import PastRecord
+from mavhums.health.own.voltage import VoltageSums
+from mavhums.health.slots import SlotCutter, widen
+from mavhums.report.assessment import OwnRecord
+from mavhums_sim import FlightRecord
+
+BASELINES = (5, 10, 20)
+SCATTERS = (0.0, 0.05, 0.10)
+SCATTERED = "motor, 50 Hz"
+FRICTIONS = (0.02, 0.05, 0.1, 0.2)
+OTHERS = {
+    "resistance": 0.3,
+    "torque_constant": 0.15,
+    "backlash": 1.5,
+    "supply_sag": 10.0,
+    "sensor_bias": 0.5,
+}
+PAPER_CONSTANT = ACTUATORS["elevator"].known_ema().torque_constant
+PAPER_RESISTANCE = ACTUATORS["elevator"].known_ema().resistance
+Counts = dict[tuple[str, int, float, str], Counter[str]]
+
+
+class Fleet:
+    """The baselines of all actuators, and what their flights were found to be."""
+
+    def __init__(self) -> None:
+        self.reference: dict[tuple[tuple[int, str], str], list[OwnRecord]] = defaultdict(list)
+        self.counts: Counts = defaultdict(Counter)
+        self._level: dict[tuple[tuple[int, str], str], float] = {}
+
+    def learn(self, row: Row) -> None:
+        if row.record is not None:
+            self.reference[row.actuator, row.tier].append(row.record)
+
+    def take(self, row: Row) -> None:
+        """Compare a flight with its baselines of 5, 10 and 20 flights, with and without natural scatter."""
+        scatters = SCATTERS if row.tier == SCATTERED else SCATTERS[:1]
+        for flights in BASELINES:
+            for scatter in scatters:
+                found = self._compared(row, flights, scatter)
+                self.counts[row.tier, flights, scatter, row.kind][found] += 1
+
+    def _compared(self, row: Row, flights: int, scatter: float) -> str:
+        if row.record is None:
+            return "undecided"
+        equation = TIERS[row.tier].equation
+        equation = replace(equation, min_flights=min(flights, equation.min_flights))
+        past = [
+            PastRecord((self._with(record, row, scatter, k),), "2026-01-01", True)
+            for k, record in enumerate(self.reference[row.actuator, row.tier][:flights])
+        ]
+        own = self._with(row.record, row, scatter, 10_000 + row.number)
+        return compare(equation, own, past).condition
+
+    def _with(self, record: OwnRecord, row: Row, scatter: float, number: int) -> OwnRecord:
+        if not scatter:
+            return record
+        aircraft, surface = row.actuator
+        rng = np.random.default_rng([aircraft, len(surface), ord(surface[0]), ord(surface[-1]), number])
+        return scattered(record, scatter * self.level(row) * rng.standard_normal())
+
+    def level(self, row: Row) -> float:
+        """Return the healthy level of an actuator in a tier."""
+        key = row.actuator, row.tier
+        if key not in self._level:
+            nuisances = learned(self.reference[key])
+            shown = [w.value for record in self.reference[key] if (w := wear(record, nuisances))]
+            self._level[key] = float(np.mean(shown))
+        return self._level[key]
+
+
+def tasks_of(args: argparse.Namespace) -> tuple[list[Task], list[Task]]:
+    aircraft = tuple(range(args.first, args.first + args.aircraft))
+    every, scanned = tuple(TIERS), ("motor, 50 Hz", "motor, 25 Hz", "position, 50 Hz")
+    base = [Task("base", k, "friction", 0.0, aircraft, every) for k in range(20)]
+    worn = [
+        Task(f"+{severity:g} N·m", 2000 + 100 * n + k, "friction", severity, aircraft, every)
+        for n, severity in enumerate(FRICTIONS)
+        for k in range(args.each)
+    ]
+    others = [
+        Task(fault, 3000 + 100 * n + k, fault, severity, aircraft, scanned)
+        for n, (fault, severity) in enumerate(OTHERS.items())
+        for k in range(args.each)
+    ]
+    healthy = [
+        Task("healthy", 5000 + k, "friction", 0.0, aircraft, every if k < 40 else scanned)
+        for k in range(args.healthy)
+    ]
+    return base, [*worn, *others, *healthy]
+
+
+def found_table(counts: Counts) -> Iterator[str]:
+    kinds = [f"+{severity:g} N·m" for severity in FRICTIONS]
+    yield f"| measured | flights before | scatter | {' | '.join(kinds)} | false, of | per 100 h, 95 % bound |"
+    yield "|---" * (len(kinds) + 5) + "|"
+    for tier, flights, scatter in dict.fromkeys(key[:3] for key in counts):
+        cells = [_share(counts[tier, flights, scatter, kind]) for kind in kinds]
+        healthy = counts[tier, flights, scatter, "healthy"]
+        hours = healthy.total() * 100.0 / 3600.0
+        bound = chi2.ppf(0.95, 2 * healthy["changed"] + 2) / 2 / max(hours, 1e-9) * 100
+        yield (
+            f"| {tier} | {flights} | {scatter:.0%} | {' | '.join(cells)} | "
+            f"{healthy['changed']} of {healthy.total()} ({hours:.0f} h) | {bound:.2g} |"
+        )
+
+
+def _share(counter: Counter[str]) -> str:
+    return f"{counter['changed'] / counter.total():.0%}" if counter.total() else "–"
+
+
+def confusion_table(counts: Counts) -> Iterator[str]:
+    tiers = [key[0] for key in counts if key[3] == next(iter(OTHERS))]
+    yield "| truth | " + " | ".join(dict.fromkeys(tiers)) + " |"
+    yield "|---" * (len(set(tiers)) + 1) + "|"
+    for kind in ("healthy", "+0.1 N·m", *OTHERS):
+        severity = f" {OTHERS[kind]:g}" if kind in OTHERS else ""
+        cells = [_share(counts[tier, 20, 0.0, kind]) for tier in dict.fromkeys(tiers)]
+        yield f"| {kind}{severity} | {' | '.join(cells)} |"
+
+
+def _by_data_sheet(
+    name: str, record: FlightRecord, *, baselines: object = None
+) -> tuple[list[bool], list[Judged]]:
+    judged = judge(name, record, tier="esc-signed", baselines=baselines)  # type: ignore[arg-type]
+    return [any(s.fault == "friction" for s in one.findings.suspects) for one in judged], judged
+
+
+def sheet_table(args: argparse.Namespace) -> Iterator[str]:
+    """Judge the 50 Hz logs with the data sheet as well: friction in N·m against the same baseline."""
+    aircraft = range(args.first, args.first + args.sheet)
+
+    def fly_them(severity: float, first: int, count: int, baselines: object) -> list[tuple[str, object]]:
+        tasks = [
+            Sheet(
+                f"{a}/{k}",
+                flight(
+                    first + k,
+                    a,
+                    rate_hz=50.0,
+                    mode=MODES[k % len(MODES)],
+                    conditions=added("friction", severity),
+                ),
+            )
+            for a in aircraft
+            for k in range(count)
+        ]
+        return list(fly_all(tasks, partial(_by_data_sheet, baselines=baselines), args.workers))
+
+    known = baselines_of([(name, judged) for name, (_, judged) in fly_them(0.0, 0, 20, None)])  # type: ignore[misc]
+    yield "| esc-signed, 50 Hz, with data sheet | found | of |"
+    yield "|---|---|---|"
+    for n, severity in enumerate((0.0, *FRICTIONS[1:3])):
+        flown_ = fly_them(severity, 9000 + 100 * n, args.each, known)
+        said = [one for _, (found, _) in flown_ for one in found]  # type: ignore[misc]
+        yield f"| +{severity:g} N·m | {np.mean(said):.0%} | {len(said)} |"
+
+
+def _voltages(name: str, record: FlightRecord) -> list[tuple[str, OwnRecord | None, float]]:
+    """Return each actuator's record of the voltage equation, and its true back-EMF constant."""
+    left = []
+    for surface, own in record.actuators.items():
+        sums, cutter = VoltageSums(BLANK[surface]), SlotCutter()
+        time_s, values = quantities(own, BLANK[surface], "esc-signed")
+        for slots in (cutter.feed(time_s, widen(values)), cutter.finish()):
+            if slots is not None:
+                sums.feed(slots)
+        left.append((surface, sums.record(), own.individual.torque_constant * PAPER_CONSTANT))
+    return left
+
+
+def identify_table(args: argparse.Namespace) -> Iterator[str]:
+    yield "| esc-signed | flights | R, error | k_e, error | drop, V | R inside 95 % | k_e inside | of |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for rate_hz in (100.0, 25.0):
+        records: dict[tuple[str, str], list[OwnRecord]] = defaultdict(list)
+        truth: dict[tuple[str, str], float] = {}
+        tasks = [
+            Sheet(f"{a}/{k}", flight(9500 + k, a, rate_hz=rate_hz, mode=MODES[k % len(MODES)]))
+            for a in range(args.first, args.first + args.identify)
+            for k in range(5)
+        ]
+        for name, several in fly_all(tasks, _voltages, args.workers):
+            for surface, record, constant in several:
+                key = name.split("/")[0], surface
+                truth[key] = constant
+                records[key] += [record] if record else []
+        for flights in (1, 5):
+            yield _identified_row(f"{rate_hz:g} Hz", flights, records, truth)
+
+
+def _identified_row(
+    rate: str,
+    flights: int,
+    records: dict[tuple[str, str], list[OwnRecord]],
+    truth: dict[tuple[str, str], float],
+) -> str:
+    errors, inside = [], []
+    for key, several in records.items():
+        for first in range(0, len(several), flights):
+            found = identified(several[first : first + flights])
+            if found is None:
+                continue
+            resistance, constant = found.resistance, found.back_emf
+            errors.append(
+                (
+                    resistance.estimate / PAPER_RESISTANCE - 1,
+                    constant.estimate / truth[key] - 1,
+                    found.drop.estimate,
+                )
+            )
+            inside.append(
+                (
+                    resistance.low <= PAPER_RESISTANCE <= resistance.high,
+                    constant.low <= truth[key] <= constant.high,
+                )
+            )
+    (r, k, drop), (r_sd, k_sd, drop_sd) = np.mean(errors, axis=0), np.std(errors, axis=0)
+    r_in, k_in = np.mean(inside, axis=0)
+    return (
+        f"| {rate} | {flights} | {r:+.2%} ± {r_sd:.2%} | {k:+.2%} ± {k_sd:.2%} | "
+        f"{drop:+.3f} ± {drop_sd:.3f} | "
+        f"{r_in:.0%} | {k_in:.0%} | {len(errors)} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--first", type=int, default=10, help="first aircraft")
+    parser.add_argument("--aircraft", type=int, default=6, help="number of aircraft, of four actuators each")
+    parser.add_argument("--each", type=int, default=10, help="flights of each fault")
+    parser.add_argument("--healthy", type=int, default=450, help="healthy flights of each aircraft")
+    parser.add_argument("--sheet", type=int, default=2, help="aircraft judged with their data sheet as well")
+    parser.add_argument("--identify", type=int, default=4, help="aircraft whose motors are identified")
+    parser.add_argument("--workers", type=int, default=2)
+    args = parser.parse_args()
+    start = time.perf_counter()
+    if args.sheet:
+        print("\n## The same with the data sheet, 20 flights before\n")
+        print("\n".join(sheet_table(args)), flush=True)
+    if args.identify:
+        print("\n## Identified without a data sheet\n")
+        print("\n".join(identify_table(args)), flush=True)
+    if not args.aircraft:
+        return
+    base, later = tasks_of(args)
+    fleet = Fleet()
+    for row in flown(base, args.workers):
+        fleet.learn(row)
+    for row in flown(later, args.workers):
+        fleet.take(row)
+    sections = {
+        "Found in one flight; share of actuator-flights": found_table(fleet.counts),
+        "Said to be changed, 20 flights before": confusion_table(fleet.counts),
+    }
+    for title, rows in sections.items():
+        print(f"\n## {title}\n")
+        print("\n".join(rows))
+    print(f"\n({time.perf_counter() - start:.0f} s)", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""Identify the motors of servos from their own flights, and write what was found into a profile."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mavhums.app.analysis import analyse
+from mavhums.app.options import Options
+from mavhums.core.errors import MavhumsError
+from mavhums.health.own.identify import Identified, identified
+from mavhums.health.own.voltage import NAME
+from mavhums.report.assessment import Interval, OwnRecord
+
+__all__ = ["Motor", "identify", "with_motors"]
+
+_BLOCK = re.compile(r"(?m)^\[\[actuators\]\][^\n]*\n(?:(?!^\[\[actuators\]\]).*\n?)*")
+_BEFORE = re.compile(r"(?ms)^\[actuators\.identified\][^\n]*\n(?:(?!^\[)[^\n]*\n?)*")
+_OWN_NAME = re.compile(r"(?m)^name\s*=\s*(\"(?:[^\"\\]|\\.)*\"|'[^']*')")
+_TO_IDENTIFY = "record each servo's voltage, current and rotor speed (V4, V5, V7) at the motor, in motion"
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """What was identified of one actuator's motor, and the names of the logs that it rests on."""
+
+    found: Identified
+    flights: tuple[str, ...]
+
+
+def identify(
+    logs: Sequence[str | os.PathLike[str]],
+    options: Options,
+    *,
+    progress: Callable[[int], None] | None = None,
+) -> dict[str, Motor]:
+    """Return what logs of one aircraft show together of each actuator's motor, by actuator.
+
+    Parameters
+    ----------
+    logs
+        Of flights of the same aircraft.
+    options
+        With its profile, in which the EMA's constants or limits are open.
+    progress
+        Called with the number of bytes read of each log after each block.
+
+    Raises
+    ------
+    MavhumsError
+        If a log or the profile cannot be read, or no log shows any motor.
+    """
+    records: dict[str, list[tuple[str, OwnRecord]]] = {}
+    for path in logs:
+        for verdict in analyse(path, replace(options, history=None), progress=progress).verdicts:
+            for record in verdict.own:
+                if record.equation == NAME:
+                    records.setdefault(verdict.actuator, []).append((Path(path).name, record))
+    motors = {}
+    for actuator, several in records.items():
+        found = identified([record for _, record in several])
+        if found is not None:
+            motors[actuator] = Motor(found, tuple(dict.fromkeys(name for name, _ in several)))
+    if not motors:
+        raise MavhumsError("no log shows an actuator's motor: V4, V5 and V7 together", _TO_IDENTIFY)
+    return motors
+
+
+def with_motors(profile: str, motors: Mapping[str, Motor]) -> str:
+    """Return a profile's text with what was identified; all else stays as it is written.
+
+    Examples
+    --------
+    >>> one = Interval(estimate=1.0, low=0.9, high=1.1)
+    >>> motor = Motor(Identified(one, one, one, 1), ("a.tlog",))
+    >>> print(with_motors('[[actuators]]\\nname = "rudder"\\n', {"rudder": motor}))
+    [[actuators]]
+    name = "rudder"
+    <BLANKLINE>
+    [actuators.identified]  # estimate and 95 % interval, by the voltage equation
+    resistance = [1.0, 0.9, 1.1]  # ohm
+    back_emf = [1.0, 0.9, 1.1]  # V·s/rad of the rotor
+    drop = [1.0, 0.9, 1.1]  # V
+    convention = "unknown"  # "dc" where V4·V5 is the electrical power: then back_emf is the torque constant
+    flights = ["a.tlog"]
+    <BLANKLINE>
+    """
+
+    def filled(block: re.Match[str]) -> str:
+        named = _OWN_NAME.search(block[0])
+        motor = motors.get(_plain(named[1])) if named else None
+        if motor is None:
+            return block[0]
+        return f"{_BEFORE.sub('', block[0]).rstrip()}\n\n{_section(motor)}\n"
+
+    return _BLOCK.sub(filled, profile)
+
+
+def _plain(quoted: str) -> str:
+    return quoted[1:-1] if quoted.startswith("'") else str(json.loads(quoted))
+
+
+def _section(motor: Motor) -> str:
+    found = motor.found
+    return (
+        "[actuators.identified]  # estimate and 95 % interval, by the voltage equation\n"
+        f"resistance = {_numbers(found.resistance)}  # ohm\n"
+        f"back_emf = {_numbers(found.back_emf)}  # V·s/rad of the rotor\n"
+        f"drop = {_numbers(found.drop)}  # V\n"
+        'convention = "unknown"  # "dc" where V4·V5 is the electrical power: '
+        "then back_emf is the torque constant\n"
+        f"flights = {json.dumps(motor.flights, ensure_ascii=False)}\n"
+    )
+
+
+def _numbers(interval: Interval) -> list[float]:
+    return [interval.estimate, interval.low, interval.high]

@@ -1,0 +1,237 @@
+"""The axes of every vehicle of a log: tables in, changes of condition out, findings at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.profile import Airframe
+from mavhums.actuator.surfaces import of_airframe
+from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.health.events import ConditionChanged, Indication
+from mavhums.log import Table
+from mavhums.vehicle.flight import Flight, Rows
+from mavhums.vehicle.grid import Grid, Seconds
+from mavhums.vehicle.inference import inferred
+from mavhums.vehicle.parameters import Sent
+from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
+from mavhums.vehicle.signals import Signal
+from mavhums.vehicle.surfaces import AXES, Surfaces, of_parameters
+
+__all__ = ["MESSAGES", "Axes", "VehicleAxes"]
+
+_TOLD_S: Final = 3
+_INFER_S: Final = 45
+_RETRY_S: Final = 10
+_LATEST_S: Final = 180
+_KEPT_S: Final = 120
+_NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
+_FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
+
+Array = NDArray[np.float64]
+
+
+class VehicleAxes:
+    """The axes of one vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        System id.
+    start_us
+        Where flight time begins, microseconds of UTC.
+    surfaces
+        From a profile; None if the log is to tell them.
+
+    Attributes
+    ----------
+    surfaces, flight, monitor
+        As far as known.
+    """
+
+    def __init__(self, vehicle: int, start_us: int, surfaces: Surfaces | None) -> None:
+        self.surfaces = surfaces
+        self.monitor = AxisMonitor(vehicle)
+        self.flight = Flight(surfaces)
+        self._vehicle = vehicle
+        self._grid = Grid(start_us)
+        self._told: list[tuple[int, Surfaces]] = []
+        self._waiting: list[Seconds] = []
+        self._since_try = 0
+
+    def tell(self, second: int, surfaces: Surfaces) -> None:
+        """Take surfaces that the log told in a flight second; they hold from three seconds later on."""
+        self._told.append((second + _TOLD_S, surfaces))
+
+    def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[ConditionChanged | Indication]:
+        """Take new samples; yield the changes of condition."""
+        seconds = self._grid.feed(signals, final=final)
+        while seconds is not None:
+            now, seconds = self._next(seconds)
+            at = 0
+            while self.surfaces is None and at < len(now.index):
+                yield from self._unknown(_part(now, at, at + 1))
+                at += 1
+            if at < len(now.index):
+                yield from self._known(_part(now, at, len(now.index)))
+
+    def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
+        """Apply what was told by the first second; return the seconds until more was told, and the rest."""
+        first = int(seconds.index[0])
+        while self._told and self._told[0][0] <= first:
+            self._learn(self._told.pop(0)[1])
+        count = len(seconds.index)
+        at = int(np.searchsorted(seconds.index, self._told[0][0])) if self._told else count
+        if at == count:
+            return seconds, None
+        return _part(seconds, 0, at), _part(seconds, at, count)
+
+    def _learn(self, surfaces: Surfaces) -> None:
+        told_before = self.surfaces is not None and self.surfaces.origin == "profile"
+        if told_before or surfaces == self.surfaces:
+            return
+        self.surfaces = surfaces
+        self.flight.learn(surfaces)
+        self._waiting.clear()
+
+    def _known(self, seconds: Seconds) -> Iterator[ConditionChanged | Indication]:
+        for rows in self.flight.feed(seconds):
+            for event in self.monitor.feed(rows):
+                yield self._named(event) if isinstance(event, ConditionChanged) else event
+
+    def _named(self, event: ConditionChanged) -> ConditionChanged:
+        """Add to what an alert says the surfaces that it may be."""
+        moved = self.surfaces.of_axis(event.actuator) if self.surfaces else ()
+        if not moved or not event.finding:
+            return event
+        return replace(event, finding=f"{event.finding}, {moved[0].kind}?")
+
+    def _unknown(self, second: Seconds) -> Iterator[ConditionChanged | Indication]:
+        """Follow the flight without its outputs, and try to infer them from its beginning."""
+        self._waiting.append(second)
+        del self._waiting[:-_KEPT_S]
+        yield from self._known(second)
+        self._since_try += 1
+        if self._since_try < _RETRY_S or not _INFER_S <= self.flight.flown_s <= _LATEST_S:
+            return
+        self._since_try = 0
+        surfaces = self._inferred()
+        if surfaces is not None:
+            self.surfaces, waiting = surfaces, list(self._waiting)
+            self._waiting.clear()
+            self.monitor = AxisMonitor(self._vehicle)
+            again = Flight(surfaces)
+            self.flight = again
+            for seconds in waiting:
+                yield from self._known(seconds)
+
+    def _inferred(self) -> Surfaces | None:
+        probe = Flight(None)
+        parts = [rows for seconds in self._waiting for rows in probe.feed(seconds)]
+        rows = Rows.join(parts)
+        outputs = np.concatenate([seconds.signals["outputs"] for seconds in self._waiting])
+        pulses = outputs.reshape(-1, outputs.shape[2])
+
+        def explains(axis: str, demand: Array) -> float:
+            outputs = np.full_like(rows.outputs, np.nan)
+            outputs[:, AXES.index(axis)] = demand
+            gain = new_gain(axis)
+            gain.feed(replace(rows, outputs=outputs))
+            found = gain.reference or gain.best
+            return 0.0 if found is None else found.explained
+
+        return inferred(rows, pulses, explains)
+
+
+class Axes:
+    """Follows the axes of every vehicle.
+
+    Parameters
+    ----------
+    airframe
+        The profile for every vehicle; None if each tells its own outputs.
+    """
+
+    def __init__(self, airframe: Airframe | None = None) -> None:
+        self._surfaces = of_airframe(airframe) if airframe else None
+        self._signals = SignalReaders()
+        self._sent = Sent()
+        self._told: dict[int, Surfaces] = {}
+        self._vehicles: dict[int, VehicleAxes] = {}
+
+    def vehicle(self, vehicle: int) -> VehicleAxes | None:
+        """Return the axes of a vehicle; None if it never told anything of its flight."""
+        return self._vehicles.get(vehicle)
+
+    def flown_s(self) -> float:
+        """Return how many seconds all vehicles flew forward."""
+        return float(sum(axes.flight.flown_s for axes in self._vehicles.values()))
+
+    def feed(
+        self,
+        tables: Mapping[str, Table],
+        start_us: int,
+        *,
+        admits: Callable[[int], bool] = lambda _: True,
+        final: bool = False,
+    ) -> Iterator[ConditionChanged | Indication]:
+        """Take tables; yield the changes of condition.
+
+        ``admits`` tells which vehicles are judged, and ``final`` that nothing follows.
+        """
+        by_vehicle: dict[int, list[Signal]] = {vehicle: [] for vehicle in self._vehicles}
+        for signal in self._signals.read(tables):
+            if not admits(signal.vehicle):
+                continue
+            by_vehicle.setdefault(signal.vehicle, []).append(signal)
+        for vehicle in by_vehicle:
+            if vehicle not in self._vehicles:
+                self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, self._surfaces)
+        self._hear(tables, start_us, admits)
+        for vehicle, signals in by_vehicle.items():
+            yield from self._vehicles[vehicle].feed(signals, final=final)
+
+    def announce(self, vehicle: int, time_us: int, start_us: int, airframe: Airframe) -> None:
+        """Take the profile that a vehicle named."""
+        surfaces = of_airframe(airframe)
+        if surfaces is None or self._surfaces is not None:
+            return
+        if vehicle not in self._vehicles:
+            self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None)
+        self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces)
+
+    def _hear(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
+        """Take the outputs' functions from the parameters, second by second, as they were sent."""
+        heartbeats = tables.get("HEARTBEAT")
+        if heartbeats is not None:
+            self._sent.take({"HEARTBEAT": heartbeats})
+        if self._surfaces is None:
+            for message, field in _NAMES.items():
+                if message in tables:
+                    self._hear_parameters(tables[message], field, start_us, admits)
+
+    def _hear_parameters(self, sent: Table, field: str, start_us: int, admits: Callable[[int], bool]) -> None:
+        named = np.array([name.startswith(_FUNCTIONS) for name in sent.texts(field)], dtype=bool)
+        sent = sent.select(named)
+        seconds = (sent.time_us - start_us) // 1_000_000
+        for vehicle in np.unique(sent.system).tolist():
+            axes = self._vehicles.get(vehicle)
+            if axes is None:
+                if not admits(vehicle):
+                    continue
+                axes = self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None)
+            for second in np.unique(seconds[sent.system == vehicle]).tolist():
+                rows = (sent.system == vehicle) & (seconds == second)
+                self._sent.take({sent.name: sent.select(rows)})
+                surfaces = of_parameters(self._sent.of(vehicle))
+                if surfaces is not None and surfaces != self._told.get(vehicle):
+                    self._told[vehicle] = surfaces
+                    axes.tell(second, surfaces)
+
+
+def _part(seconds: Seconds, a: int, b: int) -> Seconds:
+    return Seconds(seconds.index[a:b], {name: values[a:b] for name, values in seconds.signals.items()})

@@ -1,0 +1,1 @@
+"""How an aircraft answers about an axis: from flight rows to evidence, and to a condition."""

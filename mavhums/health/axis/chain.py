@@ -1,0 +1,123 @@
+"""From flight rows to the columns of a regression: lag, delay, mean over 0.4 s, on both sides alike."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.health.axis.filters import Lag, Tail
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+
+__all__ = ["Chain", "Columns", "Form", "Shape", "judgeable"]
+
+_MEAN_ROWS: Final = 8
+_SLOWEST: Final = 0.85  # of the reference speed: below, an aircraft may be stalling
+_ROLL_RAD: Final = np.radians(60)
+_PITCH_RAD: Final = np.radians(34)
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+class Shape(NamedTuple):
+    """How an axis answers: pure delay in rows, and the time constant of a first-order lag, s."""
+
+    delay_rows: int
+    tau_s: float
+
+
+class Form(Protocol):
+    """A regression: what moves the aircraft, what else does, and what answers."""
+
+    axis: str
+    nuisances: int
+    derivative: bool
+    """Whether the answer is the rate of change of ``answer``."""
+
+    def drive(self, demand: Array, relative: Array) -> Array:
+        """Return the moment that the lagged demand brings at a speed relative to the reference, (n,)."""
+        ...
+
+    def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
+        """Return what else makes the answer, shape (n, nuisances)."""
+        ...
+
+    def answer(self, rows: Rows) -> Array:
+        """Return what the aircraft does, shape (n,)."""
+        ...
+
+
+class Columns(NamedTuple):
+    """The regression's columns: the drive (n,), the nuisances (n, m), the answer (n,), where they count."""
+
+    drive: Array
+    others: Array
+    answer: Array
+    good: Flags
+
+
+def judgeable(rows: Rows, reference_speed: float) -> Flags:
+    """Return where the aircraft flies forward, fast enough, neither inverted nor diving."""
+    slow = rows.speed < _SLOWEST * reference_speed
+    tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
+    good: Flags = rows.flying & ~slow & ~tilted & np.isfinite(rows.speed)
+    return good
+
+
+class Chain:
+    """Makes the columns of a form, row after row.
+
+    Parameters
+    ----------
+    form
+        The regression.
+    reference_speed
+        At which speeds are one, m/s.
+    shape
+        Delay and lag of the answer.
+    extra_tau_s
+        A further lag of the demand, for what a slow servo would do.
+    """
+
+    def __init__(self, form: Form, reference_speed: float, shape: Shape, extra_tau_s: float = 0.0) -> None:
+        self._form, self._speed, self._shape = form, reference_speed, shape
+        self._extra = extra_tau_s
+        self._reset()
+
+    def _reset(self) -> None:
+        form, shape = self._form, self._shape
+        self._lags = {axis: Lag(shape.tau_s) for axis in ("roll", "pitch", "yaw")}
+        self._slower = Lag(self._extra)
+        self._demands = Tail(3, shape.delay_rows + 1)
+        self._means = Tail(2 + form.nuisances, _MEAN_ROWS + 1)
+
+    def feed(self, rows: Rows) -> Columns:
+        """Return the columns of these rows; after a gap the filters begin anew."""
+        if rows.fresh:
+            self._reset()
+        n, form = len(rows), self._form
+        relative = rows.speed / self._speed
+        lagged = np.stack([lag.feed(rows.demand(axis)) for axis, lag in self._lags.items()], axis=1)
+        own = ("roll", "pitch", "yaw").index(form.axis)
+        if self._extra:
+            lagged[:, own] = self._slower.feed(lagged[:, own])
+        late = self._demands.feed(lagged)[1 : n + 1]
+        demands = dict(zip(self._lags, late.T, strict=True))
+        drive = form.drive(demands[form.axis], relative)
+        raw = np.column_stack([drive, form.others(rows, relative, demands), form.answer(rows)])
+        known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
+        joined = self._means.feed(raw * known[:, None])
+        total = joined[1 : n + 2].copy()
+        for k in range(1, _MEAN_ROWS):
+            total += joined[1 + k : n + 2 + k]
+        means = total / _MEAN_ROWS
+        now, before = means[1:], means[:-1]
+        answer = now[:, -1]
+        if form.derivative:
+            answer = (now[:, -1] - before[:, -1]) * RATE_HZ
+            now = (now + before) / 2
+        good = judgeable(rows, self._speed) & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
+        return Columns(now[:, 0], now[:, 1:-1], answer, good)

@@ -1,0 +1,110 @@
+"""What a detector of an axis is: a module in :mod:`mavhums.health.detectors.axis` with a class ``Detector``.
+
+It is found there; every detector passes the same battery of checks, ``tests/health/axis/test_detectors.py``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar, NamedTuple, Protocol
+
+from mavhums.core.conditions import Condition
+from mavhums.health.axis.gain import Gain, Second
+from mavhums.vehicle.flight import Rows
+
+__all__ = ["Detector", "Limits", "Seen", "Shown", "detectors", "to_inspect"]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """From where on an axis is degraded, or an emergency; a profile can change them.
+
+    Attributes
+    ----------
+    effectiveness
+        Up to which a loss that is certain is an emergency: one of two like surfaces that no longer moves
+        leaves a half, and the next flight may lose the other. Above, the axis is degraded.
+    hard_over, tracking
+        Deviations of the reference from which a shift of trim, or the distance from the demanded attitude, is
+        an emergency.
+    """
+
+    effectiveness: float = 0.65
+    hard_over: float = 6.5
+    roll_tracking: float = 8.0
+    pitch_tracking: float = 7.5
+
+
+class Shown(NamedTuple):
+    """A fault that a detector holds to be certain in the second that ends at ``end_s``."""
+
+    axis: str
+    end_s: int
+    fault: str
+    condition: Condition
+    since_s: int
+    value: float
+    limit: float
+    rule: str
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What some new rows show: the rows, and the gain of each axis second by second."""
+
+    rows: Rows
+    seconds: Mapping[str, Sequence[Second]]
+    gains: Mapping[str, Gain]
+
+
+class Detector(Protocol):
+    """Looks for one kind of fault.
+
+    Attributes
+    ----------
+    axes, faults
+        Of which it may show which.
+    inspect
+        What the maintainer should inspect, by fault.
+    """
+
+    axes: ClassVar[tuple[str, ...]]
+    inspect: ClassVar[Mapping[str, str]]
+
+    def __init__(self, limits: Limits) -> None:
+        """Look with these limits."""
+        ...
+
+    def feed(self, seen: Seen) -> list[Shown]:
+        """Return what is certain in each new second."""
+        ...
+
+
+@cache
+def _discovered() -> tuple[type[Detector], ...]:
+    from mavhums.health.detectors import axis
+
+    names = sorted(module.name for module in pkgutil.iter_modules(axis.__path__))
+    modules = (importlib.import_module(f"{axis.__name__}.{name}") for name in names)
+    return tuple(module.Detector for module in modules)
+
+
+def detectors(limits: Limits) -> list[Detector]:
+    """Return every detector of axes."""
+    return [detector(limits) for detector in _discovered()]
+
+
+def to_inspect(fault: str) -> str | None:
+    """Return what a maintainer should inspect for a fault of an axis; None if no detector looks for it.
+
+    Examples
+    --------
+    >>> to_inspect("hard_over")
+    'for a surface that stands deflected: its servo, its linkage, its trim'
+    """
+    return next((d.inspect[fault] for d in _discovered() if fault in d.inspect), None)

@@ -1,0 +1,81 @@
+"""A loss of control effectiveness, or a lag where the gain is whole: shared by the detectors of the axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import exp
+from typing import ClassVar, Final
+
+from mavhums.health.axis.detector import Limits, Seen, Shown
+from mavhums.health.axis.gain import Second
+
+__all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]
+
+_SURE_S: Final = 10
+_SHIFTED: Final = 4.0
+SHIFT_FLOOR: Final = 0.045  # rad/s: least deviation of a roll reference
+
+
+class EffectivenessDetector:
+    """Shows an axis whose level passed its limit.
+
+    It is degraded at once. It is an emergency when at least ten judged seconds leave no more than the limit
+    and a slow servo does not explain them.
+    """
+
+    axis: ClassVar[str]
+    limit: ClassVar[float]
+    axes: ClassVar[tuple[str, ...]]
+    inspect: ClassVar[Mapping[str, str]] = {
+        "effectiveness": "each surface of the axis, its linkage and its servo, by moving it on the ground",
+        "slow": "each servo of the axis for speed under load, its supply and its linkage for binding",
+    }
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+
+    def feed(self, seen: Seen) -> list[Shown]:
+        """Return the seconds in which a loss is certain."""
+        return [self._shown(s) for s in seen.seconds[self.axis] if self._certain(s, seen)]
+
+    def _certain(self, second: Second, seen: Seen) -> bool:
+        """Return whether a loss is certain, and no sudden shift of the trim makes the aircraft seem deaf."""
+        reference = seen.gains[self.axis].reference
+        if second.level <= self.limit or reference is None:
+            return False
+        if self.axis != "roll" or second.shift is None or second.lost_s >= _SURE_S:
+            return True
+        return abs(second.shift) <= _SHIFTED * max(reference.deviation, SHIFT_FLOOR)
+
+    def _shown(self, second: Second) -> Shown:
+        left = second.left_over if second.left_over is not None else 1.0
+        confidence = 1.0 / (1.0 + exp(-second.level))
+        if second.slow_s is not None:
+            rule = f"degraded: answers {second.slow_s:g} s later than in the reference, with its full gain"
+            return Shown(
+                self.axis,
+                second.end_s,
+                "slow",
+                "degraded",
+                second.since_s,
+                second.slow_s,
+                0.3,
+                rule,
+                confidence,
+            )
+        grave = second.lost_s >= _SURE_S and left <= self._limits.effectiveness
+        condition = "emergency" if grave else "degraded"
+        rule = (
+            f"{condition}: {100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left"
+        )
+        return Shown(
+            self.axis,
+            second.end_s,
+            "effectiveness",
+            "emergency" if grave else "degraded",
+            second.since_s,
+            left,
+            self._limits.effectiveness if grave else 0.8,
+            rule,
+            confidence,
+        )

@@ -1,0 +1,125 @@
+"""Filters over grid rows that carry their state on, so that rows may come in any pieces."""
+
+from __future__ import annotations
+
+from math import exp
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import kernel
+from mavhums.vehicle.grid import RATE_HZ
+
+__all__ = ["Following", "HighPass", "Lag", "Tail", "held"]
+
+Array = NDArray[np.float64]
+
+_STEP_S: Final = 1.0 / RATE_HZ
+
+
+def held(values: Array, before: float) -> Array:
+    """Fill what is not finite with the value before it; ``before`` stands before the first."""
+    rows = np.where(np.isfinite(values), np.arange(values.size), -1)
+    last = np.maximum.accumulate(rows)
+    return np.where(last < 0, before, values[np.maximum(last, 0)])
+
+
+@kernel
+def _smoothed(values: Array, share: float, before: float) -> Array:
+    """Return ``y[k] = y[k-1] + share · (values[k] - y[k-1])``, whose ``y[-1]`` is ``before``."""
+    out = np.empty_like(values)
+    for k in range(values.size):
+        before += share * (values[k] - before)
+        out[k] = before
+    return out
+
+
+@kernel
+def _followed(values: Array, coefficients: Array, state: Array) -> Array:
+    """Return the second-order recursion b1, b2, a1, a2 over values; the state is carried on."""
+    b1, b2, a1, a2 = coefficients
+    out = np.empty_like(values)
+    for k in range(values.size):
+        y = state[0]
+        out[k] = y
+        state[0] = state[1] + b1 * values[k] - a1 * y
+        state[1] = b2 * values[k] - a2 * y
+    return out
+
+
+class Lag:
+    """A first-order lag of the time constant ``tau_s``; at zero it passes its input on."""
+
+    def __init__(self, tau_s: float) -> None:
+        self._share = 1.0 - exp(-_STEP_S / tau_s) if tau_s > 0 else 1.0
+        self._last: float | None = None
+        self._value = 0.0
+
+    def feed(self, values: Array) -> Array:
+        """Return the lagged values, shape (n,); where there are none the last one holds."""
+        if self._last is None:
+            finite = values[np.isfinite(values)]
+            self._last = self._value = float(finite[0]) if finite.size else 0.0
+        filled = held(values, self._last)
+        self._last = float(filled[-1])
+        out = _smoothed(filled, self._share, self._value)
+        self._value = float(out[-1])
+        return out
+
+
+class Following:
+    """How a controlled attitude follows its demand: second order, ``omega`` rad/s, critically damped."""
+
+    def __init__(self, omega: float) -> None:
+        step = omega * _STEP_S
+        e = exp(-step)
+        self._coefficients = np.array([1 - e * (1 + step), e**2 + e * (step - 1), -2 * e, e**2])
+        self._last: float | None = None
+        self._state = np.zeros(2)
+
+    def feed(self, values: Array) -> Array:
+        """Return the attitude to be expected, shape (n,)."""
+        if self._last is None:
+            finite = values[np.isfinite(values)]
+            self._last = float(finite[0]) if finite.size else 0.0
+            _, b2, _, a2 = self._coefficients
+            self._state = np.array([1.0, b2 - a2]) * self._last
+        filled = held(values, self._last)
+        self._last = float(filled[-1])
+        return _followed(filled, self._coefficients, self._state)
+
+
+class HighPass:
+    """What is left of values when their mean over the last ``memory_s`` is taken away."""
+
+    def __init__(self, memory_s: float) -> None:
+        self._share = 1.0 - exp(-_STEP_S / memory_s)
+        self._slow = 0.0
+
+    def feed(self, values: Array) -> Array:
+        """Return values (n,) without their slow part."""
+        slow = _smoothed(np.ascontiguousarray(values), self._share, self._slow)
+        self._slow = float(slow[-1])
+        return np.asarray(values - slow)
+
+
+class Tail:
+    """Keeps the last rows of columns, for delays and means over the past.
+
+    Parameters
+    ----------
+    columns
+        Number m of columns.
+    rows
+        How many rows back are needed.
+    """
+
+    def __init__(self, columns: int, rows: int) -> None:
+        self._kept = np.full((rows, columns), np.nan)
+
+    def feed(self, values: Array) -> Array:
+        """Return the kept rows and after them these, shape (rows + n, m)."""
+        joined = np.concatenate([self._kept, values])
+        self._kept = joined[len(joined) - len(self._kept) :]
+        return joined

@@ -1,0 +1,376 @@
+"""Control effectiveness: what the aircraft makes of a demand now, against what it made in the reference.
+
+The gain K of the answer to the drive is fitted together with everything else that makes the answer in the
+first excited seconds of the flight. From then on each second gives a score of how far the answer stays behind
+K times the drive, both without their slow parts, so that a change of trim is no change of gain. A sum of the
+scores' log-likelihood ratios between the full gain and one that lost a share of it, never below zero, finds
+a loss (CUSUM). It knows that K itself differs from manoeuvre to manoeuvre.
+
+References
+----------
+E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from math import exp
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.health.axis.chain import Chain, Columns, Form, Shape, judgeable
+from mavhums.health.axis.filters import HighPass
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+
+__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
+
+JUDGED_ERROR: Final = 0.2
+FULL: Final = 0.8
+FULL_S: Final = 20
+REFERENCE_S: Final = 45
+_LONGEST_S: Final = 120
+_RETRY_S: Final = 10
+_LATEST_S: Final = 180
+_MEMORY_S: Final = 8.0
+_MANOEUVRES: Final = 0.2  # by which the gain of a second may differ, as a share
+_WINDOWS: Final = 0.10  # by which that of ten seconds may
+_WINDOW_S: Final = 10
+_LEAST_ROWS: Final = 14
+_EXTRA_S: Final = (0.3, 0.6, 1.0, 1.5)
+_SLOW_S: Final = 20
+_SHIFT_S: Final = 3
+_MOST: Final = 40.0
+_AS_DRIVEN: Final = 0.5
+_FORGET: Final = exp(-1.0 / 60.0)  # a second: what is a little weak for minutes is the reference's error
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Standards:
+    """What a reference must reach before it counts, and where its limits lie.
+
+    Attributes
+    ----------
+    explained
+        Least share of what is left of the answer that the drive explains.
+    error
+        Most relative standard error of the gain.
+    scatter
+        Least variance of a second's score, relative to the gain's square: quiet air does not last.
+    delays_s, taus_s
+        Among which the axis's own delay and lag are sought.
+    loss
+        That is looked for, as a share; half of it is what the gain of a whole flight may be off.
+    """
+
+    explained: float
+    error: float
+    scatter: float
+    delays_s: tuple[float, ...]
+    taus_s: tuple[float, ...]
+    loss: float = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The axis as it answered in the reference.
+
+    Attributes
+    ----------
+    error
+        Relative standard error of the gain.
+    deviation
+        Standard deviation of what the regression leaves of the answer.
+    power
+        Mean sum of squares of the drive over a second, without its slow part.
+    """
+
+    speed: float
+    shape: Shape
+    gain: float
+    others: Array
+    variance: float
+    error: float
+    explained: float
+    deviation: float
+    power: float
+    start_s: int
+    end_s: int
+
+
+@dataclass(frozen=True, slots=True)
+class Second:
+    """What one more second shows.
+
+    Attributes
+    ----------
+    end_s
+        Flight second that it ends at.
+    value, error
+        Effectiveness over the last ten judged seconds, relative to the reference, and its standard error;
+        None where they are too poor.
+    level
+        Sum of the log-likelihood ratios for a loss.
+    since_s
+        Flight second from which the level has not been zero: where a loss began, if there is one.
+    slow_s
+        By which lag more the answer is explained better than by a loss; None if it is not.
+    shift
+        Mean of the answer over the last three seconds that nothing explains; None where that is not known.
+    left_over, lost_s
+        Effectiveness since ``since_s``, over at most 20 judged seconds, and how many those are.
+    """
+
+    end_s: int
+    value: float | None
+    error: float
+    level: float
+    since_s: int
+    slow_s: float | None
+    shift: float | None
+    left_over: float | None
+    lost_s: int
+
+
+class Gain:
+    """Follows the effectiveness of one axis.
+
+    Parameters
+    ----------
+    form
+        The regression of the axis.
+    standards
+        Of the reference.
+    """
+
+    def __init__(self, form: Form, standards: Standards) -> None:
+        self._form, self._standards = form, standards
+        self._waiting: list[Rows] = []
+        self._tried = 0
+        self.reference: Reference | None = None
+        self.best: Reference | None = None
+        self.usable_s = 0
+
+    def feed(self, rows: Rows) -> list[Second]:
+        """Take rows; return what their seconds show, from the second on at which there is a reference."""
+        first = 0
+        while self.reference is None and first < rows.seconds:
+            self._wait(rows.cut(first, first + 1))
+            first += 1
+        if self.reference is None or first >= rows.seconds:
+            return []
+        return self._judge(rows.cut(first, rows.seconds))
+
+    def _wait(self, rows: Rows) -> None:
+        if rows.fresh:
+            self._waiting.clear()
+        self._waiting.append(rows)
+        del self._waiting[:-_LONGEST_S]
+        flying = rows.flying & np.isfinite(rows.demand(self._form.axis))
+        self.usable_s += int(flying.sum() >= _LEAST_ROWS)
+        self._tried += 1
+        if REFERENCE_S <= self.usable_s <= _LATEST_S and self._tried >= _RETRY_S:
+            self._tried = 0
+            self._refer(Rows.join(self._waiting))
+
+    def _refer(self, rows: Rows) -> None:
+        """Take the waiting rows as the reference if they are good enough."""
+        speed = float(np.median(rows.speed[rows.flying])) if rows.flying.any() else 0.0
+        if judgeable(rows, speed).sum() < REFERENCE_S * _LEAST_ROWS:
+            return
+        wanted = self._standards
+        shapes = [Shape(round(delay * RATE_HZ), tau) for delay in wanted.delays_s for tau in wanted.taus_s]
+        fits = [self._fit(rows, speed, shape) for shape in shapes]
+        found = max((fit for fit in fits if fit is not None), key=lambda fit: fit.explained, default=None)
+        if found is None:
+            return
+        self.best = found if self.best is None or found.explained > self.best.explained else self.best
+        if found.explained >= wanted.explained and found.error <= wanted.error:
+            self.reference = found
+            self._begin(rows)
+
+    def _fit(self, rows: Rows, speed: float, shape: Shape) -> Reference | None:
+        columns = Chain(self._form, speed, shape).feed(rows)
+        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
+        if at.size < REFERENCE_S * _LEAST_ROWS or columns.drive[at].std() < 1e-4:
+            return None
+        design = np.column_stack([columns.drive, columns.others])[at]
+        answer = columns.answer[at]
+        beta, left = _least_squares(design, answer)
+        _, without = _least_squares(design[:, 1:], answer)
+        explained = 1.0 - left / without if without > 0 else 0.0
+        sums = _Scores(beta[1:]).feed(columns)
+        inside = np.unique(at // RATE_HZ)
+        drive2, cross = sums.drive2[inside], sums.cross[inside]
+        total = float(drive2.sum())
+        if total <= 0:
+            return None
+        gain = float(cross.sum()) / total
+        variance = float(((cross - gain * drive2) ** 2).sum()) / total
+        least = self._standards.scatter * gain**2
+        error = float(np.sqrt(variance / total)) / abs(gain) if gain else np.inf
+        power = float(drive2.mean())
+        first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
+        variance, deviation = max(variance, least), float(np.sqrt(left))
+        return Reference(
+            speed, shape, gain, beta[1:], variance, error, explained, deviation, power, first, last
+        )
+
+    def _begin(self, rows: Rows) -> None:
+        reference = self.reference
+        assert reference is not None
+        extras = (0.0, *_EXTRA_S)
+        self._chains = [Chain(self._form, reference.speed, reference.shape, extra) for extra in extras]
+        self._scores = [_Scores(reference.others) for _ in extras]
+        self._level, self._full = 0.0, 0
+        self._since = reference.end_s
+        self._window: deque[tuple[float, float, float]] = deque(maxlen=_WINDOW_S)
+        self._recent: deque[Array] = deque(maxlen=_SLOW_S)
+        self._left: deque[tuple[float, int]] = deque(maxlen=_SHIFT_S)
+        self._sums(rows)
+        self._waiting.clear()
+
+    def _sums(self, rows: Rows) -> list[_Sums]:
+        return [
+            scores.feed(chain.feed(rows)) for scores, chain in zip(self._scores, self._chains, strict=True)
+        ]
+
+    def _judge(self, rows: Rows) -> list[Second]:
+        sums = self._sums(rows)
+        stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
+        assert self.reference is not None
+        left = sums[0].raw - self.reference.gain * sums[0].driven
+        return [
+            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), float(left[k]))
+            for k in range(rows.seconds)
+        ]
+
+    def _second(self, end_s: int, sums: Array, count: int, left: float) -> Second:
+        reference = self.reference
+        assert reference is not None
+        self._left.append((left, count))
+        if count >= _LEAST_ROWS:
+            drive2, cross = float(sums[0, 0]), float(sums[0, 1])
+            score = cross - reference.gain * drive2
+            self._window.append((drive2, cross, float(sums[0, 2])))
+            ratio = _ratio(score, drive2, reference, self._standards.loss)
+            if ratio < 0.0 or self._excited(reference):
+                self._level = min(_MOST, max(0.0, _FORGET * self._level + ratio))
+                self._recent.append(sums)
+        value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
+        if value is not None and error <= JUDGED_ERROR:
+            self._full = self._full + 1 if value >= FULL else 0
+        if self._full >= FULL_S:
+            self._level = 0.0
+        if self._level == 0.0:
+            self._since = end_s
+            self._recent.clear()
+        return Second(
+            end_s,
+            value,
+            error,
+            self._level,
+            self._since,
+            self._slower(reference),
+            self._shifted(),
+            *self._run(reference),
+        )
+
+    def _run(self, reference: Reference) -> tuple[float | None, int]:
+        """Return the effectiveness since the level left zero, and over how many seconds."""
+        drive2 = sum(float(sums[0, 0]) for sums in self._recent)
+        cross = sum(float(sums[0, 1]) for sums in self._recent)
+        return (cross / drive2 / reference.gain if drive2 > 0 else None), len(self._recent)
+
+    def _shifted(self) -> float | None:
+        left, count = np.array(self._left).sum(axis=0)
+        return float(left / count) if count >= _SHIFT_S * _LEAST_ROWS else None
+
+    def _estimate(self, reference: Reference) -> tuple[float | None, float]:
+        """Return the effectiveness of the last ten judged seconds and its standard error."""
+        if len(self._window) < _WINDOW_S:
+            return None, np.inf
+        drive2, cross, _ = np.array(self._window).T
+        total = float(drive2.sum())
+        if total <= 0.0:
+            return None, np.inf
+        gain = float(cross.sum()) / total
+        scores = cross - gain * drive2
+        own = max(float((scores**2).sum()) * 10 / 9 / total, reference.variance) / total
+        k = gain / reference.gain
+        error = np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + _WINDOWS**2)
+        return k, float(error)
+
+    def _excited(self, reference: Reference) -> bool:
+        """Return whether the last seconds were driven as the reference was, or nearly.
+
+        Gusts move the aircraft and, through the autopilot, the surfaces against it: where little else drives
+        them, the gain looks lower than it is.
+        """
+        drive2 = sum(one[0] for one in self._window) / len(self._window)
+        return drive2 >= _AS_DRIVEN * reference.power
+
+    def _slower(self, reference: Reference) -> float | None:
+        """Return the further lag that explains what happens since the loss began much better than a loss."""
+        if len(self._recent) < _SLOW_S * 3 // 4:
+            return None
+        drive2, cross, answer2 = np.sum(list(self._recent), axis=0).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = cross / drive2
+            share = cross**2 / (drive2 * answer2)
+        best = int(np.argmax(np.nan_to_num(share)))
+        slower = best > 0 and gain[best] / reference.gain >= 0.8 and share[best] - share[0] >= 0.15
+        return _EXTRA_S[best - 1] if slower else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Sums:
+    """Sums over each second, shape (seconds,)."""
+
+    drive2: Array
+    cross: Array
+    answer2: Array
+    driven: Array
+    raw: Array
+    count: NDArray[np.int64]
+
+
+class _Scores:
+    """Takes the nuisances and the slow parts away, and sums products over each second."""
+
+    def __init__(self, others: Array) -> None:
+        self._others = others
+        self._drive, self._answer = HighPass(_MEMORY_S), HighPass(_MEMORY_S)
+
+    def feed(self, columns: Columns) -> _Sums:
+        good = columns.good
+        other = sum(
+            (columns.others[:, k] * weight for k, weight in enumerate(self._others)),
+            start=np.zeros(len(good)),
+        )
+        driven = np.where(good, columns.drive, 0.0)
+        raw = np.where(good, columns.answer - other, 0.0)
+        drive, answer = self._drive.feed(driven), self._answer.feed(raw)
+        shape = (-1, RATE_HZ)
+        products = (drive * drive, drive * answer, answer * answer, driven, raw)
+        summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]
+        drive2, cross, answer2, total, left = summed
+        return _Sums(drive2, cross, answer2, total, left, good.reshape(shape).sum(axis=1))
+
+
+def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:
+    """Return the log-likelihood ratio of a second between a loss and none."""
+    lost = loss * reference.gain
+    spread = reference.variance + (_MANOEUVRES * reference.gain) ** 2 * drive2
+    return float((-lost * score - 0.5 * lost**2 * drive2) / spread)
+
+
+def _least_squares(design: Array, answer: Array) -> tuple[Array, float]:
+    beta: Array = np.asarray(np.linalg.lstsq(design, answer, rcond=None)[0], dtype=np.float64)
+    left = answer - design @ beta
+    return beta, float(np.var(left))

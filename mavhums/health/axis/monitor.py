@@ -1,0 +1,263 @@
+"""An aircraft's axes through a flight: rows in, changes of condition out, findings at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.axis.chain import Form
+from mavhums.health.axis.detector import Limits, Seen, Shown, detectors
+from mavhums.health.axis.forms import PitchForm, RollForm, YawForm
+from mavhums.health.axis.gain import FULL, FULL_S, JUDGED_ERROR, Gain, Reference, Second, Standards
+from mavhums.health.events import ConditionChanged, Indication
+from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.surfaces import AXES
+
+__all__ = ["AxisFindings", "AxisMonitor", "new_gain"]
+
+_NORMAL_S: Final = 30
+_WINDOW_S: Final = 10
+_MASKED_S: Final = 20
+_MOST_EPISODES: Final = 100
+
+_STANDARDS: Final = {
+    "roll": Standards(0.5, 0.10, 0.002, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2)),
+    "pitch": Standards(0.35, 0.06, 0.004, (0.0, 0.05, 0.1), (0.0, 0.1)),
+    "yaw": Standards(0.5, 0.06, 0.004, (0.1, 0.2, 0.3), (0.0, 0.2)),
+}
+
+
+def new_gain(axis: str) -> Gain:
+    """Return what follows the effectiveness of an axis."""
+    forms: dict[str, Form] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
+    return Gain(forms[axis], _STANDARDS[axis])
+
+
+@dataclass(slots=True)
+class _Episode:
+    fault: str
+    condition: Condition
+    start_s: int
+    end_s: int
+    value: float
+    limit: float
+    rule: str
+    confidence: float
+
+
+@dataclass(slots=True)
+class _Axis:
+    """What one axis is held to be."""
+
+    condition: Condition = "undecided"
+    worst: Condition = "undecided"
+    since_s: int | None = None
+    seconds: int = 0
+    judged: int = 0
+    full: int = 0
+    value: Interval | None = None
+    windows: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    episodes: list[_Episode] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFindings:
+    """What a flight showed of one axis.
+
+    Attributes
+    ----------
+    reference, best
+        By which it was judged, or else the best that was tried; None if none was.
+    usable_s
+        Seconds of forward flight in which its demand was known, until the reference.
+    effectiveness
+        Over the last ten judged seconds, with its 95 % interval.
+    """
+
+    axis: str
+    condition: Condition
+    worst: Condition
+    since_s: float | None
+    coverage: Coverage
+    suspects: tuple[Suspect, ...]
+    evidence: tuple[Evidence, ...]
+    effectiveness: Interval | None
+    reference: Reference | None
+    best: Reference | None
+    usable_s: int
+
+
+class AxisMonitor:
+    """Judges roll, pitch and yaw of one vehicle.
+
+    An axis is normal when thirty judged seconds have shown no loss and the last ten leave more than 60 % for
+    certain; it is so again after a fault when twenty in a row leave more than 80 %.
+
+    Parameters
+    ----------
+    vehicle
+        System id.
+    limits
+        From where on an axis is degraded, or an emergency.
+    """
+
+    def __init__(self, vehicle: int, limits: Limits | None = None) -> None:
+        self._vehicle = vehicle
+        self._gains = {axis: new_gain(axis) for axis in AXES}
+        self._detectors = detectors(limits or Limits())
+        self._axes = {axis: _Axis() for axis in AXES}
+        self._skidded_s = -(1 << 30)
+
+    def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
+        """Take rows; yield the effectiveness of each axis, then the changes of condition in order of time."""
+        seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
+        seen = Seen(rows, seconds, self._gains)
+        yield from self._indications(seconds)
+        shown: dict[int, list[Shown]] = {}
+        for detector in self._detectors:
+            for one in detector.feed(seen):
+                shown.setdefault(one.end_s, []).append(one)
+        judged = {axis: {second.end_s: second for second in seconds[axis]} for axis in AXES}
+        for end_s in range(rows.second + 1, rows.second + rows.seconds + 1):
+            now = shown.get(end_s, [])
+            if any(one.axis == "yaw" and one.fault == "hard_over" for one in now):
+                self._skidded_s = end_s
+            for axis in AXES:
+                found = [one for one in now if one.axis == axis and not self._masked(one, end_s)]
+                yield from self._take(axis, judged[axis].get(end_s), found, end_s)
+
+    def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
+        for axis, found in seconds.items():
+            told = [
+                (s.end_s, s.value, 1.96 * s.error)
+                for s in found
+                if s.value is not None and s.error <= JUDGED_ERROR
+            ]
+            if told:
+                end_s, value, half = np.array(told, dtype=np.float64).T
+                yield Indication(
+                    self._vehicle, axis, "effectiveness", end_s, value, value - half, value + half
+                )
+
+    def _masked(self, one: Shown, end_s: int) -> bool:
+        """Return whether a rudder that stands hard over explains what the other axes seem to do."""
+        return one.axis != "yaw" and end_s - self._skidded_s <= _MASKED_S
+
+    def _take(
+        self, axis: str, second: Second | None, found: list[Shown], end_s: int
+    ) -> Iterator[ConditionChanged]:
+        held = self._axes[axis]
+        before = held.condition
+        if second is not None:
+            self._count(held, second)
+        if found:
+            worst = max(found, key=lambda one: SEVERITY[one.condition])
+            held.full = 0
+            fresh = SEVERITY[before] <= SEVERITY["normal"]
+            if fresh or SEVERITY[worst.condition] > SEVERITY[before]:
+                held.condition = worst.condition
+                held.since_s = worst.since_s if fresh else min(worst.since_s, held.since_s or worst.since_s)
+            for one in found:
+                self._extend(held, one)
+            fault, rule = worst.fault, worst.rule
+            finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
+        elif second is not None and self._well(held):
+            if before != "normal":
+                held.condition, held.since_s = "normal", end_s if before != "undecided" else None
+            fault, rule = "effectiveness", "normal: the control effectiveness of the reference is kept"
+            finding = ""
+        if SEVERITY[held.condition] > SEVERITY[held.worst]:
+            held.worst = held.condition
+        if held.condition != before:
+            held.windows, held.mean, held.squares = 0, 0.0, 0.0
+            since_s = float(held.since_s if held.since_s is not None else end_s)
+            yield ConditionChanged(
+                self._vehicle, axis, float(end_s), since_s, before, held.condition, rule, fault, finding
+            )
+
+    def _count(self, held: _Axis, second: Second) -> None:
+        held.seconds += 1
+        if second.value is None or second.error > JUDGED_ERROR:
+            return
+        held.judged += 1
+        if held.judged % _WINDOW_S == 0 or held.value is None:
+            self._average(held, second.value, second.error)
+        held.full = held.full + 1 if second.value >= FULL else 0
+
+    def _average(self, held: _Axis, value: float, error: float) -> None:
+        """Take a window that shares no second with the one before into the mean since the last change."""
+        held.windows += 1
+        step = value - held.mean
+        held.mean += step / held.windows
+        held.squares += step * (value - held.mean)
+        spread = held.squares / (held.windows - 1) if held.windows > 1 else 0.0
+        half = 1.96 * (max(spread, error**2) / held.windows) ** 0.5
+        held.value = Interval(estimate=held.mean, low=held.mean - half, high=held.mean + half)
+
+    def _well(self, held: _Axis) -> bool:
+        """Return whether the axis is known to answer as in the reference."""
+        if SEVERITY[held.condition] > SEVERITY["normal"]:
+            return held.full >= FULL_S
+        return held.judged >= _NORMAL_S and held.value is not None and held.value.low > 0.6
+
+    def _extend(self, held: _Axis, one: Shown) -> None:
+        """Take the alarm into its episode, or begin one; of very many the middle ones are forgotten."""
+        episodes = held.episodes
+        same = next((e for e in reversed(episodes[-3:]) if e.fault == one.fault), None)
+        if same is not None and same.end_s >= one.end_s - 2 * _MASKED_S:
+            graver = SEVERITY[one.condition] >= SEVERITY[same.condition]
+            same.end_s = one.end_s
+            if graver:
+                same.condition, same.value, same.limit = one.condition, one.value, one.limit
+                same.rule, same.confidence = one.rule, one.confidence
+            return
+        if len(episodes) == _MOST_EPISODES:
+            del episodes[_MOST_EPISODES // 2]
+        episodes.append(
+            _Episode(
+                one.fault,
+                one.condition,
+                one.since_s,
+                one.end_s,
+                one.value,
+                one.limit,
+                one.rule,
+                one.confidence,
+            )
+        )
+
+    def findings(self, axis: str) -> AxisFindings:
+        """Return what was found so far of an axis."""
+        held, gain = self._axes[axis], self._gains[axis]
+        suspects: dict[str, float] = {}
+        for episode in held.episodes:
+            suspects[episode.fault] = max(suspects.get(episode.fault, 0.0), episode.confidence)
+        fraction = held.judged / held.seconds if held.seconds else 0.0
+        return AxisFindings(
+            axis=axis,
+            condition=held.condition,
+            worst=held.worst,
+            since_s=None if held.since_s is None else float(held.since_s),
+            coverage=Coverage(moving_fraction=fraction, windows=held.seconds, decidable=held.judged),
+            suspects=tuple(
+                Suspect(fault=fault, confidence=confidence)
+                for fault, confidence in sorted(suspects.items(), key=lambda item: -item[1])
+            ),
+            evidence=tuple(
+                Evidence(
+                    kind=e.fault, start_s=e.start_s, end_s=e.end_s, value=e.value, limit=e.limit, rule=e.rule
+                )
+                for e in held.episodes
+            ),
+            effectiveness=held.value,
+            reference=gain.reference,
+            best=gain.best,
+            usable_s=gain.usable_s,
+        )

@@ -1,0 +1,30 @@
+"""A residual that stays beyond its limit for two seconds in a row."""
+
+from __future__ import annotations
+
+from mavhums.health.axis.residual import Left
+
+__all__ = ["Persistent"]
+
+
+class Persistent:
+    """Tells since when deviations lie beyond a limit."""
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit
+        self._run = 0
+        self._since_s = 0
+
+    def feed(self, end_s: int, deviations: float) -> int | None:
+        """Return since which flight second, where two in a row lie beyond the limit; else None."""
+        if not deviations > self._limit:
+            self._run = 0
+            return None
+        if self._run == 0:
+            self._since_s = end_s - 1
+        self._run += 1
+        return self._since_s if self._run >= 2 else None
+
+    def left(self, left: Left) -> int | None:
+        """Return the same of a remainder."""
+        return self.feed(left.end_s, left.deviations)

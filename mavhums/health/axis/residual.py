@@ -1,0 +1,106 @@
+"""What a flight's own beginning explains, and what is left of it later: over three seconds, in deviations."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+
+__all__ = ["Left", "Model", "Residual"]
+
+REFERENCE_S: Final = 40
+_OVER_S: Final = 3
+_LEAST_ROWS: Final = 14
+
+Array = NDArray[np.float64]
+
+
+class Model(Protocol):
+    """A regression whose remainder is watched.
+
+    Attributes
+    ----------
+    kind
+        Whether the mean of the remainder counts, or its root mean square.
+    floor
+        Least standard deviation that the remainder is held to have: a calm reference is no promise.
+    spreads
+        How far each coefficient may lie from zero, as a standard deviation; infinite where nothing is known.
+    """
+
+    kind: Literal["mean", "rms"]
+    floor: float
+    spreads: tuple[float, ...]
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return the regressors (n, m), the answer (n,), and where they count; the state is carried on."""
+        ...
+
+
+class Left(NamedTuple):
+    """The remainder over the three seconds that end at ``end_s``; NaN where it is not known."""
+
+    end_s: int
+    value: float
+    deviations: float
+
+
+class Residual:
+    """Follows the remainder of one model."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._design: list[Array] = []
+        self._answer: list[Array] = []
+        self._rows = 0
+        self._window: deque[tuple[float, int]] = deque(maxlen=_OVER_S)
+        self._beta: Array | None = None
+        self.deviation = np.nan
+        self.since_s = 0
+
+    def feed(self, rows: Rows) -> list[Left]:
+        """Take rows; return what is left in their seconds, once the reference is full."""
+        if rows.fresh:
+            self._window.clear()
+        design, answer, good = self._model.feed(rows)
+        found = []
+        for k in range(rows.seconds):
+            at = slice(k * RATE_HZ, (k + 1) * RATE_HZ)
+            if self._beta is None:
+                self._refer(design[at][good[at]], answer[at][good[at]], rows.second + k + 1)
+            else:
+                found.append(self._second(rows.second + k + 1, design[at], answer[at], good[at]))
+        return found
+
+    def _refer(self, design: Array, answer: Array, end_s: int) -> None:
+        self._design.append(design)
+        self._answer.append(answer)
+        self._rows += len(answer)
+        if self._rows < REFERENCE_S * RATE_HZ:
+            return
+        x, y = np.concatenate(self._design), np.concatenate(self._answer)
+        own = self._model.floor
+        weights = np.array([own / spread for spread in self._model.spreads]) * np.sqrt(RATE_HZ)
+        x_wide = np.vstack([x, np.diag(weights)])
+        self._beta = np.linalg.lstsq(x_wide, np.append(y, np.zeros(len(weights))), rcond=None)[0]
+        self.deviation = max(float((y - x @ self._beta).std()), own)
+        self.since_s = end_s
+        self._design.clear()
+        self._answer.clear()
+
+    def _second(self, end_s: int, design: Array, answer: Array, good: NDArray[np.bool_]) -> Left:
+        assert self._beta is not None
+        model = sum((design[:, k] * b for k, b in enumerate(self._beta)), start=np.zeros(len(answer)))
+        left = np.where(good, answer - model, 0.0)
+        rms = self._model.kind == "rms"
+        self._window.append((float((left * left if rms else left).sum()), int(good.sum())))
+        total, count = np.array(self._window).sum(axis=0)
+        if len(self._window) < _OVER_S or count < _OVER_S * _LEAST_ROWS:
+            return Left(end_s, np.nan, np.nan)
+        value = float(np.sqrt(total / count)) if rms else float(total / count)
+        return Left(end_s, value, abs(value) / self.deviation)

@@ -1,0 +1,113 @@
+"""How well the flown attitude follows the demanded one, and the side force that coordinated flight leaves.
+
+The shapes of the closed loops are ArduPlane's usual ones; the reference takes up what differs.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.health.axis.filters import Following, Tail
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+
+__all__ = ["PitchTracking", "RollTracking", "SideForce"]
+
+_FREE: Final = 1e9
+_PITCH_DELAY_S: Final = 0.6
+_NOSE_LOW_RAD: Final = float(np.radians(3))
+_SLOW: Final = 0.85
+_SPEED_S: Final = 60
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+class RollTracking:
+    """``φ − (demanded φ through a second order of 2.5 rad/s)``, whose offset is learnt."""
+
+    kind: Literal["mean", "rms"] = "rms"
+    floor = 0.033  # rad
+    spreads: tuple[float, ...] = (0.1,)
+
+    def __init__(self) -> None:
+        self._demand = Following(2.5)
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
+        """Return the offset's regressor, what is left of the roll, where both are known in flight."""
+        if rows.fresh:
+            self._demand = Following(2.5)
+        answer = rows.roll - self._demand.feed(rows.roll_demand)
+        good = rows.flying & np.isfinite(rows.roll_demand) & np.isfinite(answer)
+        return np.ones((len(rows), 1)), answer, good
+
+
+class _OwnSpeed:
+    """The median airspeed of the first minute of flight."""
+
+    def __init__(self) -> None:
+        self._speeds: list[Array] = []
+        self.value = np.nan
+
+    def feed(self, rows: Rows) -> float:
+        """Return the speed so far, m/s."""
+        if len(self._speeds) < _SPEED_S and rows.flying.any():
+            self._speeds += [
+                part[flying]
+                for part, flying in zip(
+                    rows.speed.reshape(-1, RATE_HZ), rows.flying.reshape(-1, RATE_HZ), strict=True
+                )
+                if flying.any()
+            ]
+            del self._speeds[_SPEED_S:]
+            self.value = float(np.nanmedian(np.concatenate(self._speeds)))
+        return self.value
+
+
+class PitchTracking:
+    """``θ − (demanded θ, 0.6 s later, through a second order of 4 rad/s)``, less its part in turns.
+
+    Where the nose hangs below the demand and the aircraft is slow, it stalls or has lost its engine: that is
+    no evidence against the elevator.
+    """
+
+    kind: Literal["mean", "rms"] = "rms"
+    floor = 0.025  # rad
+    spreads: tuple[float, ...] = (0.1, 0.1)
+
+    def __init__(self) -> None:
+        self._begin()
+        self._own = _OwnSpeed()
+
+    def _begin(self) -> None:
+        self._demand = Following(4.0)
+        self._late = Tail(1, round(_PITCH_DELAY_S * RATE_HZ))
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
+        """Return the regressors 1 and sin² φ, what is left of the pitch, where both are known in flight."""
+        if rows.fresh:
+            self._begin()
+        late = self._late.feed(self._demand.feed(rows.pitch_demand)[:, None])[: len(rows), 0]
+        answer = rows.pitch - late
+        own = self._own.feed(rows)
+        sinking = (rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD) & (rows.speed < _SLOW * own)
+        good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer) & ~sinking
+        turning = np.nan_to_num(np.sin(rows.roll)) ** 2
+        return np.column_stack([np.ones(len(rows)), turning]), answer, good
+
+
+class SideForce:
+    """The side force less its part in turns: what only a deflected rudder, or a skid, leaves."""
+
+    kind: Literal["mean", "rms"] = "mean"
+    floor = 0.15  # m/s²
+    spreads: tuple[float, ...] = (_FREE, 5.0, 5.0)
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
+        """Return the regressors 1, sin φ and the yaw rate, the side force, where all are known in flight."""
+        columns = np.column_stack([np.ones(len(rows)), np.sin(rows.roll), rows.yaw_rate])
+        good = rows.flying & np.isfinite(columns).all(axis=1) & np.isfinite(rows.side_force)
+        return np.nan_to_num(columns), np.nan_to_num(rows.side_force), good

@@ -1,0 +1,182 @@
+"""Put an axis's findings into a verdict; where there are none, say why and what to do."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Final
+
+from mavhums.health.axis.monitor import AxisFindings
+from mavhums.report.assessment import Indicator, Interval, Since, Suspect, Verdict
+from mavhums.vehicle.flight import Flight
+from mavhums.vehicle.surfaces import Surfaces
+
+__all__ = ["judged_axis", "unjudged_axes", "why_not_at_all"]
+
+_REFERENCE_S: Final = 45
+_KINDS: Final = {
+    2: "a quadrotor",
+    3: "a coaxial helicopter",
+    4: "a helicopter",
+    10: "a ground rover",
+    11: "a boat",
+    12: "a submarine",
+    13: "a hexarotor",
+    14: "an octorotor",
+    15: "a tricopter",
+    29: "a dodecarotor",
+}
+_NEEDED: Final = {
+    "outputs": "the servo outputs (SERVO_OUTPUT_RAW, RCOU, actuator_outputs)",
+    "attitude": "the attitude (ATTITUDE, ATT)",
+}
+PROFILE_LINE: Final = (
+    "let the ground station download the parameters while it records, or name the outputs in an airframe "
+    'file: [[actuators]] with name = "aileron_left", servo = 1, pwm_us = [1100, 1500, 1900], and so on'
+)
+
+
+def why_not_at_all(flight: Flight) -> tuple[str, str] | None:
+    """Return why no axis of a vehicle can be judged, and what to do; None if some may be.
+
+    Examples
+    --------
+    >>> from mavhums.vehicle.flight import Flight
+    >>> why_not_at_all(Flight(None))[0]
+    'no HEARTBEAT of the autopilot tells what kind of vehicle this is'
+    """
+    kinds = flight.kinds
+    if not kinds:
+        reason = "no HEARTBEAT of the autopilot tells what kind of vehicle this is"
+        return reason, "record the autopilot's heartbeats as well"
+    if not kinds & {1, *range(19, 26)}:
+        what = " and ".join(_KINDS.get(kind, f"a vehicle of MAV_TYPE {kind}") for kind in sorted(kinds))
+        reason = f"{what}: control effectiveness is judged of fixed wings in forward flight only"
+        return reason, "judge its actuators by telemetry of their own"
+    missing = [text for name, text in _NEEDED.items() if name not in flight.heard]
+    if missing:
+        return f"the log lacks {' and '.join(missing)}", "record these streams at 3 Hz or more"
+    if flight.flown_s == 0:
+        speed = f", fastest {flight.fastest:.0f} m/s" if flight.fastest else ""
+        reason = f"it never flew forward: not armed, not fast enough, or hovering{speed}"
+        return reason, "analyse a flight"
+    return None
+
+
+def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
+    """Return the one verdict on all axes of a vehicle of which none can be judged."""
+    return Verdict(
+        subject="axis",
+        vehicle=vehicle,
+        actuator="axes",
+        condition="undecided",
+        worst="undecided",
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def judged_axis(
+    vehicle: int, findings: AxisFindings, surfaces: Surfaces | None, flight: Flight, start_utc: datetime
+) -> Verdict:
+    """Return the verdict on one axis of a vehicle that flew."""
+    reason, remedy = None, None
+    if findings.condition == "undecided":
+        reason, remedy = _why_undecided(findings, surfaces, flight)
+    origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces)}"}
+    coverage = findings.coverage
+    rounded = coverage.model_copy(update={"moving_fraction": round(coverage.moving_fraction, 4)})
+    return Verdict(
+        subject="axis",
+        vehicle=vehicle,
+        actuator=findings.axis,
+        surfaces=surfaces.names(findings.axis) if surfaces else (),
+        condition=findings.condition,
+        worst=findings.worst,
+        since=_since(findings.since_s, start_utc),
+        coverage=rounded,
+        suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
+        evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
+        effectiveness=_rounded(findings.effectiveness),
+        indicators=tuple(_indicators(findings)),
+        provenance=origin,
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def _origin(surfaces: Surfaces) -> str:
+    words = {"parameters": "the log's parameters", "profile": "the airframe profile"}
+    return words.get(surfaces.origin, "inference from the flight's beginning")
+
+
+def _indicators(findings: AxisFindings) -> list[Indicator]:
+    """Return the gain itself, which flights can be compared by: per metre of flight and full deflection."""
+    reference = findings.reference
+    if reference is None or findings.effectiveness is None:
+        return []
+    power, unit = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m")}[findings.axis]
+    scale = abs(reference.gain) / reference.speed**power
+    k = findings.effectiveness
+    value = Interval(**{name: float(f"{scale * number:.5g}") for name, number in k})
+    windows = max(findings.coverage.decidable // 10, 1)
+    return [
+        Indicator(
+            fault="gain",
+            quantity="control gain",
+            unit=unit,
+            value=value,
+            windows=windows,
+        )
+    ]
+
+
+def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Flight) -> tuple[str, str]:
+    axis = findings.axis
+    if surfaces is None:
+        reason = "which outputs move the surfaces is told neither by parameters nor by a profile"
+        return f"{reason}, and the flight's beginning does not tell it clearly", PROFILE_LINE
+    if not surfaces.of_axis(axis):
+        return f"no output of this vehicle is known to move it in {axis}", PROFILE_LINE
+    if findings.reference is None:
+        return _no_reference(findings, flight)
+    coverage = findings.coverage
+    return (
+        f"{coverage.decidable} of {coverage.windows} seconds since the reference were excited enough, "
+        "30 are needed",
+        "analyse a longer flight, or one with more turns and climbs",
+    )
+
+
+def _no_reference(findings: AxisFindings, flight: Flight) -> tuple[str, str]:
+    axis, best = findings.axis, findings.best
+    if findings.usable_s < _REFERENCE_S:
+        reason = f"{findings.usable_s} s of forward flight with known outputs, {_REFERENCE_S} are needed"
+        return reason, "analyse a longer flight"
+    missing = {"pitch": "force", "yaw": "force"}.get(axis)
+    if missing and missing not in flight.heard:
+        return f"the log lacks the accelerometer, which {axis} needs", "record RAW_IMU or SCALED_IMU"
+    share = 0.0 if best is None else best.explained
+    if axis == "yaw":
+        reason = (
+            f"rudder and aileron cannot be told apart: the rudder explains {100 * share:.0f} % of the side "
+            "force that the ailerons leave, 50 % are needed"
+        )
+        return reason, "pulse the rudder alone for a few seconds early in the flight"
+    reason = (
+        f"the first minutes excite it too little, or the streams are too slow: its surfaces explain "
+        f"{100 * share:.0f} % of how it moves"
+    )
+    return reason, "record the servo outputs, the gyro and the attitude at 10 Hz or more"
+
+
+def _since(since_s: float | None, start_utc: datetime) -> Since | None:
+    if since_s is None:
+        return None
+    utc = start_utc + timedelta(seconds=since_s)
+    return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())
+
+
+def _rounded(interval: Interval | None) -> Interval | None:
+    if interval is None:
+        return None
+    return Interval(**{name: round(number, 3) for name, number in interval})

@@ -1,0 +1,1 @@
+"""Detectors of axes, one file each; found by :mod:`mavhums.health.axis.detector`."""

@@ -1,0 +1,20 @@
+"""Pitch: what the aircraft makes of the demand to the elevators, elevons or V-tail, against the reference.
+
+The limit is 1.5 times the highest level of the healthy development flights.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mavhums.health.axis.effectiveness import EffectivenessDetector
+
+__all__ = ["Detector"]
+
+
+class Detector(EffectivenessDetector):
+    """A loss of effectiveness about the pitch axis."""
+
+    axis: ClassVar[str] = "pitch"
+    limit: ClassVar[float] = 16.0
+    axes: ClassVar[tuple[str, ...]] = ("pitch",)

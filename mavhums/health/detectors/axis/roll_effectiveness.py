@@ -1,0 +1,20 @@
+"""Roll: what the aircraft makes of the demand to the ailerons or elevons, against the reference.
+
+The limit is 1.5 times the highest level of the healthy development flights.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mavhums.health.axis.effectiveness import EffectivenessDetector
+
+__all__ = ["Detector"]
+
+
+class Detector(EffectivenessDetector):
+    """A loss of effectiveness about the roll axis."""
+
+    axis: ClassVar[str] = "roll"
+    limit: ClassVar[float] = 9.0
+    axes: ClassVar[tuple[str, ...]] = ("roll",)

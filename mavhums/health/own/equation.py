@@ -1,0 +1,71 @@
+"""What an own-scale equation is: a measured left side, linear in what the servo's motion and load explain.
+
+    y = wear·sgn(w) + b·w + J·dw/dt + h·q·d + o
+
+w is the servo's speed, q the dynamic pressure, d the surface's angle, and o an offset that is free in each
+window of 10 s: it takes the trim load and what changes slowly. b, J and h belong to the individual.
+They are learned once from its own flights and then held; only ``wear`` is estimated in each flight.
+
+An equation is one module of :mod:`mavhums.health.equations` named ``own_*`` with an ``EQUATION``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.slots import Slots
+
+__all__ = ["OwnEquation", "Speed"]
+
+Array = NDArray[np.float64]
+
+
+class Speed(NamedTuple):
+    """A servo's speed, rad/s of whichever shaft is measured, and from where on it counts as moving."""
+
+    rad_s: Array
+    moving_rad_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class OwnEquation:
+    """One own-scale equation.
+
+    Attributes
+    ----------
+    name
+        By which flights keep its sums.
+    fault
+        Name of the indicator.
+    quantity, unit
+        Of the wear's coefficient.
+    inspect
+        What a maintainer should inspect.
+    cause
+        What may have changed, as far as the data show.
+    min_rate_hz
+        Slower samples are no evidence.
+    min_flights
+        That the baseline needs.
+    left
+        Returns the left side at all samples, shape (n,), NaN where it is not measured.
+    speed
+        Returns the speed at all samples; None if the profile says that it cannot be had.
+    """
+
+    name: str
+    fault: str
+    quantity: str
+    unit: str
+    inspect: str
+    cause: str
+    min_rate_hz: float
+    min_flights: int
+    left: Callable[[Actuator, Slots], Array]
+    speed: Callable[[Actuator, Slots], Speed | None]

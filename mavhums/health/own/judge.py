@@ -1,0 +1,213 @@
+"""Hold a flight against the flights before: a pure function over their stored sums."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from mavhums.core.conditions import Condition
+from mavhums.health.decision import FALSE_ALARMS, tail_of
+from mavhums.health.own.equation import OwnEquation
+from mavhums.health.own.fit import Nuisances, Wear, learned, wear
+from mavhums.health.own.past import PastRecord, compared
+from mavhums.health.random_effects import Population, population
+from mavhums.report.assessment import Interval, OwnRecord
+
+__all__ = ["Comparison", "Since", "compare"]
+
+_WINDOW_S = 10.0
+_MOST_TAIL = 0.01
+_WARMTH_K = 5.0  # of difference among the flights, from which on the slope can be told
+_BEYOND_K = 3.0
+_TRAILING = 100
+_LEAST_FLIGHTS = 4
+
+Array = NDArray[np.float64]
+
+
+class Since(NamedTuple):
+    """The first flight of an unbroken row that shows a change: its number, from 1, and its date."""
+
+    flight: int
+    date: str
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What a flight shows against the flights before.
+
+    Attributes
+    ----------
+    condition
+        ``unchanged``, ``changed``, ``learning``, or ``undecided``.
+    value, baseline
+        The quantity in this flight, and what the flights before let expect of it (95 %); None where this
+        flight does not show it, and where there is no baseline yet.
+    flights, needed
+        Flights of the baseline, or so far, and how many it takes.
+    change
+        Relative to the baseline, with its 95 % interval.
+    least_rise
+        Relative rise that would have been found with 95 % probability.
+    since
+        None where this flight is the first to show the change, or none does.
+    why
+        Reason of ``undecided``.
+    """
+
+    condition: Condition
+    value: Interval | None
+    flights: int
+    needed: int
+    baseline: Interval | None = None
+    change: Interval | None = None
+    least_rise: float | None = None
+    since: Since | None = None
+    why: str = ""
+
+
+def compare(
+    equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS
+) -> Comparison:
+    """Return how a flight compares with the flights before.
+
+    Parameters
+    ----------
+    equation
+        Whose wear is compared.
+    own
+        Of the flight.
+    past
+        All flights before, in the order of time.
+    false_alarms
+        Per 100 hours of the actuator.
+    """
+    needed = equation.min_flights
+    reference, after = compared(equation, own, past)
+    records = tuple(record for _, _, record in reference)
+    healthy = _Healthy.of(records, own.temperature_c is not None) if len(records) >= needed else None
+    if healthy is None or healthy.shown < needed:
+        flights = sum(wear(record, None) is not None for record in records)
+        alone = wear(own, None)
+        if alone is None:
+            return _still(equation, flights)
+        return Comparison("learning", _interval(alone), min(flights + 1, needed), needed)
+    held = wear(own, healthy.nuisances)
+    if held is None:
+        return _still(equation, healthy.shown)
+    if healthy.beyond(own):
+        why = f"its flight was {healthy.beyond(own)} than any of its baseline"
+        return Comparison("undecided", _interval(held), healthy.shown, needed, why=why)
+    rise, bound, found = healthy.rise(held, own, false_alarms)
+    trailing = after[-_TRAILING:]
+    return Comparison(
+        condition="changed" if rise > bound else "unchanged",
+        value=_interval(held),
+        flights=healthy.shown,
+        needed=equation.min_flights,
+        baseline=healthy.prediction(own),
+        change=healthy.relative(held, own),
+        least_rise=found / abs(healthy.mean(own)),
+        since=healthy.since(trailing, false_alarms) if rise > bound else None,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Healthy:
+    """The reference flights: their population, and the temperatures that it was learned at, if they count."""
+
+    nuisances: Nuisances
+    flights: Population
+    warmth: tuple[float, float, float] | None
+    sign: float
+    shown: int
+
+    @classmethod
+    @lru_cache(maxsize=1024)
+    def of(cls, records: tuple[OwnRecord, ...], warm: bool) -> _Healthy | None:
+        """Learn from reference flights; ``warm`` says that the flight's temperature is known."""
+        nuisances = learned(records)
+        shown = [(w, r) for r in records if (w := wear(r, nuisances))]
+        if nuisances is None or len(shown) < _LEAST_FLIGHTS:
+            return None
+        values = np.array([w.value for w, _ in shown])
+        errors = np.array([w.error for w, _ in shown])
+        told = [r.temperature_c for _, r in shown if r.temperature_c is not None]
+        design = np.ones((len(values), 1))
+        warmth = None
+        if warm and len(told) == len(shown) and np.ptp(told) >= _WARMTH_K:
+            warmth = (float(np.mean(told)), min(told), max(told))
+            design = np.column_stack([design, np.array(told) - warmth[0]])
+        flights = population(design, values, errors)
+        return cls(nuisances, flights, warmth, float(np.sign(flights.coefficients[0])) or 1.0, len(shown))
+
+    def _row(self, record: OwnRecord) -> Array:
+        if self.warmth is None or record.temperature_c is None:
+            return np.array([1.0, 0.0])[: len(self.flights.coefficients)]
+        return np.array([1.0, record.temperature_c - self.warmth[0]])
+
+    def beyond(self, record: OwnRecord) -> str:
+        """Return ``colder`` or ``warmer`` where the slope would be extrapolated."""
+        if self.warmth is None or record.temperature_c is None:
+            return ""
+        _, coldest, warmest = self.warmth
+        if record.temperature_c < coldest - _BEYOND_K:
+            return "colder"
+        return "warmer" if record.temperature_c > warmest + _BEYOND_K else ""
+
+    def mean(self, record: OwnRecord) -> float:
+        """Return what is expected of a flight."""
+        return float(self._row(record) @ self.flights.coefficients)
+
+    def rise(self, held: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
+        """Return the rise, what chance alone may reach, and what would have been found with 95 %."""
+        variance = self.flights.variance_at(self._row(record))
+        own = held.error**2
+        freedom = (variance + own) ** 2 / (variance**2 / self.flights.freedom + own**2 / held.freedom)
+        tail = min(tail_of(false_alarms) * max(record.duration_s / _WINDOW_S, 1.0), _MOST_TAIL)
+        error = (variance + own) ** 0.5
+        bound = float(stdtrit(freedom, 1.0 - tail)) * error
+        return self.sign * (held.value - self.mean(record)), bound, bound + 1.645 * error
+
+    def relative(self, held: Wear, record: OwnRecord) -> Interval:
+        """Return the relative change with its 95 % interval."""
+        mean = self.mean(record)
+        change = held.value / mean - 1.0
+        error = (held.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
+        half = float(stdtrit(min(held.freedom, self.flights.freedom), 0.975)) * error
+        return Interval(estimate=change, low=change - half, high=change + half)
+
+    def prediction(self, record: OwnRecord) -> Interval:
+        """Return the 95 % interval of a healthy flight's value."""
+        mean, row = self.mean(record), self._row(record)
+        half = float(stdtrit(self.flights.freedom, 0.975)) * self.flights.variance_at(row) ** 0.5
+        return Interval(estimate=mean, low=mean - half, high=mean + half)
+
+    def since(self, after: list[tuple[int, str, OwnRecord]], false_alarms: float) -> Since | None:
+        """Return the first of the latest flights in a row that show the change, too."""
+        first = None
+        for number, date, record in reversed(after):
+            held = wear(record, self.nuisances)
+            if held is None or self.beyond(record):
+                continue
+            rise, bound, _ = self.rise(held, record, false_alarms)
+            if rise <= bound:
+                break
+            first = Since(number, date)
+        return first
+
+
+def _still(equation: OwnEquation, flights: int) -> Comparison:
+    why = f"the servo moved too little both ways to show its {equation.quantity}"
+    return Comparison("undecided", None, flights, equation.min_flights, why=why)
+
+
+def _interval(of: Wear) -> Interval:
+    half = float(stdtrit(of.freedom, 0.975)) * of.error
+    return Interval(estimate=of.value, low=of.value - half, high=of.value + half)

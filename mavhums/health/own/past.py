@@ -1,0 +1,69 @@
+"""The flights before, as far as one own-scale equation needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from typing import NamedTuple
+
+from mavhums.health.own.equation import OwnEquation
+from mavhums.health.own.fit import shows
+from mavhums.report.assessment import OwnRecord
+
+__all__ = ["REFERENCE_FLIGHTS", "PastRecord", "PastSource", "compared", "record_of"]
+
+REFERENCE_FLIGHTS = 20
+"""The flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter."""
+
+_RATE_RATIO = 1.25
+
+
+class PastRecord(NamedTuple):
+    """What a flight before left of its own-scale equations.
+
+    Attributes
+    ----------
+    records
+        One for each equation.
+    date
+        Of its start, as the report writes it.
+    healthy
+        Whether nothing was found in it, so that it may be part of a baseline.
+    """
+
+    records: tuple[OwnRecord, ...]
+    date: str
+    healthy: bool
+
+
+PastSource = Callable[[str, datetime | None], Mapping[tuple[int, str], Sequence[PastRecord]]]
+"""What gives the flights before by vehicle and actuator, of an airframe and the time when a flight begins."""
+
+
+def record_of(records: Sequence[OwnRecord], name: str) -> OwnRecord | None:
+    """Return the record of one equation."""
+    return next((record for record in records if record.equation == name), None)
+
+
+def compared(
+    equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord]
+) -> tuple[list[tuple[int, str, OwnRecord]], list[tuple[int, str, OwnRecord]]]:
+    """Return the reference flights and those after them, that were measured like this one.
+
+    Each comes with its number among all flights, from 1, and its date.
+    """
+    alike = [
+        (number, flight.date, flight.healthy, record)
+        for number, flight in enumerate(past, 1)
+        if (record := record_of(flight.records, equation.name)) and _alike(own, record) and shows(record)
+    ]
+    healthy = [number for number, _, sound, _ in alike if sound]
+    last = healthy[:REFERENCE_FLIGHTS][-1] if healthy else 0
+    reference = [(number, date, record) for number, date, sound, record in alike if sound and number <= last]
+    after = [(number, date, record) for number, date, _, record in alike if number > last]
+    return reference, after
+
+
+def _alike(one: OwnRecord, other: OwnRecord) -> bool:
+    faster, slower = max(one.rate_hz, other.rate_hz), min(one.rate_hz, other.rate_hz)
+    return one.setup == other.setup and faster <= _RATE_RATIO * slower

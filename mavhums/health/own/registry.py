@@ -1,0 +1,30 @@
+"""The own-scale equations, the one that tells most first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mavhums.health.equations import own_current, own_tracking
+from mavhums.health.own.equation import OwnEquation
+from mavhums.report.assessment import OwnRecord
+
+__all__ = ["EQUATIONS", "comparable", "inspected"]
+
+EQUATIONS: tuple[OwnEquation, ...] = (own_current.EQUATION, own_tracking.EQUATION)
+
+
+def comparable(records: Sequence[OwnRecord]) -> bool:
+    """Return whether records hold the wear of an equation, and not only what identifies the motor."""
+    names = {equation.name for equation in EQUATIONS}
+    return any(record.equation in names for record in records)
+
+
+def inspected(fault: str) -> str | None:
+    """Return what to inspect for an indicator; None if no equation has it.
+
+    Examples
+    --------
+    >>> inspected("friction_current")
+    'gearbox, bearings and hinge line'
+    """
+    return next((equation.inspect for equation in EQUATIONS if equation.fault == fault), None)

@@ -1,0 +1,213 @@
+"""What the aircraft did and what was asked of it, row by row on the grid, and whether it flew forward.
+
+Only this is known to the detectors of an axis.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.surfaces import AXES, Demands, Surfaces
+from mavhums.vehicle.wind import WindTriangle
+
+__all__ = ["Flight", "Rows"]
+
+_G: Final = 9.80665
+_FIXED_WING: Final = 1
+_VTOL: Final = range(19, 26)
+_VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
+_ON_GROUND: Final = 1  # MAV_LANDED_STATE_ON_GROUND
+_ARDUPILOT: Final = 3
+_HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)  # ArduPlane's Q modes
+_UNLED_MODES: Final = (0, 2, 3, 4, 16)  # ArduPlane leaves the attitude to the pilot in these
+_LIFTING_US: Final = 1050.0
+_LEAST_SPEED: Final = 8.0
+_LEAST_GROUND_SPEED: Final = 5.0
+_SENSOR_ALIVE: Final = 5.0
+_AIRBORNE_S: Final = 3
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Some whole seconds in a row of one flight; each array has ``RATE_HZ`` rows a second.
+
+    Attributes
+    ----------
+    second
+        The first of the flight seconds.
+    fresh
+        Whether the second before is not known.
+    roll_rate, pitch_rate, yaw_rate
+        Body rates, rad/s.
+    side_force, load
+        Specific force to the right, m/s², and downwards in g.
+    roll, pitch, roll_demand, pitch_demand
+        Flown and demanded, rad.
+    speed
+        Airspeed, measured or by the wind triangle, m/s.
+    flying
+        Whether it is a fixed wing in forward flight.
+    outputs
+        Demand about roll, pitch and yaw by the servo outputs, ±1 at full travel, shape (n, 3).
+    """
+
+    second: int
+    fresh: bool
+    roll_rate: Array
+    pitch_rate: Array
+    yaw_rate: Array
+    side_force: Array
+    load: Array
+    roll: Array
+    pitch: Array
+    roll_demand: Array
+    pitch_demand: Array
+    speed: Array
+    flying: Flags
+    outputs: Array
+
+    def __len__(self) -> int:
+        return len(self.speed)
+
+    @property
+    def seconds(self) -> int:
+        """Number of seconds."""
+        return len(self.speed) // RATE_HZ
+
+    def demand(self, axis: str) -> Array:
+        """Return the demand of the servo outputs about an axis."""
+        return self.outputs[:, AXES.index(axis)]
+
+    def cut(self, first: int, last: int) -> Rows:
+        """Return the seconds from the ``first`` to before the ``last``, counted from the first of these."""
+        a, b = first * RATE_HZ, last * RATE_HZ
+        arrays = {f.name: getattr(self, f.name)[a:b] for f in fields(self)[2:]}
+        return Rows(self.second + first, self.fresh and first == 0, **arrays)
+
+    @classmethod
+    def join(cls, parts: list[Rows]) -> Rows:
+        """Join rows that follow each other."""
+        arrays = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)[2:]}
+        return cls(parts[0].second, parts[0].fresh, **arrays)
+
+
+class Flight:
+    """Turns settled seconds into rows.
+
+    Parameters
+    ----------
+    surfaces
+        Which outputs move what; None if that is not known yet.
+
+    Attributes
+    ----------
+    flown_s, fastest
+        Seconds of forward flight so far, and the highest airspeed, m/s.
+    kinds
+        MAV_TYPEs that the vehicle told.
+    heard
+        Signals that carried a number at least once.
+    """
+
+    def __init__(self, surfaces: Surfaces | None) -> None:
+        self._lift = [servo - 1 for servo in surfaces.lift] if surfaces else []
+        self._demands = Demands(surfaces) if surfaces else None
+        self._wind = WindTriangle()
+        self._next: int | None = None
+        self._run = 0
+        self.flown_s = 0
+        self.fastest = 0.0
+        self.kinds: set[int] = set()
+        self.heard: set[str] = set()
+
+    def learn(self, surfaces: Surfaces) -> None:
+        """Take the outputs' functions, where the log told them late."""
+        self._lift = [servo - 1 for servo in surfaces.lift]
+        self._demands = Demands(surfaces)
+
+    def feed(self, seconds: Seconds) -> Iterator[Rows]:
+        """Yield the rows of these seconds, unbroken runs of them."""
+        breaks = np.flatnonzero(np.diff(seconds.index) != 1) + 1
+        edges = [0, *breaks.tolist(), len(seconds.index)]
+        for a, b in itertools.pairwise(edges):
+            first = int(seconds.index[a])
+            fresh = first != self._next
+            self._next = first + b - a
+            yield self._rows(first, fresh, {name: values[a:b] for name, values in seconds.signals.items()})
+
+    def _rows(self, first: int, fresh: bool, signals: dict[str, Array]) -> Rows:
+        flat = {name: values.reshape(-1, values.shape[-1]) for name, values in signals.items()}
+        self.heard |= {name for name in flat.keys() - self.heard if np.isfinite(flat[name]).any()}
+        rates = np.where(np.isfinite(flat["rates"]), flat["rates"], flat["slow_rates"])
+        speed = self._speed(signals, flat)
+        autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
+        unled = (autopilot == _ARDUPILOT) & np.isin(mode, _UNLED_MODES)
+        demand = np.where(unled[:, None], np.nan, flat["demand"])
+        unknown = np.full((len(speed), len(AXES)), np.nan)
+        return Rows(
+            second=first,
+            fresh=fresh,
+            roll_rate=rates[:, 0],
+            pitch_rate=rates[:, 1],
+            yaw_rate=rates[:, 2],
+            side_force=flat["force"][:, 1],
+            load=flat["force"][:, 2] / _G,
+            roll=flat["attitude"][:, 0],
+            pitch=flat["attitude"][:, 1],
+            roll_demand=demand[:, 0],
+            pitch_demand=demand[:, 1],
+            speed=speed,
+            flying=self._flying(flat, speed, fresh),
+            outputs=self._demands.feed(flat["outputs"]) if self._demands else unknown,
+        )
+
+    def _speed(self, signals: dict[str, Array], flat: dict[str, Array]) -> Array:
+        """Return the airspeed: the sensor's if it lives, else the wind triangle's, else that over ground."""
+        winds = []
+        for velocity, attitude in zip(signals["velocity"][:, 0], signals["attitude"][:, 0], strict=True):
+            self._wind.step(velocity, float(attitude[2]))
+            winds.append(self._wind.wind)
+        wind = np.repeat(np.array(winds), RATE_HZ, axis=0)
+        relative = flat["velocity"] - wind
+        triangle = np.hypot(relative[:, 0], relative[:, 1])
+        sensed, ground = flat["airspeed"][:, 0], flat["groundspeed"][:, 0]
+        speed = np.where(sensed > _SENSOR_ALIVE, sensed, triangle)
+        return np.where(np.isfinite(speed), speed, ground)
+
+    def _flying(self, flat: dict[str, Array], speed: Array, fresh: bool) -> Flags:
+        kind, autopilot, armed, mode = flat["state"].T
+        self.kinds |= {int(k) for k in np.unique(kind[np.isfinite(kind)])}
+        forward = flat["vtol"][:, 0] == _VTOL_FORWARD
+        wing = (kind == _FIXED_WING) | (np.isin(kind, _VTOL) & forward)
+        wing &= (flat["vtol"][:, 0] == _VTOL_FORWARD) | ~(flat["vtol"][:, 0] > 0)
+        hovering = (autopilot == _ARDUPILOT) & np.isin(mode, _HOVERING_MODES)
+        if self._lift:
+            hovering |= (flat["outputs"][:, self._lift] > _LIFTING_US).any(axis=1)
+        ground = flat["groundspeed"][:, 0]
+        moving = (speed > _LEAST_SPEED) & ((ground > _LEAST_GROUND_SPEED) | np.isnan(ground))
+        up = wing & ~hovering & (armed > 0) & moving & (flat["landed"][:, 0] != _ON_GROUND)
+        return self._lasting(up, speed, fresh)
+
+    def _lasting(self, up: Flags, speed: Array, fresh: bool) -> Flags:
+        """Return where it has flown for seconds without a break; count them."""
+        if fresh:
+            self._run = 0
+        rows = np.arange(len(up))
+        last_down = np.maximum.accumulate(np.where(up, -1, rows))
+        run = np.where(last_down < 0, self._run + rows + 1, rows - last_down)
+        self._run = int(run[-1])
+        flying = run >= _AIRBORNE_S * RATE_HZ
+        self.flown_s += int(flying.reshape(-1, RATE_HZ).all(axis=1).sum())
+        if up.any():
+            self.fastest = max(self.fastest, float(speed[up].max()))
+        return flying

@@ -1,0 +1,163 @@
+"""Signals from MAVLink messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.log import Table
+from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.signals import OUTPUTS, Signal
+
+__all__ = ["MESSAGES", "MavlinkSignals"]
+
+_G: Final = 9.80665
+_NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID
+_ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+_PULSES_US: Final = (800.0, 2200.0)
+_NO_ATTITUDE: Final = 1 << 7  # ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
+
+Array = NDArray[np.float64]
+
+
+class _Stamp(NamedTuple):
+    """The field with the sender's time, microseconds a unit, and after how many it starts anew."""
+
+    field: str
+    scale: int
+    wrap_us: int | None = None
+
+
+_BOOT = _Stamp("time_boot_ms", 1000)
+_USEC = _Stamp("time_usec", 1)
+_SHORT = _Stamp("time_usec", 1, 2**32)
+
+
+def _columns(table: Table, *fields: str, scale: float = 1.0) -> Array:
+    return np.stack([table[field].astype(np.float64) for field in fields], axis=1) * scale
+
+
+def _outputs(table: Table) -> Array:
+    first = [f"servo{n}_raw" for n in range(1, OUTPUTS + 1)]
+    pulses = _columns(table, *first)
+    off = (pulses < _PULSES_US[0]) | (pulses > _PULSES_US[1]) | (table["port"] != 0)[:, None]
+    return np.where(off, np.nan, pulses)
+
+
+def _milli_rates(table: Table) -> Array:
+    return _columns(table, "xgyro", "ygyro", "zgyro", scale=1e-3)
+
+
+def _milli_force(table: Table) -> Array:
+    return _columns(table, "xacc", "yacc", "zacc", scale=_G / 1e3)
+
+
+def _of_quaternion(table: Table) -> Array:
+    w, x, y, z = np.asarray(table["q"], dtype=np.float64).T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    asked = (table["type_mask"] & _NO_ATTITUDE) == 0
+    return np.where(asked[:, None], np.stack([roll, pitch], axis=1), np.nan)
+
+
+class _Source(NamedTuple):
+    """A message, the signal that it gives, its time stamp and its values; earlier ones are preferred."""
+
+    message: str
+    signal: str
+    stamp: _Stamp | None
+    values: Callable[[Table], Array]
+
+
+_SOURCES: Final = (
+    _Source("SERVO_OUTPUT_RAW", "outputs", _SHORT, _outputs),
+    _Source("HIGHRES_IMU", "rates", _USEC, lambda t: _columns(t, "xgyro", "ygyro", "zgyro")),
+    _Source("RAW_IMU", "rates", _USEC, _milli_rates),
+    _Source("SCALED_IMU", "rates", _BOOT, _milli_rates),
+    _Source("SCALED_IMU2", "rates", _BOOT, _milli_rates),
+    _Source("HIGHRES_IMU", "force", _USEC, lambda t: _columns(t, "xacc", "yacc", "zacc")),
+    _Source("RAW_IMU", "force", _USEC, _milli_force),
+    _Source("SCALED_IMU", "force", _BOOT, _milli_force),
+    _Source("SCALED_IMU2", "force", _BOOT, _milli_force),
+    _Source("ATTITUDE", "attitude", _BOOT, lambda t: _columns(t, "roll", "pitch", "yaw")),
+    _Source("ATTITUDE", "slow_rates", _BOOT, lambda t: _columns(t, "rollspeed", "pitchspeed", "yawspeed")),
+    _Source("ATTITUDE_TARGET", "demand", _BOOT, _of_quaternion),
+    _Source(
+        "NAV_CONTROLLER_OUTPUT", "demand", None, lambda t: np.radians(_columns(t, "nav_roll", "nav_pitch"))
+    ),
+    _Source("VFR_HUD", "airspeed", None, lambda t: _columns(t, "airspeed")),
+    _Source("VFR_HUD", "groundspeed", None, lambda t: _columns(t, "groundspeed")),
+    _Source("GLOBAL_POSITION_INT", "velocity", _BOOT, lambda t: _columns(t, "vx", "vy", scale=0.01)),
+    _Source("GLOBAL_POSITION_INT", "altitude", _BOOT, lambda t: _columns(t, "relative_alt", scale=1e-3)),
+    _Source("VFR_HUD", "altitude", None, lambda t: _columns(t, "alt")),
+    _Source("EXTENDED_SYS_STATE", "vtol", None, lambda t: _columns(t, "vtol_state")),
+    _Source("EXTENDED_SYS_STATE", "landed", None, lambda t: _columns(t, "landed_state")),
+)
+
+MESSAGES: Final = frozenset({source.message for source in _SOURCES} | {"HEARTBEAT", "PARAM_VALUE"})
+
+
+class MavlinkSignals:
+    """Reads signals from the tables of MAVLink messages, block after block.
+
+    Of several messages that give the same signal a vehicle's first is taken, and of several components that
+    send it the first that did.
+    """
+
+    def __init__(self) -> None:
+        self._clocks = Clocks()
+        self._taken: dict[tuple[int, str], tuple[str, int]] = {}
+
+    def read(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
+        """Yield the signals of these messages."""
+        yield from self._states(tables.get("HEARTBEAT"))
+        self._choose(tables)
+        times: dict[str, NDArray[np.int64]] = {}
+        for message, signal, stamp, values in _SOURCES:
+            table = tables.get(message)
+            if table is None:
+                continue
+            if message not in times:
+                times[message] = self._times(table, stamp)
+            for vehicle in np.unique(table.system).tolist():
+                taken = self._taken.get((vehicle, signal))
+                if taken is None or taken[0] != message:
+                    continue
+                rows = np.flatnonzero((table.system == vehicle) & (table.component == taken[1]))
+                if rows.size:
+                    part = table.select(rows)
+                    yield Signal(vehicle, signal, message, part.frame, times[message][rows], values(part))
+
+    def _choose(self, tables: Mapping[str, Table]) -> None:
+        """Take for each signal the message that came first, whatever block it came in."""
+        firsts: dict[tuple[int, str], tuple[int, str, int]] = {}
+        for message, signal, _, _ in _SOURCES:
+            table = tables.get(message)
+            if table is None:
+                continue
+            systems, rows = np.unique(table.system, return_index=True)
+            for vehicle, row in zip(systems.tolist(), rows.tolist(), strict=True):
+                if (vehicle, signal) not in self._taken:
+                    found = (int(table.frame[row]), message, int(table.component[row]))
+                    firsts[vehicle, signal] = min(found, firsts.get((vehicle, signal), found))
+        for key, (_, message, component) in firsts.items():
+            self._taken[key] = message, component
+
+    def _times(self, table: Table, stamp: _Stamp | None) -> NDArray[np.int64]:
+        if stamp is None:
+            return table.time_us
+        return self._clocks.utc_us(table, stamp.scale, stamp.field, wrap_us=stamp.wrap_us)
+
+    def _states(self, table: Table | None) -> Iterator[Signal]:
+        if table is None:
+            return
+        own = table.select(table["autopilot"] != _NO_AUTOPILOT)
+        for vehicle in np.unique(own.system).tolist():
+            part = own.select(own.system == vehicle)
+            armed = (part["base_mode"] & _ARMED) > 0
+            fields = (part["type"], part["autopilot"], armed, part["custom_mode"])
+            values = np.stack([field.astype(np.float64) for field in fields], axis=1)
+            yield Signal(vehicle, "state", "HEARTBEAT", part.frame, part.time_us, values)

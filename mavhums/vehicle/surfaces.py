@@ -1,0 +1,168 @@
+"""Which outputs demand rolling, pitching and yawing, and how much, whatever mixes them.
+
+Elevons and V-tails are unmixed. Where several outputs do the same, those that still change are the demand:
+an output that stands while its likes move tells nothing of what was asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.outputs import control_surfaces
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.signals import OUTPUTS
+
+__all__ = ["AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
+
+AXES: Final = ("roll", "pitch", "yaw")
+
+KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
+_LIFT: Final = range(33, 41)  # SERVOn_FUNCTION of motors
+_FROZEN_S: Final = 1.0
+
+Array = NDArray[np.float64]
+
+
+class Moved(NamedTuple):
+    """An output that moves a surface: 0 at ``zero_us``, ±1 at ``zero_us`` ± ``half_us``, which has a sign."""
+
+    servo: int
+    surface: str
+    zero_us: float
+    half_us: float
+
+    @property
+    def kind(self) -> str:
+        """What the surface does: one of aileron, flaperon, elevon, elevator, rudder, tail."""
+        return next(kind for kind in KINDS if kind in self.surface)
+
+    @property
+    def side(self) -> str:
+        """Return ``left`` or ``right``, or nothing where it is not told."""
+        return next((side for side in ("left", "right") if side in self.surface), "")
+
+
+@dataclass(frozen=True, slots=True)
+class Surfaces:
+    """The outputs of a vehicle that move its surfaces.
+
+    Attributes
+    ----------
+    moved
+        The outputs.
+    origin
+        What says so: ``parameters``, ``profile`` or ``inferred``.
+    lift
+        Outputs of lift motors.
+    """
+
+    moved: tuple[Moved, ...]
+    origin: str
+    lift: tuple[int, ...] = ()
+
+    def of_axis(self, axis: str) -> tuple[Moved, ...]:
+        """Return the outputs that move the aircraft about an axis."""
+        kinds = {
+            "roll": ("aileron", "flaperon", "elevon"),
+            "pitch": ("elevator", "elevon", "tail"),
+            "yaw": ("rudder", "tail"),
+        }[axis]
+        for kind in kinds:
+            found = tuple(moved for moved in self.moved if moved.kind == kind)
+            if found:
+                return found
+        return ()
+
+    def names(self, axis: str) -> tuple[str, ...]:
+        """Return the surfaces of an axis, each with its servo."""
+        return tuple(f"{moved.surface} (servo {moved.servo})" for moved in self.of_axis(axis))
+
+
+def of_parameters(parameters: Parameters) -> Surfaces | None:
+    """Return the surfaces that an autopilot's parameters tell; None if they tell none."""
+    values = parameters.values
+    found = []
+    for output in control_surfaces(parameters):
+        surface = output.surface.replace("v-tail", "tail").replace("a-tail", "tail")
+        if output.servo > OUTPUTS or not any(kind in surface for kind in KINDS):
+            continue
+        low, zero, high = output.pwm_us
+        sign = _px4_sign(output.because, surface, values) if parameters.is_px4 else 1.0
+        sign = -sign if output.is_reversed else sign
+        found.append(Moved(output.servo, surface, zero, sign * (high - low) / 2))
+    functions = {n: values.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, OUTPUTS + 1)}
+    lift = tuple(n for n, function in functions.items() if function in _LIFT)
+    return Surfaces(tuple(found), "parameters", lift) if found else None
+
+
+def _px4_sign(because: str, surface: str, values: Mapping[str, float]) -> float:
+    """Return the sense of a PX4 output about its own axis, by its torque or else by its side."""
+    surface_number = because.partition("CA_SV_CS")[2].partition("_")[0]
+    letter = "R" if "aileron" in surface else "Y" if "rudder" in surface else "P"
+    torque = values.get(f"CA_SV_CS{surface_number}_TRQ_{letter}", 0.0)
+    if torque:
+        return -1.0 if torque < 0 else 1.0
+    return -1.0 if surface == "left aileron" else 1.0
+
+
+class Demands:
+    """Follows what the outputs demand about each axis, from grid rows to grid rows.
+
+    Parameters
+    ----------
+    surfaces
+        The outputs that count.
+    """
+
+    def __init__(self, surfaces: Surfaces) -> None:
+        self._groups: dict[str, list[Moved]] = {}
+        for axis in AXES:
+            for moved in surfaces.of_axis(axis):
+                name = f"{moved.side} {moved.kind}" if moved.kind in ("elevon", "tail") else moved.kind
+                members = self._groups.setdefault(name, [])
+                if moved not in members:
+                    members.append(moved)
+        self._row = 0
+        self._before = {name: np.full(len(group), np.nan) for name, group in self._groups.items()}
+        self._changed = {name: np.zeros(len(group), dtype=np.int64) for name, group in self._groups.items()}
+
+    def feed(self, pulses: Array) -> Array:
+        """Return the demand about roll, pitch and yaw, (n, 3), of pulses (n, OUTPUTS); NaN if unknown."""
+        known = {name: self._demand(name, group, pulses) for name, group in self._groups.items()}
+        self._row += len(pulses)
+        none = np.full(len(pulses), np.nan)
+        elevons = [known.get(f"{side} elevon", none) for side in ("left", "right")]
+        tails = [known.get(f"{side} tail", none) for side in ("left", "right")]
+        roll = _first(known, "aileron", "flaperon", other=(elevons[0] - elevons[1]) / 2)
+        mixed = elevons if any("elevon" in name for name in known) else tails
+        pitch = _first(known, "elevator", other=(mixed[0] + mixed[1]) / 2)
+        yaw = _first(known, "rudder", other=(tails[0] - tails[1]) / 2)
+        return np.stack([roll, pitch, yaw], axis=1)
+
+    def _demand(self, name: str, group: Sequence[Moved], pulses: Array) -> Array:
+        """Return the mean of a group's outputs that still change, as a share of half the travel."""
+        columns = [moved.servo - 1 for moved in group]
+        zero, half = (np.array([moved[k] for moved in group]) for k in (2, 3))
+        share = (pulses[:, columns] - zero) / half
+        steps = np.diff(np.vstack([self._before[name], share]), axis=0)
+        rows = self._row + np.arange(len(share))[:, None]
+        changed = np.where(np.isfinite(steps) & (steps != 0.0), rows, 0)
+        changed = np.maximum.accumulate(np.maximum(changed, self._changed[name]), axis=0)
+        stands = changed.max(axis=1, keepdims=True) - changed >= _FROZEN_S * RATE_HZ
+        self._before[name], self._changed[name] = share[-1], changed[-1]
+        if "elevon" in name or "tail" in name or len(group) == 1:
+            stands[:] = False
+        counts = np.isfinite(share) & ~stands
+        total = np.where(counts, share, 0.0).sum(axis=1)
+        number = counts.sum(axis=1)
+        return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def _first(known: Mapping[str, Array], *names: str, other: Array) -> Array:
+    return next((known[name] for name in names if name in known), other)

@@ -1,0 +1,49 @@
+"""Airspeed without a sensor: the wind that makes the velocities over ground of all headings agree."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["WindTriangle"]
+
+_MEMORY_S: Final = 60.0
+_LEAST_SPEED: Final = 5.0  # over ground, m/s: a standing aircraft's heading says nothing of the wind
+_GUESS: Final = (15.0, 0.0, 0.0)  # airspeed and wind to the north and east, m/s
+_MOST: Final = 1e4
+
+Array = NDArray[np.float64]
+
+
+class WindTriangle:
+    """Follows airspeed and wind by recursive least squares, one step a second.
+
+    ``velocity = airspeed · (cos heading, sin heading) + wind``, with a memory of a minute.
+
+    Attributes
+    ----------
+    wind
+        North and east, m/s.
+    """
+
+    def __init__(self) -> None:
+        self._state = np.array(_GUESS)
+        self._spread = np.diag([2500.0, 900.0, 900.0])
+
+    @property
+    def wind(self) -> Array:
+        """The wind held now, to the north and east, m/s."""
+        return self._state[1:]
+
+    def step(self, velocity: Array, heading: float) -> None:
+        """Take a velocity over ground (2,), m/s, and the heading, rad; what is not finite is left out."""
+        if not (np.isfinite(velocity).all() and np.isfinite(heading)) or np.hypot(*velocity) < _LEAST_SPEED:
+            return
+        h = np.array([[np.cos(heading), 1.0, 0.0], [np.sin(heading), 0.0, 1.0]])
+        spread = np.minimum(self._spread * np.exp(1.0 / _MEMORY_S), _MOST)
+        across = spread @ h.T
+        gain = across @ np.linalg.inv(h @ across + np.eye(2))
+        self._state = self._state + gain @ (velocity - h @ self._state)
+        self._spread = spread - gain @ h @ spread

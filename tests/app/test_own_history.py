@@ -1,0 +1,94 @@
+"""From logs to learning, unchanged and changed: a servo of which nothing but its telemetry is known."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+import mavhums
+from mavhums.history.files import keep_assessment
+from mavhums.report.assessment import Assessment
+from mavhums_sim import Flight, Gearbox, fly
+from mavhums_sim.conditions import Condition
+from mavhums_sim.ema import EmaParameters
+from mavhums_sim.telemetry import write_tlog
+from tests.conftest import Run
+
+PROFILE = """\
+name = "blank"
+[[actuators]]
+name = "elevator"
+servo = 3
+esc = 2
+pwm_us = [1000, 1500, 2000]
+"""
+PARAMETERS = EmaParameters.from_data_sheet(gearbox=Gearbox())
+BEGIN = datetime(2025, 3, 1, tzinfo=UTC)
+
+
+def log_of(folder: Path, number: int, added_nm: float = 0.0) -> Path:
+    worn = {"elevator": (Condition.constant("friction", added_nm),)} if added_nm else {}
+    flight = Flight(
+        seed=8800 + number,
+        duration_s=60.0,
+        rate_hz=50.0,
+        parameters=PARAMETERS,
+        individuals=12,
+        cyclogram=("takeoff", "gusts")[number % 2],
+        conditions=worn,
+        tiers=("esc-signed", "pwm"),
+    )
+    path = folder / f"{number}.tlog"
+    write_tlog(fly(flight), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ten flights kept in a folder, as if flown on the days before."""
+    folder = tmp_path_factory.mktemp("own")
+    profile = folder / "blank.toml"
+    profile.write_text(PROFILE, encoding="utf-8")
+    (folder / "logs").mkdir()
+    for number in range(10):
+        path = log_of(folder / "logs", number)
+        options = mavhums.Options(airframe=profile, history=folder / "flights" if number else None)
+        keep(mavhums.analyse(path, options), folder / "flights", number)
+    return folder
+
+
+def keep(assessment: Assessment, folder: Path, day: int) -> None:
+    start = (BEGIN + timedelta(days=day)).isoformat()
+    dated = assessment.log.model_copy(update={"start_utc": start})
+    keep_assessment(assessment.model_copy(update={"log": dated}), folder)
+
+
+def condition(assessment: Assessment) -> str:
+    return next(v.condition for v in assessment.verdicts if v.subject == "actuator")
+
+
+def test_ten_flights_are_learnt_and_the_eleventh_is_judged(run: Run, flown: Path) -> None:
+    first = mavhums.analyse(flown / "logs" / "0.tlog", mavhums.Options(airframe=flown / "blank.toml"))
+    assert condition(first) == "learning"
+    assert Assessment.model_validate_json(first.to_json()) == first
+    healthy = log_of(flown / "logs", 20)
+    given = ("--airframe", flown / "blank.toml", "--history", flown / "flights")
+    told = run("analyse", healthy, *given)
+    words = " ".join(told.out.split())
+    assert "elevator: unchanged" in words
+    assert re.search(r"a rise of \d+% would have been found", words)
+    worn = run("analyse", log_of(flown / "logs", 21, 0.2), *given)
+    assert worn.code == 10
+    assert "elevator: changed" in " ".join(worn.out.split())
+    assert "inspect gearbox, bearings and hinge line" in " ".join(worn.out.split())
+
+
+def test_a_recording_shows_what_only_the_comparison_told(flown: Path) -> None:
+    options = mavhums.Options(airframe=flown / "blank.toml", history=flown / "flights")
+    path = flown / "worn.rrd"
+    assessment = mavhums.analyse(log_of(flown / "logs", 31, 0.2), options, recording=path)
+    assert condition(assessment) == "changed"
+    assert b"changed" in path.read_bytes()

@@ -1,0 +1,172 @@
+"""The axes of real and flown logs, from bytes to verdict."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+import mavhums
+from mavhums import Engine
+from mavhums.core.errors import ExitCode
+from mavhums.engine.events import ConditionChanged
+from mavhums.engine.options import EngineOptions
+from mavhums.report.assessment import Assessment, Verdict
+from tests.conftest import REAL_LOGS
+from tests.health.axis.flights import excited
+
+START_US = 1_700_000_000_000_000
+PROFILE = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
+
+needs_logs = pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
+
+
+def of(assessment: Assessment, name: str) -> Verdict:
+    return next(v for v in assessment.verdicts if v.actuator == name)
+
+
+def flown(
+    seconds: int = 150, *, kind: int = 1, left: float = 0.4, parameters: bool = True, speed: float = 18.0
+) -> bytes:
+    """A tlog of ordinary messages at 10 Hz: a roll rate that answers to servo 1, less from 90 s on."""
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+    demand = excited(seconds)[::2]
+    rates = np.zeros_like(demand)
+    gain = 2.2 * np.where(np.arange(demand.size) < 900, 1.0, left)
+    rates[2:] = (gain * demand)[:-2]
+    rates += 0.02 * np.random.default_rng(3).normal(size=demand.size)
+    data = bytearray()
+
+    def say(time_s: float, message: v2.MAVLink_message) -> None:
+        data.extend(struct.pack(">Q", START_US + round(time_s * 1e6)) + bytes(message.pack(link)))
+
+    for n, (function, value) in enumerate([(1, 4), (2, 19), (4, 21)] if parameters else []):
+        name = f"SERVO{function}_FUNCTION".encode()
+        say(0.1 * n, v2.MAVLink_param_value_message(name, value, 6, 3, n))
+    for k, (wanted, rate) in enumerate(zip(demand.tolist(), rates.tolist(), strict=True)):
+        t = k / 10
+        boot_ms, boot_us = k * 100, k * 100_000
+        if k % 10 == 0:
+            say(t, v2.MAVLink_heartbeat_message(kind, 3, 128, 10, 4, 3))
+        pulses = [round(1500 + 400 * wanted), 1500, 1600, 1500, 0, 0, 0, 0]
+        say(t, v2.MAVLink_servo_output_raw_message(boot_us, 0, *pulses))
+        say(t, v2.MAVLink_raw_imu_message(boot_us, 0, 0, -1000, round(1000 * rate), 0, 0, 0, 0, 0))
+        say(t, v2.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, rate, 0.0, 0.0))
+        say(t, v2.MAVLink_vfr_hud_message(speed, speed, 0, 50, 100.0, 0.0))
+    return bytes(data)
+
+
+def judged(content: bytes, *, piece: int = 1 << 22) -> tuple[Assessment, list[ConditionChanged]]:
+    engine = Engine(EngineOptions())
+    events = [e for k in range(0, len(content), piece) for e in engine.feed(content[k : k + piece])]
+    events += engine.finish()
+    return engine.assessment(), [e for e in events if isinstance(e, ConditionChanged)]
+
+
+def test_a_lost_aileron_is_found_without_any_configuration() -> None:
+    assessment, changes = judged(flown())
+    roll = of(assessment, "roll")
+    assert (roll.subject, roll.condition) == ("axis", "emergency")
+    assert roll.surfaces == ("aileron (servo 1)",)
+    assert roll.since is not None
+    assert roll.since.flight_time_s == pytest.approx(90, abs=6)
+    assert roll.effectiveness is not None
+    assert assessment.exit_code is ExitCode.EMERGENCY
+    assert {v.condition for v in assessment.verdicts if v.subject == "actuator"} == {"unmonitored"}
+    alarm = next(change for change in changes if change.after in ("degraded", "emergency"))
+    assert 90 < alarm.time_s < 102
+
+
+def test_the_verdicts_on_axes_do_not_depend_on_the_blocks() -> None:
+    content = flown()
+    whole, changes = judged(content)
+    for piece in (997, 40_003):
+        pieces, cut = judged(content, piece=piece)
+        assert pieces.to_json() == whole.to_json()
+        assert cut == changes
+
+
+def test_a_healthy_flight_is_normal() -> None:
+    assessment, _ = judged(flown(left=1.0))
+    assert of(assessment, "roll").condition == "normal"
+    assert "rudder" in str(of(assessment, "yaw").reason) or of(assessment, "yaw").reason
+
+
+def test_outputs_that_nothing_names_are_inferred_from_the_flight() -> None:
+    assessment, _ = judged(flown(parameters=False))
+    roll = of(assessment, "roll")
+    assert roll.surfaces == ("aileron (servo 1)",)
+    assert "inference" in roll.provenance["V1"]
+    assert roll.worst == "emergency"
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"kind": 2}, "a quadrotor"),
+        ({"kind": 10}, "a ground rover"),
+        ({"kind": 12}, "a submarine"),
+        ({"kind": 20}, "never flew forward"),
+        ({"speed": 1.0}, "never flew forward"),
+    ],
+)
+def test_what_cannot_be_judged_is_told_why_in_one_line(options: dict[str, float], why: str) -> None:
+    assessment, changes = judged(flown(**options))  # type: ignore[arg-type]
+    [axes] = [v for v in assessment.verdicts if v.subject == "axis"]
+    assert axes.condition == "undecided"
+    assert why in str(axes.reason)
+    assert axes.remedy
+    assert not changes
+    assert assessment.exit_code is ExitCode.UNDECIDED
+
+
+def test_a_frozen_output_is_no_evidence() -> None:
+    """Servo 1 is overridden: its output stands, and so does the aircraft."""
+    engine = Engine()
+    content = flown(left=0.0)
+    frozen = bytearray()
+    size, at = 0, 0
+    while at < len(content):
+        length = content[at + 9] + 12
+        frame = content[at + 8 : at + 8 + length]
+        size = 8 + length
+        stamp = struct.unpack(">Q", content[at : at + 8])[0]
+        if frame[7] != 36 or stamp < START_US + 90_000_000:
+            frozen += content[at : at + size]
+        else:
+            link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
+            message = v2.MAVLink_servo_output_raw_message(
+                (stamp - START_US), 0, 1500, 1500, 1600, 1500, 0, 0, 0, 0
+            )
+            frozen += content[at : at + 8] + bytes(message.pack(link))
+        at += size
+    events = engine.feed(bytes(frozen)) + engine.finish()
+    assert not [e for e in events if isinstance(e, ConditionChanged) and e.after != "normal"]
+
+
+@needs_logs
+@pytest.mark.parametrize(
+    ("name", "axis", "fault"),
+    [
+        ("2018-09-11-15-06-34_1_rudder_right_failure.tlog", "yaw", "hard_over"),
+        ("2018-09-11-14-41-51_elevator_failure.tlog", "pitch", "tracking"),
+        ("2018-09-11-17-55-30_1_right_aileron_failure.tlog", "roll", "effectiveness"),
+        ("2018-07-18-15-53-31_1_engine_failure.tlog", None, None),
+        ("2018-10-05-14-37-22_1_no_failure.tlog", None, None),
+    ],
+)
+def test_real_flights(name: str, axis: str | None, fault: str | None) -> None:
+    assessment = mavhums.analyse(REAL_LOGS / "alfa" / name, mavhums.Options(airframe=str(PROFILE)))
+    alarmed = {v.actuator: v.suspects[0].fault for v in assessment.verdicts if v.worst == "emergency"}
+    assert alarmed == ({} if axis is None else {axis: fault})
+
+
+@needs_logs
+def test_a_jam_is_seen_as_half_the_aileron_from_ordinary_messages() -> None:
+    assessment = mavhums.analyse(REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog")
+    roll = of(assessment, "roll")
+    assert (roll.condition, roll.worst) == ("normal", "emergency") or roll.worst == "emergency"
+    assert any(60 <= e.start_s <= 125 for e in roll.evidence)

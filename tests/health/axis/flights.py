@@ -1,0 +1,76 @@
+"""Flights made of the axis equations themselves, row by row: the oracle of effectiveness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.events import ConditionChanged
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+
+Array = NDArray[np.float64]
+
+SPEED = 18.0
+
+
+def changes_of(monitor: AxisMonitor, flight: Rows) -> list[ConditionChanged]:
+    return [event for event in monitor.feed(flight) if isinstance(event, ConditionChanged)]
+
+
+def steady(seconds: int) -> dict[str, Array]:
+    """Level flight without wind: what the tests change."""
+    n = seconds * RATE_HZ
+    zero = np.zeros(n)
+    return {
+        "roll_rate": zero.copy(),
+        "pitch_rate": zero.copy(),
+        "yaw_rate": zero.copy(),
+        "side_force": zero.copy(),
+        "load": zero - 1.0,
+        "roll": zero.copy(),
+        "pitch": zero.copy(),
+        "roll_demand": zero.copy(),
+        "pitch_demand": zero.copy(),
+        "speed": zero + SPEED,
+        "outputs": np.zeros((n, 3)),
+    }
+
+
+def rows(flight: dict[str, Array], *, first: int = 0, flying: bool = True) -> Rows:
+    n = len(flight["speed"])
+    return Rows(first, True, **flight, flying=np.full(n, flying))
+
+
+def excited(seconds: int, seed: int = 1, size: float = 0.15) -> Array:
+    """A demand as an autopilot in turbulence gives it: white noise through a lag of half a second."""
+    noise = np.random.default_rng(seed).normal(size=seconds * RATE_HZ)
+    share = 1 - np.exp(-1 / RATE_HZ / 0.5)
+    out = np.zeros_like(noise)
+    for k in range(1, noise.size):
+        out[k] = out[k - 1] + share * (noise[k] - out[k - 1])
+    excited: Array = size * out / out.std()
+    return excited
+
+
+def rolling(
+    seconds: int,
+    gain: Callable[[Array], Array],
+    *,
+    noise: float = 0.03,
+    delay: int = 4,
+    seed: int = 1,
+    size: float = 0.15,
+) -> Rows:
+    """A flight whose roll rate is gain · demand, a fifth of a second late, with noise."""
+    flight = steady(seconds)
+    demand = excited(seconds, seed, size)
+    time_s = np.arange(demand.size) / RATE_HZ
+    late = np.concatenate([np.zeros(delay), demand[:-delay]]) if delay else demand
+    flight["outputs"][:, 0] = demand
+    random = np.random.default_rng(seed + 1).normal(size=demand.size)
+    flight["roll_rate"] = gain(time_s) * late + noise * random
+    return rows(flight)

@@ -1,0 +1,79 @@
+"""One battery for every detector of an axis, and what only some of them see."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from mavhums.health.axis.detector import Limits, detectors, to_inspect
+from mavhums.health.axis.monitor import AxisMonitor
+from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
+
+
+@pytest.mark.parametrize("detector", detectors(Limits()), ids=lambda d: type(d).__module__.rsplit(".", 1)[-1])
+def test_every_detector_says_what_to_inspect(detector: object) -> None:
+    assert set(detector.axes) <= {"roll", "pitch", "yaw"}  # type: ignore[attr-defined]
+    for fault in detector.inspect:  # type: ignore[attr-defined]
+        assert to_inspect(fault)
+
+
+def controlled(seconds: int) -> dict[str, np.ndarray]:
+    """Turns that are demanded and flown, ailerons and all."""
+    flight = steady(seconds)
+    t = np.arange(seconds * 20) / 20
+    flight["roll_demand"] = 0.5 * np.sign(np.sin(2 * np.pi * t / 40))
+    flight["outputs"][:, 0] = excited(seconds)
+    flight["roll_rate"] = 2.2 * flight["outputs"][:, 0] + 0.03 * np.random.default_rng(5).normal(size=t.size)
+    smooth, value, rate = np.zeros_like(t), 0.0, 0.0
+    for k, wanted in enumerate(flight["roll_demand"]):
+        rate += 0.05 * (6.25 * (wanted - value) - 5.0 * rate)
+        value += 0.05 * rate
+        smooth[k] = value
+    flight["roll"] = smooth
+    return flight
+
+
+def test_a_healthy_flight_raises_no_alarm() -> None:
+    monitor = AxisMonitor(1)
+    assert all(change.after == "normal" for change in changes_of(monitor, rows(controlled(240))))
+
+
+@pytest.mark.parametrize(
+    ("what", "axis", "fault"),
+    [("roll", "roll", "tracking"), ("pitch", "pitch", "tracking"), ("trim", "roll", "hard_over"),
+     ("skid", "yaw", "hard_over")],
+)  # fmt: skip
+def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fault: str) -> None:
+    flight = controlled(160)
+    after = slice(100 * 20, None)
+    if what == "roll":
+        flight["roll"][after] += 0.9
+    elif what == "pitch":
+        flight["pitch"][after] -= 0.6
+    else:
+        flight["roll_rate"][after] += 0.6
+        if what == "skid":
+            flight["side_force"][after] += 4.0
+    monitor = AxisMonitor(1)
+    alarms = [c for c in changes_of(monitor, rows(flight)) if c.after == "emergency"]
+    assert (alarms[0].actuator, alarms[0].fault) == (axis, fault)
+    assert 100 < alarms[0].time_s <= 106
+    assert 98 <= alarms[0].since_s <= 104
+
+
+def test_a_stall_is_no_elevator() -> None:
+    flight = controlled(160)
+    flight["pitch"][2000:] -= 0.6
+    flight["speed"][2000:] = 12.0
+    monitor = AxisMonitor(1)
+    assert all(change.after == "normal" for change in changes_of(monitor, rows(flight)))
+
+
+def test_an_hour_costs_little() -> None:
+    flight = rolling(600, lambda t: 2.2 + 0.0 * t)
+    AxisMonitor(1).feed(flight)
+    start = time.process_time()
+    list(AxisMonitor(1).feed(flight))
+    assert time.process_time() - start < 20.0

@@ -1,0 +1,121 @@
+"""Control effectiveness against flights whose gain is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.vehicle.flight import Rows
+from tests.health.axis.flights import SPEED, Array, changes_of, excited, rolling, rows, steady
+
+
+def lost(at_s: float, left: float, back_s: float = np.inf) -> Callable[[Array], Array]:
+    return lambda t: 2.2 * np.where((t >= at_s) & (t < back_s), left, 1.0)
+
+
+def test_the_gain_of_the_reference_is_found() -> None:
+    gain = new_gain("roll")
+    gain.feed(rolling(60, lost(99, 1.0)))
+    reference = gain.reference
+    assert reference is not None
+    assert reference.gain == pytest.approx(2.2, rel=0.05)
+    assert reference.shape.delay_rows * 0.05 + reference.shape.tau_s == pytest.approx(0.2, abs=0.1)
+    assert reference.speed == pytest.approx(SPEED)
+    assert reference.end_s == 45 + reference.start_s
+
+
+@pytest.mark.parametrize(("left", "condition"), [(0.5, "emergency"), (0.0, "emergency"), (0.7, "degraded")])
+def test_a_loss_is_found_and_measured(left: float, condition: str) -> None:
+    monitor = AxisMonitor(1)
+    changes = changes_of(monitor, rolling(180, lost(100, left)))
+    found = monitor.findings("roll")
+    assert next(c.after for c in changes if c.actuator == "roll") == "normal"
+    assert found.condition == found.worst == condition
+    assert found.effectiveness is not None
+    assert found.effectiveness.low < left + 0.1
+    assert found.effectiveness.estimate == pytest.approx(left, abs=0.12)
+    assert found.since_s is not None
+    assert 95 <= found.since_s <= 115
+    assert found.suspects[0].fault in ("effectiveness", "hard_over")
+
+
+def test_a_healthy_flight_is_normal_and_a_quiet_one_undecided() -> None:
+    for size, condition in ((0.15, "normal"), (0.002, "undecided")):
+        monitor = AxisMonitor(1)
+        assert all(c.after == "normal" for c in changes_of(monitor, rolling(300, lost(999, 1.0), size=size)))
+        assert monitor.findings("roll").condition == condition
+
+
+def test_an_axis_recovers() -> None:
+    monitor = AxisMonitor(1)
+    changes = [c for c in changes_of(monitor, rolling(300, lost(100, 0.4, 160.0))) if c.actuator == "roll"]
+    assert changes[-1].after == "normal"
+    assert 180 <= changes[-1].time_s <= 220
+    assert monitor.findings("roll").worst == "emergency"
+
+
+def test_a_slow_servo_is_told_from_a_lost_surface() -> None:
+    flight = rolling(200, lost(999, 1.0), noise=0.01)
+    demand, rate = flight.outputs[:, 0], flight.roll_rate.copy()
+    slow, value, share = np.zeros_like(demand), 0.0, 1 - np.exp(-0.05 / 0.8)
+    for k, wanted in enumerate(demand):
+        value += share * (wanted - value)
+        slow[k] = value
+    late = np.concatenate([np.zeros(4), slow[:-4]])
+    rate[2000:] = 2.2 * late[2000:]
+    slowed = steady(200)
+    slowed["outputs"][:, 0], slowed["roll_rate"] = demand, rate
+    monitor = AxisMonitor(1)
+    list(monitor.feed(rows(slowed)))
+    assert "slow" in {suspect.fault for suspect in monitor.findings("roll").suspects}
+
+
+def test_a_change_of_trim_is_no_loss_of_gain() -> None:
+    flight = steady(200)
+    demand = excited(200)
+    flight["outputs"][:, 0] = demand
+    flight["roll_rate"] = 2.2 * demand + 0.02 * np.random.default_rng(3).normal(size=demand.size)
+    flight["roll_rate"][2400:] += 0.15
+    monitor = AxisMonitor(1)
+    assert all(change.after == "normal" for change in changes_of(monitor, rows(flight)))
+
+
+@pytest.mark.parametrize("blind", ["slow", "inverted", "grounded", "silent"])
+def test_nothing_is_judged_outside_forward_flight(blind: str) -> None:
+    whole = rolling(150, lost(60, 0.3))
+    arrays = {
+        name: getattr(whole, name).copy()
+        for name in Rows.__dataclass_fields__
+        if name not in ("second", "fresh")
+    }
+    after = slice(55 * 20, None)
+    if blind == "slow":
+        arrays["speed"][after] = 10.0
+    elif blind == "inverted":
+        arrays["roll"][after], arrays["roll_demand"][after] = 3.0, np.nan
+    elif blind == "grounded":
+        arrays["flying"][after] = False
+    else:
+        arrays["outputs"][after] = np.nan
+    monitor = AxisMonitor(1)
+    assert not changes_of(monitor, Rows(0, True, **arrays))
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.lists(st.integers(1, 119), max_size=6))
+def test_the_pieces_do_not_matter(cuts: list[int]) -> None:
+    flight = rolling(120, lost(80, 0.4))
+    edges = sorted({0, *cuts, 120})
+    whole, pieces = AxisMonitor(1), AxisMonitor(1)
+    expected = changes_of(whole, flight)
+    found = [c for a, b in pairwise(edges) for c in changes_of(pieces, flight.cut(a, b))]
+    assert found == expected
+    assert [pieces.findings(axis) for axis in ("roll", "pitch", "yaw")] == [
+        whole.findings(axis) for axis in ("roll", "pitch", "yaw")
+    ]
