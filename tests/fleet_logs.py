@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-__all__ = ["joined", "moved"]
+__all__ = ["joined", "moved", "nameless"]
 
 
 def records(data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -43,3 +43,9 @@ def moved(log: bytes, seconds: float) -> bytes:
     """Return a log that was received so much later."""
     by = round(seconds * 1e6)
     return b"".join(struct.pack(">Q", time + by) + frame for time, frame in records(log))
+
+
+def nameless(log: bytes) -> bytes:
+    """Return a log without the texts that tell the board."""
+    told = b"4D415648 "
+    return b"".join(struct.pack(">Q", time) + frame for time, frame in records(log) if told not in frame)

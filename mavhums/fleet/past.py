@@ -1,9 +1,9 @@
-"""The second pass: each aircraft's flights, in the order of time, held against those before. No log is read."""
+"""The second pass: each aircraft's flights held against those before, in the order of time, without a log."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 
@@ -47,7 +47,9 @@ class _Known:
     def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
         return FlightHistory(tuple(self._references)).baselines(airframe, before)
 
-    def past(self, airframe: str | None, before: datetime | None) -> dict[tuple[int, str], list[PastRecord]]:
+    def past(
+        self, airframe: str | None, before: datetime | None
+    ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
         return FlightHistory(tuple(self._slim)).past(airframe, before)
 
     def add(self, flown: PastFlight) -> None:

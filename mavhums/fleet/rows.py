@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 from mavhums import __version__
@@ -126,5 +127,5 @@ def _resolved(options: Options) -> EngineOptions:
 
 
 def _hash_of_file(path: str) -> str:
-    with open(path, "rb") as file:
+    with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

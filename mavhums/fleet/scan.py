@@ -73,7 +73,7 @@ def scan(
     *,
     progress: Progress | None = None,
 ) -> Scanned:
-    """Judge the logs that a store does not have yet, and hold the aircraft that they are of against their past.
+    """Judge the logs that a store does not have yet, and hold their aircraft against the past.
 
     A log is known by its path, size and time, and by all that its judgement depends on. What was judged is
     committed every 500 logs or 30 s, and at an interruption; the same call resumes.
@@ -138,7 +138,7 @@ def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
         if Path(source).is_dir():
             found = [path for path in Path(source).rglob("*") if _LOG.fullmatch(path.name)]
         elif has_magic(source) and not Path(source).exists():
-            found = [Path(path) for path in glob(source, recursive=True)]
+            found = [Path(path) for path in glob(source, recursive=True)]  # noqa: PTH207 — an absolute pattern
             if not found:
                 raise MavhumsError(f"{source}: matches no log", "check the pattern")
         else:
@@ -213,7 +213,10 @@ def _cluster(options: ScanOptions) -> Iterator[Client]:
 
 
 def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str) -> Iterator[Row]:
-    """Yield the row of each log as it is judged; of a batch that no worker survives each log is tried alone."""
+    """Yield the row of each log as it is judged.
+
+    Of a batch that no worker survives each log is tried alone.
+    """
     from distributed import as_completed
 
     waiting = iter([tuple(files[k : k + _BATCH]) for k in range(0, len(files), _BATCH)])

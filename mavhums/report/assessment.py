@@ -355,7 +355,7 @@ def exit_code_of(found: Iterable[Condition]) -> ExitCode:
     counted = [condition for condition in several if condition != "unmonitored"]
     if several and not counted:
         return ExitCode.UNDECIDED
-    gravest = max(counted, key=URGENCY.__getitem__, default="normal")
+    gravest: Condition = max(counted, key=URGENCY.__getitem__, default="normal")
     return ExitCode.OK if gravest in ("normal", "unchanged") else _EXIT_CODES[gravest]
 
 

@@ -7,6 +7,7 @@ import os
 import random
 import time
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 
 import pandas as pd
@@ -19,7 +20,7 @@ from mavhums.history.files import keep_assessment
 from mavhums.report.assessment import Verdict
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
-from tests.fleet_logs import joined, moved
+from tests.fleet_logs import joined, moved, nameless
 
 pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
@@ -35,7 +36,7 @@ DAY_S = 86_400.0
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twelve flights of each of two aircraft; the last of one is worn, and two vehicles speak in the other's."""
+    """Twelve flights of each of two aircraft, the last worn; two vehicles speak in the logs of one."""
     folder = tmp_path_factory.mktemp("fleet")
 
     def flown(seed: int, friction: float) -> Path:
@@ -109,7 +110,8 @@ def test_a_fleet_says_what_one_command_after_each_landing_says(
     assert verdicts_of(scanned) == in_order(one_by_one)
     kinds = {
         evidence.kind
-        for verdict in map(Verdict.model_validate_json, sum(one_by_one.values(), []))
+        for several in one_by_one.values()
+        for verdict in map(Verdict.model_validate_json, several)
         for evidence in verdict.evidence
     }
     assert "friction_drift" in kinds
@@ -163,12 +165,15 @@ def test_a_log_of_an_unknown_aircraft_is_held_against_no_other(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path
 ) -> None:
     unruled = fleet.ScanOptions(scheduler=options.scheduler)
-    fleet.scan([logs / "D-A"], tmp_path, unruled)
-    told = fleet.verdicts(tmp_path, "")
+    for log in (logs / "D-A").iterdir():
+        (tmp_path / log.name).write_bytes(nameless(log.read_bytes()))
+    store = tmp_path / "store"
+    fleet.scan([tmp_path], store, unruled)
+    told = fleet.verdicts(store, "")
     assert len(told) == 4 * FLIGHTS
     assert not any(indicator.baseline for _, verdict in told for indicator in verdict.indicators)
-    assert fleet.status(tmp_path).unknown == FLIGHTS
-    assert len(fleet.worst(tmp_path)) == 4 * FLIGHTS
+    assert fleet.status(store).unknown == FLIGHTS
+    assert len(fleet.worst(store)) == 4 * FLIGHTS
 
 
 def test_the_board_names_an_aircraft_where_no_rule_does(
@@ -199,7 +204,7 @@ def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
         raise SystemExit(137)
 
     few = sorted((logs / "D-A").iterdir())[:2]
-    monkeypatch.setattr("mavhums.fleet.scan.hold_against_past", die)
+    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "hold_against_past", die)
     with pytest.raises(SystemExit):
         fleet.scan(few, tmp_path, options)
     monkeypatch.undo()
@@ -239,7 +244,7 @@ def test_a_copy_of_the_store_is_a_backup(scanned: Path, tmp_path: Path) -> None:
 
 
 def test_what_names_no_log_or_no_rule_is_refused(
-    scanned: Path, options: fleet.ScanOptions, run: Run, tmp_path: Path
+    logs: Path, scanned: Path, options: fleet.ScanOptions, run: Run, tmp_path: Path
 ) -> None:
     for source, told in (("none.tlog", "no such file"), ("none-*.tlog", "matches no log")):
         with pytest.raises(MavhumsError, match=told):
@@ -249,7 +254,7 @@ def test_what_names_no_log_or_no_rule_is_refused(
     assert run("fleet", "status", tmp_path / "none").code == 1
     assert "D-A, D-B" in run("fleet", "trend", scanned, "D-C").err
     with pytest.raises(MavhumsError, match="no scheduler"):
-        fleet.scan([scanned.parent], tmp_path / "s2", fleet.ScanOptions(scheduler="nonsense://1"))
+        fleet.scan([logs], tmp_path / "s2", fleet.ScanOptions(scheduler="nonsense://1"))
 
 
 def test_folders_files_and_patterns_name_each_log_once(logs: Path) -> None:
