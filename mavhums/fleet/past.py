@@ -37,7 +37,7 @@ def in_order(flights: Iterable[LoneFlight]) -> Iterator[Assessment]:
 
 
 class _Known:
-    """The flights so far: those that can still be references of an indicator, and own-scale records of all."""
+    """The flights so far: those that can still be references, and the own-scale past of all."""
 
     def __init__(self) -> None:
         self._references: list[PastFlight] = []
@@ -66,7 +66,7 @@ class _Known:
 
 def _slim(assessment: Assessment) -> Assessment:
     """Return an assessment with what the own-scale past reads of it."""
-    nothing = {"evidence": (), "indicators": (), "provenance": {}}
+    nothing: dict[str, object] = {"evidence": (), "indicators": (), "provenance": {}}
     slim = tuple(verdict.model_copy(update=nothing) for verdict in assessment.verdicts)
     return assessment.model_copy(update={"verdicts": slim})
 

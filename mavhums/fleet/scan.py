@@ -134,7 +134,7 @@ def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
         If a source names nothing.
     """
     paths: set[Path] = set()
-    for source in map(os.fspath, sources):
+    for source in (os.fspath(each) for each in sources):
         if Path(source).is_dir():
             found = [path for path in Path(source).rglob("*") if _LOG.fullmatch(path.name)]
         elif has_magic(source) and not Path(source).exists():

@@ -9,6 +9,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ __all__ = ["UnusedError", "assessment_files", "keep_assessment", "read_file", "r
 _FAMILY = SCHEMA.split("/", maxsplit=1)[0] + "/"
 _LARGEST_FILE = 256 << 20
 _LARGEST_VALUE = 1e12
+_MAY_HOLD = re.compile(r"[^.].*\.json", re.IGNORECASE | re.DOTALL)
+_name = attrgetter("name")
 _AGAIN = "analyse its log again"
 
 
@@ -73,7 +76,7 @@ def read_history(
         If there is no such folder. Files in it that cannot be read are among the ``errors`` instead.
     """
     folder = Path(folder)
-    paths = assessment_files(folder)
+    paths = [Path(entry) for entry in assessment_files(folder)]
     flights: list[PastFlight] = []
     errors: list[MavhumsError] = []
     notices: list[str] = []
@@ -104,7 +107,7 @@ UnusedError = UndatedError | _ForeignError
 """What a file is left alone for, without a loss."""
 
 
-def assessment_files(folder: Path) -> list[Path]:
+def assessment_files(folder: Path) -> list[os.DirEntry[str]]:
     """Return the files of a folder that may hold assessments, by name.
 
     Raises
@@ -113,11 +116,8 @@ def assessment_files(folder: Path) -> list[Path]:
         If there is no such folder.
     """
     try:
-        return sorted(
-            path
-            for path in folder.iterdir()
-            if path.suffix.lower() == ".json" and not path.name.startswith(".")
-        )
+        with os.scandir(folder) as entries:
+            return sorted((entry for entry in entries if _MAY_HOLD.fullmatch(entry.name)), key=_name)
     except OSError as error:
         remedy = f"judge a first flight into it: mavhums analyse LOG --history {folder} --keep"
         raise MavhumsError(f"{folder}: {_words(error)}", remedy) from error

@@ -91,6 +91,11 @@ class IndexedFolder:
         finalize(self, self._base.close)
 
     @property
+    def flights(self) -> tuple[PastFlight, ...]:
+        """All flights; the whole folder is read."""
+        return read_history(self._folder).flights
+
+    @property
     def errors(self) -> tuple[MavhumsError, ...]:
         """What could not be read of the folder; the rest was."""
         told = self._base.execute("SELECT problem, remedy FROM told WHERE failed ORDER BY name")
@@ -197,14 +202,14 @@ def _opened(path: Path | str) -> sqlite3.Connection:
 
 
 def _files(folder: Path) -> Iterator[_File]:
-    for path in assessment_files(folder):
+    for entry in assessment_files(folder):
         try:
-            status = path.stat()
+            status = entry.stat()
         except OSError:
-            yield _File(path.name, 0, -1)
+            yield _File(entry.name, 0, -1)
             continue
         if not S_ISDIR(status.st_mode):
-            yield _File(path.name, status.st_mtime_ns, status.st_size)
+            yield _File(entry.name, status.st_mtime_ns, status.st_size)
 
 
 def _microseconds(time: datetime) -> int:

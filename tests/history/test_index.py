@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -115,7 +114,7 @@ def test_without_a_folder_the_remedy_names_the_command(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def reads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Path]]:
+def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     opened: list[Path] = []
     original = files._items
 
@@ -124,22 +123,21 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Path]]:
         return original(path)
 
     monkeypatch.setattr(files, "_items", counted)
-    return iter([opened])  # type: ignore[return-value]
+    return opened
 
 
 def test_a_landing_reads_no_more_files_after_many_flights_than_after_few(
-    tmp_path: Path, reads: Iterator[list[Path]]
+    tmp_path: Path, reads: list[Path]
 ) -> None:
-    opened = next(reads)
     counts = []
     for flown_before in (25, 200):
         folder = tmp_path / str(flown_before)
         write_wear(folder, flights=flown_before)
         folded = IndexedFolder(folder)
         keep_assessment(flown(verdict(shown(0.2)), day=5000), folder)
-        opened.clear()
+        reads.clear()
         assert folded.with_flight(flown(verdict(shown(0.2)))).baselines(
             "paper", datetime.max.replace(tzinfo=START.tzinfo)
         )
-        counts.append(len(opened))
+        counts.append(len(reads))
     assert counts[0] == counts[1] <= 41
