@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from importlib import import_module
@@ -25,6 +26,7 @@ from tests.fleet_logs import joined, moved, nameless
 pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 distributed = pytest.importorskip("distributed")
+cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.scan import logs_in  # noqa: E402
@@ -311,6 +313,7 @@ def test_a_killed_worker_loses_and_doubles_nothing(
 ) -> None:
     count = tmp_path / "count"
     count.mkdir()
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import the tests
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
