@@ -1,4 +1,4 @@
-"""One actuator's health through a flight: samples in, windows and changes out, a verdict at the end."""
+"""Health monitoring of one actuator through a flight, from samples to windows, changes and findings."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What a flight showed of one actuator.
+    """Results of a flight for one actuator.
 
-    ``network`` is the one that ``p_emergency`` is of, and ``last_s`` the flight time of the last sample.
+    ``network`` is the network that gave ``p_emergency``; ``last_s`` is the flight time of the last sample.
     """
 
     condition: Condition
@@ -69,22 +69,22 @@ class Findings:
 class Monitor:
     """Judges one actuator of one vehicle.
 
-    Of more than a hundred stays in one condition the first and the latest fifty are evidence.
+    If there are more than a hundred episodes, the evidence has the first fifty and the last fifty.
 
     Parameters
     ----------
     vehicle
         System id.
     actuator
-        From the airframe profile; what it leaves open cannot be judged.
+        Actuator of the airframe profile; missing constants limit what can be judged.
     networks
-        Whose votes are shown beside the physics, the one that wants the most quantities first.
+        Networks whose votes are shown beside the physics; the one with the most inputs comes first.
     baselines
-        By fault, of the actuator's flights before.
+        Baselines from the actuator's earlier flights, by fault.
     window_s
         Length of a window; each slides by a tenth of it.
     false_alarms
-        How many false alarms 100 hours of the actuator may bring.
+        Allowed number of false alarms per 100 hours.
     recorded
         Whether to keep the numbers for :meth:`record`, about 200 bytes for each second of flight.
     """
@@ -163,7 +163,7 @@ class Monitor:
             yield from self._judge(self._cut())
 
     def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
-        """Judge what is left, and by the whole flight what its windows were too poor for."""
+        """Process the remaining samples, and judge by the whole flight what its windows left undecided."""
         if self._waiting:
             yield from self._judge(self._cut())
         yield from self._judge(self._cutter.finish())
@@ -180,7 +180,7 @@ class Monitor:
 
     @property
     def worst(self) -> Condition:
-        """The worst condition that the actuator was held to be in."""
+        """The actuator's worst condition so far."""
         return self._held.worst
 
     def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> Findings:
@@ -235,7 +235,7 @@ class Monitor:
         return (self._vote[0], self._vote[1].p_emergency) if self._vote else None
 
     def _cut(self) -> Slots | None:
-        """Give the cutter what waits, all at once: a live block alone is worth no arrays."""
+        """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
         time_s, *quantities = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
         self._waiting.clear()
         return self._cutter.feed(time_s, widen(*quantities))
@@ -268,7 +268,7 @@ class Monitor:
             yield from changed
 
     def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array]:
-        """Count what moved, and the networks' votes; return the windows' moving fractions and ballots."""
+        """Count moving samples and the networks' votes; return the windows' moving fractions and ballots."""
         counts = np.zeros((slots.index.size, 2))
         counts[:, 0] = slots.count()
         ballots = np.zeros((slots.index.size, VOTE_COLUMNS))
@@ -292,7 +292,7 @@ class Monitor:
             )
 
     def _changed(self, changes: list[tuple[str, Change]], end_s: float) -> Iterator[ConditionChanged]:
-        """Take what detectors say anew; tell if that changes what the actuator is held to be."""
+        """Process the detectors' changes; report a change of the actuator's condition."""
         for fault, change in changes:
             turn = self._held.take(fault, change)
             if turn is not None:
@@ -318,7 +318,7 @@ class Monitor:
 
 
 def _intervals(look: Look) -> dict[int, Interval]:
-    """Return the 95 % intervals of the windows that show the quantity, by window."""
+    """Return the 95 % intervals of the windows with evidence, by window."""
     value, half = look.own.value, look.half
     low, high = value - half, value + half
     return {

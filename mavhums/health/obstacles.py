@@ -1,4 +1,4 @@
-"""What stands in the way of a verdict on a vehicle that no profile is for: the first obstacle, by name."""
+"""The first reason why a vehicle without a profile has no verdict, and its remedy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def obstacle(
 ) -> tuple[str, str]:
     """Return reason and remedy for a vehicle without a profile.
 
-    A profile is only asked for where the log carries what one could judge by.
+    The remedy asks for a profile only if the log carries telemetry that could be judged with one.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a tracker found, as the report's contracts have it."""
+"""Conversion of a tracker's results to the report's contracts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["drift_evidence_of", "evidence_of", "indicator_of", "record_of", "sus
 
 
 def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
-    """Return the episodes that the limits tell."""
+    """Return the episodes according to the limits."""
     detector, levels = tracker.detector, tracker.detector.levels
     return [
         Evidence(
@@ -44,13 +44,13 @@ def drift_evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
 
 
 def suspect_of(tracker: IndicatorTracker) -> Suspect | None:
-    """Name the fault, if it is suspected."""
+    """Return the suspected fault, if there is one."""
     alarm = tracker.drift.alarm if tracker.drift else None
     return suspected(tracker.detector, tracker.decision.condition, tracker.latest, alarm)
 
 
 def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indicator | None:
-    """Return the quantity over the whole flight; None if the flight does not show it."""
+    """Return the quantity over the whole flight; None if the flight has no evidence for it."""
     overall = tracker.detector.overall(flight)
     if overall is None or not np.isfinite(overall.value[0]) or not tracker.variance.count:
         return None

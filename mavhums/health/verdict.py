@@ -1,4 +1,4 @@
-"""Put an actuator's findings into a verdict; where there are none, say why and what to do."""
+"""Conversion of an actuator's findings to a verdict, or to a reason and a remedy if there are none."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[st
 
 
 def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
-    """Say that most values of some quantities cannot be this actuator's, if it is so."""
+    """Return reason and remedy if most values of a quantity are implausible for this actuator."""
     shares = {key: refused / told for key, (refused, told) in implausible.items()}
     worst = [key for key, share in shares.items() if share > _MOSTLY]
     if not worst:
@@ -235,7 +235,7 @@ def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | Non
 
 
 def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
-    """Return the verdict on a vehicle beyond those that are judged at once."""
+    """Return the verdict on a vehicle beyond the maximum number of judged vehicles."""
     return Verdict(
         vehicle=vehicle,
         actuator=ALL,

@@ -41,7 +41,7 @@ def test_a_burst_of_spoofed_senders_leaves_nothing(rig: Rig, worn_pieces: list[P
     assert len(rig.peers) <= 64
     decoder = rig.session._engine._decoder._chosen
     assert isinstance(decoder, MavlinkDecoder)
-    assert decoder._ledger._senders.size <= 1024
+    assert decoder._stats._senders.size <= 1024
     assert len(decoder.counts) <= 1100
     assert sum(decoder.counts.values()) == len(worn_pieces) + len(burst), "and none is uncounted"
     assert conditions(rig.end()) == RIGHT

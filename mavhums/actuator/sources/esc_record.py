@@ -1,6 +1,6 @@
-"""The esc-unsigned tier of a DataFlash log: ESC, one record per ESC, told apart by ``Instance``.
+"""The esc-unsigned tier of a DataFlash log: ESC, one record per ESC, identified by ``Instance``.
 
-Most ESCs report magnitudes, and no record says which do; so all are taken for magnitudes.
+Most ESCs report magnitudes, and no record distinguishes them, so all values are treated as magnitudes.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The esc-signed tier of a ULog: the topic esc_status, up to eight ESCs in one record.
 
-An ESC that has told nothing yet has the time stamp 0.
+An ESC that has not yet reported has the time stamp 0.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The esc-unsigned tier: ESC_TELEMETRY_a_TO_b (11030–11032, 11040–11044), magnitudes only.
 
-10 mV, 10 mA and 1 rev/min, no sender's time. A row of zeros is an ESC that is not there.
+Resolutions are 10 mV, 10 mA and 1 rev/min; there is no sender time. A row of zeros is an absent ESC.
 """
 
 from __future__ import annotations
@@ -52,6 +52,6 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) 
 
 
 def _values(table: Table) -> NDArray[np.float64]:
-    """Return voltage, current and speed of the four ESCs, V, A, rev/min, shape (n, 4, 3)."""
+    """Return voltage (V), current (A) and speed (rev/min) of the four ESCs, shape (n, 4, 3)."""
     parts = [table[field] * unit for field, unit in zip(_FIELDS.values(), _UNITS, strict=True)]
     return np.stack(parts, axis=2)

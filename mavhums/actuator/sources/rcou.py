@@ -18,7 +18,7 @@ MESSAGES = frozenset({"RCOU", "RCO2", "RCO3"})
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
-    """Yield a reading for each vehicle and servo with a pulse, if the profile tells its travel."""
+    """Yield a reading for each vehicle and servo with a pulse, if the profile has its travel."""
     for name in sorted(MESSAGES & tables.keys()):
         table = tables[name]
         for actuator in actuators:
