@@ -99,8 +99,8 @@ def scan(
 
     Examples
     --------
-    >>> import mavhums.fleet as fleet
-    >>> fleet.scan(["logs"], "store", fleet.ScanOptions(aircraft="folder")).failed
+    >>> from mavhums import fleet
+    >>> fleet.scan(["flight.tlog"], "store", fleet.ScanOptions(aircraft="folder")).failed
     0
     """
     options = options or ScanOptions()

@@ -18,7 +18,7 @@ from mavhums.fleet.rows import LogFile, Row
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["LOGS", "VERDICTS", "Store"]
+__all__ = ["LOGS", "VERDICTS", "Store", "schemas"]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
@@ -93,13 +93,13 @@ class Store:
         try:
             for table in (LOGS, VERDICTS):
                 if not self.has(table):
-                    base.register(table, _SCHEMAS()[table].empty_table())
+                    base.register(table, schemas()[table].empty_table())
                     continue
                 files = DeltaTable(self.folder / table).file_uris()
                 if files:
                     base.execute(f"CREATE VIEW {table} AS SELECT * FROM read_parquet({_quoted(files)})")
                 else:
-                    base.register(table, _SCHEMAS()[table].empty_table())
+                    base.register(table, schemas()[table].empty_table())
             return base.execute(sql, list(values))
         except (DeltaError, duckdb.Error, OSError) as error:
             problem = f"{self.folder}: the store cannot be read: {str(error).splitlines()[0][:200]}"
@@ -160,7 +160,7 @@ class Store:
         from deltalake import write_deltalake
         from deltalake.exceptions import DeltaError
 
-        content = pa.Table.from_pylist(list(rows), schema=_SCHEMAS()[table])
+        content = pa.Table.from_pylist(list(rows), schema=schemas()[table])
         try:
             write_deltalake(self.folder / table, content, **how)
         except (DeltaError, OSError) as error:
@@ -168,7 +168,8 @@ class Store:
             raise MavhumsError(problem, "make room or mend it, and scan again: it resumes") from error
 
 
-def _SCHEMAS() -> dict[str, pa.Schema]:  # noqa: N802 — constants that need an extra
+def schemas() -> dict[str, pa.Schema]:
+    """Return the columns of the tables."""
     import pyarrow as pa
 
     text, whole, number = pa.string(), pa.int64(), pa.float64()

@@ -26,7 +26,6 @@ from mavhums.health.own.voltage import VoltageSums
 from mavhums.health.panel import Look, Panel
 from mavhums.health.slots import SlotCutter, Slots, widen
 from mavhums.health.tracker_report import (
-    drift_evidence_of,
     evidence_of,
     indicator_of,
     record_of,
@@ -192,7 +191,7 @@ class Monitor:
         trackers = self._trackers.values()
         suspects = [suspect for tracker in trackers if (suspect := suspect_of(tracker))]
         shown = [indicator for tracker in trackers if whole and (indicator := indicator_of(tracker, whole))]
-        evidence = (e for tracker in trackers for e in (*evidence_of(tracker), *drift_evidence_of(tracker)))
+        evidence = (e for tracker in trackers for e in evidence_of(tracker))
         return Findings(
             condition=self._held.condition,
             worst=self._held.worst,

@@ -14,11 +14,15 @@ from mavhums.health.least_squares import Fit
 from mavhums.health.rules import limit_rule
 from mavhums.report.assessment import Evidence, Indicator, Interval, Suspect
 
-__all__ = ["drift_evidence_of", "evidence_of", "indicator_of", "record_of", "suspect_of"]
+__all__ = ["evidence_of", "indicator_of", "record_of", "suspect_of"]
 
 
 def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
-    """Return the episodes according to the limits."""
+    """Return the episodes according to the limits, and the shift from the baseline if it alarmed."""
+    return [*_limit_evidence_of(tracker), *_drift_evidence_of(tracker)]
+
+
+def _limit_evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
     detector, levels = tracker.detector, tracker.detector.levels
     return [
         Evidence(
@@ -34,8 +38,7 @@ def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
     ]
 
 
-def drift_evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
-    """Return the shift from the baseline, if it alarmed."""
+def _drift_evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
     drift = tracker.drift
     if drift is None or drift.alarm is None:
         return []
@@ -84,5 +87,5 @@ def record_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> FaultReco
         settled=tracker.decision.condition if tracker.concluded else None,
         whole=Estimate(*(float(column[0]) for column in overall)) if overall and shown else None,
         latest=tracker.latest,
-        evidence=tuple(evidence_of(tracker)),
+        evidence=tuple(_limit_evidence_of(tracker)),
     )

@@ -337,3 +337,14 @@ def test_own_workers_say_the_same(
     assert outcome.code == 0
     assert "24 logs judged" in outcome.out
     assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
+
+
+@pytest.mark.slow
+def test_the_example_names_the_broken_aircraft_first(tmp_path: Path) -> None:
+    from examples import fleet as example
+
+    found = example.main(str(tmp_path), 2)
+    assert [(one.aircraft, one.verdict.actuator, one.verdict.gravest) for one in found[:2]] == [
+        ("D-000", "elevator", "emergency"),
+        ("D-001", "elevator", "degraded"),
+    ]
