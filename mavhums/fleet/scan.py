@@ -205,7 +205,7 @@ def _cluster(options: ScanOptions) -> Iterator[Client]:
         return
     with (
         LocalCluster(
-            n_workers=options.workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            n_workers=options.workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
         ) as cluster,
         Client(cluster) as client,
     ):
@@ -215,13 +215,15 @@ def _cluster(options: ScanOptions) -> Iterator[Client]:
 def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str) -> Iterator[Row]:
     """Yield the row of each log as it is judged.
 
-    Of a batch that no worker survives each log is tried alone.
+    A dying worker takes the batches that wait for it along. So the logs of a batch that no worker survives
+    are tried at the end, one at a time: the log over which a worker dies then is the one that kills.
     """
-    from distributed import as_completed
+    from distributed import as_completed, wait
 
     waiting = iter([tuple(files[k : k + _BATCH]) for k in range(0, len(files), _BATCH)])
     running: Any = as_completed()
     pending: dict[str, tuple[LogFile, ...]] = {}
+    suspects: list[LogFile] = []
 
     def submit(several: tuple[LogFile, ...]) -> None:
         future = client.submit(
@@ -236,12 +238,18 @@ def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, sett
         several = pending.pop(future.key)
         if future.status == "finished":
             yield from future.result()
-        elif len(several) > 1:
-            for file in several:
-                submit((file,))
         else:
-            yield crashed(several[0], settings, options.aircraft)
+            suspects += several
         future.release()
         for following in waiting:
             submit(following)
             break
+    for file in suspects:
+        future = client.submit(
+            judge_several, (file,), options.judging, settings, options.aircraft, pure=False
+        )
+        wait([future])
+        if future.status == "finished":
+            yield from future.result()
+        else:
+            yield crashed(file, settings, options.aircraft)

@@ -77,7 +77,7 @@ def one_by_one(logs: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
 def scheduler() -> Iterator[str]:
     """A cluster in this process, which starts at once."""
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
         yield cluster.scheduler_address
 
@@ -315,7 +315,9 @@ def test_a_killed_worker_loses_and_doubles_nothing(
     count.mkdir()
     cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import the tests
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
         client.register_plugin(Dies("D-A/03.tlog", times, count))
