@@ -13,10 +13,11 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
+from mavhums.history.comparison import LoneFlight, compared
 from mavhums.log import read_blocks
 from mavhums.report.assessment import Assessment
 
-__all__ = ["analyse", "record"]
+__all__ = ["analyse", "analyse_alone", "record"]
 
 _BLOCK = 1 << 22  # a minute or two of flight: judging a block costs little more than judging a second
 
@@ -110,12 +111,47 @@ def record(assessment: Assessment, path: str | os.PathLike[str], options: Option
     analyse(log.path, options, recording=path)
 
 
+def analyse_alone(
+    path: str | os.PathLike[str],
+    options: EngineOptions,
+    *,
+    progress: Callable[[int], None] | None = None,
+) -> LoneFlight:
+    """Judge a log by itself, whatever baselines the options have; errors as of :func:`analyse`.
+
+    :func:`mavhums.history.comparison.compared` holds what it returns against earlier flights.
+
+    Examples
+    --------
+    >>> from mavhums.history.comparison import compared
+    >>> flight = analyse_alone("flight.tlog", Options(airframe="paper").resolved())
+    >>> compared(flight, {}) == flight.assessment
+    True
+    """
+    engine, digest = _fed(path, replace(options, baselines={}, past=None, recorded=True), (), progress)
+    return LoneFlight(engine.assessment(str(path), digest), engine.records(), engine.profiles())
+
+
 def _judge(
     path: str | os.PathLike[str],
     options: EngineOptions,
     consumers: Sequence[Consumer],
     progress: Callable[[int], None] | None,
 ) -> Assessment:
+    """Judge alone and then beside the past; in flight, where somebody follows the events."""
+    if options.baselines and not consumers:
+        return compared(analyse_alone(path, options, progress=progress), options.baselines, options.past)
+    engine, digest = _fed(path, options, consumers, progress)
+    return engine.assessment(str(path), digest)
+
+
+def _fed(
+    path: str | os.PathLike[str],
+    options: EngineOptions,
+    consumers: Sequence[Consumer],
+    progress: Callable[[int], None] | None,
+) -> tuple[Engine, str]:
+    """Return an engine that was fed a log, and the log's hash."""
     engine = Engine(options)
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, size=_BLOCK, dialect=options.dialect):
@@ -129,7 +165,7 @@ def _judge(
     last = engine.finish()
     for consume in consumers:
         consume(last)
-    return engine.assessment(str(path), digest.hexdigest())
+    return engine, digest.hexdigest()
 
 
 def _sha256(path: str | os.PathLike[str], dialect: str | os.PathLike[str] | None) -> str:

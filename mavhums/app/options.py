@@ -11,12 +11,15 @@ from pathlib import Path
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision import FALSE_ALARMS
-from mavhums.history.files import read_history
 from mavhums.history.flights import FlightHistory, Since
+from mavhums.history.index import IndexedFolder
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 
-__all__ = ["Options"]
+__all__ = ["History", "Options"]
+
+History = FlightHistory | IndexedFolder
+"""The earlier flights: all of them in memory, or a folder of which only the needed ones are read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +55,7 @@ class Options:
 
     airframe: Airframe | str | Path | None = None
     model: Model | Sequence[Model] | str | Path | None = None
-    history: FlightHistory | str | os.PathLike[str] | None = None
+    history: History | str | os.PathLike[str] | None = None
     since: Since | None = None
     false_alarms: float = FALSE_ALARMS
     dialect: str | os.PathLike[str] | None = None
@@ -90,8 +93,8 @@ class Options:
             return (load_model(self.model),)
         return (self.model,) if isinstance(self.model, Model) else self.model
 
-    def flights(self) -> FlightHistory:
+    def flights(self) -> History:
         """Return the earlier flights; without any, an empty history."""
-        if isinstance(self.history, FlightHistory):
+        if isinstance(self.history, FlightHistory | IndexedFolder):
             return self.history
-        return FlightHistory() if self.history is None else read_history(self.history)
+        return FlightHistory() if self.history is None else IndexedFolder(self.history)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.ending import heed_signals
+from mavhums.cli.fleet import fleet
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
 from mavhums.cli.options import (
@@ -30,7 +31,7 @@ from mavhums.cli.options import (
 from mavhums.cli.output import complain, say, say_json, sound_output
 from mavhums.cli.progress import reading
 from mavhums.cli.tools import export, model, profile
-from mavhums.cli.trend import opened_history, trend
+from mavhums.cli.trend import indexed_history, trend
 from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.version import __version__
@@ -115,7 +116,7 @@ def analyse(
     options = Options(
         airframe=load_airframe(airframe) if airframe else None,
         model=(load_model(model),) if model else packaged_models(),
-        history=opened_history(history, may_be_new=keep),
+        history=indexed_history(history, may_be_new=keep),
         since=dict(dates),
         false_alarms=false_alarms,
         dialect=dialect,
@@ -172,7 +173,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (live, trend, train, precedents, study, export, model, profile, warm_up):
+for _command in (live, trend, fleet, train, precedents, study, export, model, profile, warm_up):
     cli.add_command(_command)
 
 

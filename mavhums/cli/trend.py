@@ -15,10 +15,11 @@ from mavhums.cli.progress import steps
 from mavhums.core.errors import MavhumsError
 
 if TYPE_CHECKING:
+    from mavhums.app.options import History
     from mavhums.history.flights import FlightHistory
     from mavhums.report.trend import ActuatorTrend
 
-__all__ = ["opened_history", "trend"]
+__all__ = ["indexed_history", "trend"]
 
 _SHOWN_NOTICES = 5
 
@@ -113,19 +114,33 @@ def _write(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
         table.write(to_frame(trends))
 
 
-def opened_history(folder: Path | None, *, may_be_new: bool = False) -> FlightHistory:
+def opened_history(folder: Path) -> FlightHistory:
     """Read a folder of flights, and say on standard error what of it could not be read."""
     from mavhums.history.files import read_history
+
+    with steps("reading the flights before") as progress:
+        history = read_history(folder, progress=progress)
+    _tell(history)
+    return history
+
+
+def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History:
+    """Open a folder of flights by its index; say on standard error what of it could not be read."""
     from mavhums.history.flights import FlightHistory
+    from mavhums.history.index import IndexedFolder
 
     if folder is None or (may_be_new and not folder.exists()):
         return FlightHistory()
     with steps("reading the flights before") as progress:
-        history = read_history(folder, progress=progress)
+        history = IndexedFolder(folder, progress=progress)
+    _tell(history)
+    return history
+
+
+def _tell(history: History) -> None:
     for error in history.errors:
         complain(error)
     for notice in history.notices[:_SHOWN_NOTICES]:
         say(f"mavhums: {notice}", err=True)
     if len(history.notices) > _SHOWN_NOTICES:
         say(f"mavhums: and {len(history.notices) - _SHOWN_NOTICES} more notices", err=True)
-    return history

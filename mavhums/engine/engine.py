@@ -20,6 +20,7 @@ from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
 from mavhums.health.baseline import Baseline
+from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.monitor import Monitor
 from mavhums.health.own.registry import comparable
 from mavhums.health.own.verdict import held_against
@@ -81,8 +82,10 @@ class Engine:
         self._airspeeds = Airspeeds()
         self._temperatures = EscTemperatures()
         self._false_alarms = options.false_alarms
+        self._keeps_records = options.recorded
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
+        self._profiles: dict[tuple[int, str], str] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return what they bring about."""
@@ -135,6 +138,14 @@ class Engine:
             model=next((said for said in map(_summary, self._models) if said in voted), None),
             verdicts=verdicts,
         )
+
+    def records(self) -> dict[tuple[int, str], ActuatorRecord]:
+        """Return what the flight leaves of each vehicle's actuators, if the options say ``recorded``."""
+        return {key: monitor.record() for key, monitor in self._monitors.items() if self._keeps_records}
+
+    def profiles(self) -> dict[tuple[int, str], str]:
+        """Return the name of the profile by which each vehicle's actuators are judged."""
+        return dict(self._profiles)
 
     def _identity(self, vehicle: int) -> FlightIdentity:
         """Say which flight a vehicle's was."""
@@ -191,12 +202,14 @@ class Engine:
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
         key = (mapped.vehicle, actuator.name)
         if key not in self._monitors:
+            self._profiles[key] = mapper.airframe.name
             self._monitors[key] = Monitor(
                 mapped.vehicle,
                 actuator,
                 self._serving(mapper.airframe),
                 baselines=self._baselines_of(key, mapper.airframe.name),
                 false_alarms=self._false_alarms,
+                recorded=self._keeps_records,
             )
         airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
         yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v, airspeed)

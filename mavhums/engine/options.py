@@ -43,6 +43,9 @@ class EngineOptions:
         32 bytes; only frames signed with it count. If None, signatures are not checked.
     vehicle_states
         Whether attitude, position and flight mode are reported as well, for a recording.
+    recorded
+        Whether the numbers are kept by which the flight is held against earlier ones afterwards: some 60 kB
+        a minute of flight and eight actuators at most.
 
     Examples
     --------
@@ -58,3 +61,4 @@ class EngineOptions:
     dialect: str | os.PathLike[str] | None = None
     key: bytes | None = None
     vehicle_states: bool = False
+    recorded: bool = False

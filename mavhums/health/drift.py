@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import FALSE_ALARMS, tail_of
 from mavhums.health.windows import WINDOW_SLOTS
 
-__all__ = ["Drift", "Shift"]
+__all__ = ["Drift", "Shift", "held", "held_since"]
 
 _SPANS = (1, 2, 3, 5, 8, 13, 21, 34)
 _LOOKS = 4.0  # effective number of independent tests of the overlapping spans
@@ -47,6 +48,19 @@ class Shift(NamedTuple):
     error: float
     ratio: float
     since_s: float
+
+
+def held(decided: Condition, alarm: Shift | None) -> Condition:
+    """Return what a quantity shows: what the limits decided, or at least that it left its baseline."""
+    return "degraded" if alarm and SEVERITY[decided] < SEVERITY["degraded"] else decided
+
+
+def held_since(decided: Condition, since_s: float | None, alarm: Shift | None) -> float | None:
+    """Return the flight time since which it does, the limits having decided at ``since_s``."""
+    condition = held(decided, alarm)
+    times = [since_s] if condition == decided else []
+    times += [alarm.since_s] if alarm and condition == "degraded" else []
+    return min((time for time in times if time is not None), default=None)
 
 
 class Drift:

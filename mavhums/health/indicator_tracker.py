@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,34 +11,19 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import FALSE_ALARMS, Decision, bounds, half_width, shown_by, tail_of
 from mavhums.health.detector import Detector, Estimates
-from mavhums.health.drift import Drift
+from mavhums.health.drift import Drift, held, held_since
 from mavhums.health.episodes import Episode, Episodes
+from mavhums.health.flight_record import Decided, Estimate, WindowRecord
+from mavhums.health.holding import Change
 from mavhums.health.least_squares import Fit
 from mavhums.health.panel import Look
 from mavhums.health.rules import drift_rule, limit_rule
 from mavhums.health.running_variance import RunningVariance
 from mavhums.report.assessment import Interval
 
-__all__ = ["Change", "IndicatorTracker", "Latest"]
+__all__ = ["IndicatorTracker"]
 
 Array = NDArray[np.float64]
-
-
-class Latest(NamedTuple):
-    """The estimate of the last window with evidence."""
-
-    value: float
-    error: float
-    freedom: float
-
-
-class Change(NamedTuple):
-    """An indicator's new condition from the k-th window on, and its onset."""
-
-    window: int
-    condition: Condition
-    since_s: float
-    rule: str
 
 
 class IndicatorTracker:
@@ -55,6 +39,8 @@ class IndicatorTracker:
         Length of a window.
     false_alarms
         Alarms per 100 hours.
+    recorded
+        Whether ``windows`` and ``decided`` are kept.
 
     Attributes
     ----------
@@ -70,6 +56,8 @@ class IndicatorTracker:
         The latest estimate; None before the first.
     concluded
         95 % interval of the whole flight's estimate if that decided, else None.
+    windows, decided
+        The windows that do not overlap, and the changes of the decision, in the order of time.
     """
 
     def __init__(
@@ -79,6 +67,7 @@ class IndicatorTracker:
         *,
         window_s: float,
         false_alarms: float = FALSE_ALARMS,
+        recorded: bool = False,
     ) -> None:
         self.detector = detector
         self.decision = Decision(detector.levels)
@@ -90,24 +79,22 @@ class IndicatorTracker:
         self.episodes = Episodes()
         self.variance = RunningVariance()
         self.next_due_s = -np.inf
-        self.latest: Latest | None = None
+        self.latest: Estimate | None = None
         self.concluded: Interval | None = None
+        self.windows: list[WindowRecord] = []
+        self.decided: list[Decided] = []
+        self._recorded = recorded
 
     @property
     def condition(self) -> Condition:
         """Condition according to the limits, or at least degraded after a shift from the baseline."""
-        drifted = self.drift is not None and self.drift.alarm is not None
-        if drifted and SEVERITY[self.decision.condition] < SEVERITY["degraded"]:
-            return "degraded"
-        return self.decision.condition
+        return held(self.decision.condition, self.drift.alarm if self.drift else None)
 
     @property
     def since_s(self) -> float | None:
         """Flight time of the onset of the condition."""
-        alarm = self.drift.alarm if self.drift else None
-        times = [self.decision.since_s] if self.condition == self.decision.condition else []
-        times += [alarm.since_s] if alarm and self.condition == "degraded" else []
-        return min((time for time in times if time is not None), default=None)
+        decision = self.decision
+        return held_since(decision.condition, decision.since_s, self.drift.alarm if self.drift else None)
 
     def feed(self, look: Look, end_s: Array) -> list[Change]:
         """Process the windows that end at ``end_s``, shape (k,); return the changes."""
@@ -125,6 +112,8 @@ class IndicatorTracker:
                 self._feed_separate(signed, error, freedom, end)
             severity = self._shown(said, here)
             decided = self.decision.feed(severity, end - self.window_s, end, sure=certain)
+            if decided and self._recorded:
+                self.decided.append(Decided(end, self.decision.condition, self.decision.since_s or 0.0))
             if decided:
                 self.episodes.begin_decided(self.decision.condition, self.decision.since_s or 0.0, end, here)
             else:
@@ -132,7 +121,7 @@ class IndicatorTracker:
                 self.episodes.extend(here, end, agrees=agrees)
             if self.condition != before:
                 changes.append(Change(k, self.condition, self.since_s or 0.0, self.rule(self.condition)))
-        self.latest = Latest(*(float(column[at[-1]]) for column in look.own))
+        self.latest = Estimate(*(float(column[at[-1]]) for column in look.own))
         return changes
 
     def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> Change | None:
@@ -153,7 +142,7 @@ class IndicatorTracker:
         value, error, freedom = (float(a[0]) for a in (overall.value, overall.error, overall.freedom))
         self.drift.conclude(value, error, freedom, start_s)
         if self.latest is None:
-            self.latest = Latest(value, error, freedom)
+            self.latest = Estimate(value, error, freedom)
 
     def _conclude_limits(self, judged: Estimates | None, start_s: float, end_s: float) -> None:
         if judged is None or not np.isfinite(judged.value[0]):
@@ -165,7 +154,7 @@ class IndicatorTracker:
             return
         value, printed = float(judged.value[0]), float(half_width(judged, tail=0.025)[0])
         self.concluded = Interval(estimate=value, low=value - printed, high=value + printed)
-        self.latest = Latest(value, float(judged.error[0]), float(judged.freedom[0]))
+        self.latest = Estimate(value, float(judged.error[0]), float(judged.freedom[0]))
         self.episodes.begin(Episode(self.decision.condition, start_s, end_s, float(size[0])))
 
     def _shown(self, shown: int, value: float) -> int:
@@ -179,6 +168,8 @@ class IndicatorTracker:
         """Process a window that does not overlap the previous one."""
         self.next_due_s = end_s + self.window_s
         self.variance.add(value)
+        if self._recorded:
+            self.windows.append(WindowRecord(end_s, value, error, freedom))
         if self.drift is not None:
             self.drift.feed(value, error, freedom, end_s - self.window_s)
 

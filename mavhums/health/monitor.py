@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.conditions import Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.detector import Seen, detectors_for
 from mavhums.health.events import ConditionChanged, Indication, Window
+from mavhums.health.findings_parts import in_order, ranked
 from mavhums.health.fits import Fits
-from mavhums.health.indicator_tracker import Change, IndicatorTracker
+from mavhums.health.flight_record import ActuatorRecord
+from mavhums.health.holding import Change, Holding
+from mavhums.health.indicator_tracker import IndicatorTracker
 from mavhums.health.motion import Motion, motion
 from mavhums.health.own.record import OwnSums
 from mavhums.health.own.registry import EQUATIONS
 from mavhums.health.own.voltage import VoltageSums
 from mavhums.health.panel import Look, Panel
 from mavhums.health.slots import SlotCutter, Slots, widen
-from mavhums.health.tracker_report import evidence_of, indicator_of, suspect_of
+from mavhums.health.tracker_report import (
+    evidence_of,
+    indicator_of,
+    record_of,
+    suspect_of,
+)
 from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcome
 from mavhums.health.windows import WINDOW_SLOTS, Windows
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
@@ -76,6 +84,8 @@ class Monitor:
         Length of a window; each slides by a tenth of it.
     false_alarms
         Allowed number of false alarms per 100 hours.
+    recorded
+        Whether to keep the numbers for :meth:`record`, about 200 bytes for each second of flight.
     """
 
     def __init__(
@@ -87,6 +97,7 @@ class Monitor:
         baselines: Mapping[str, Baseline] | None = None,
         window_s: float = WINDOW_S,
         false_alarms: float = FALSE_ALARMS,
+        recorded: bool = False,
     ) -> None:
         self.vehicle = vehicle
         self.actuator = actuator
@@ -109,19 +120,18 @@ class Monitor:
                 (baselines or {}).get(detector.fault),
                 window_s=window_s,
                 false_alarms=false_alarms,
+                recorded=recorded,
             )
             for detector in detectors
         }
+        self._false_alarms = false_alarms
         self._panel = Panel(detectors, false_alarms)
         self._fits = Fits(actuator, {name for detector in detectors for name in detector.equations})
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
         self._first: int | None = None
-        self._shown: dict[str, Change] = {}
-        self._condition: Condition = "undecided"
-        self._worst: Condition = "undecided"
-        self._since_s: float | None = None
-        self._changed_s = -np.inf
+        self._held = Holding()
+        self._concluded_s: float | None = None
         self._windows = self._decidable = self._samples = self._moving = 0
         self._friction: Interval | None = None
         self._vote: tuple[float, Outcome] | None = None
@@ -156,9 +166,10 @@ class Monitor:
         if self._waiting:
             yield from self._judge(self._cut())
         yield from self._judge(self._cutter.finish())
-        if self._first is None or self._windows == 0 or self._jammed():
+        if self._first is None or self._windows == 0 or self._held.jammed:
             return
         whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
+        self._concluded_s = start_s
         concluded = [
             (fault, tracker.conclude(whole, start_s, end_s)) for fault, tracker in self._trackers.items()
         ]
@@ -169,7 +180,7 @@ class Monitor:
     @property
     def worst(self) -> Condition:
         """The actuator's worst condition so far."""
-        return self._worst
+        return self._held.worst
 
     def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> Findings:
         """Return what was found so far; the ``indicators`` look at all of the flight again.
@@ -180,11 +191,11 @@ class Monitor:
         trackers = self._trackers.values()
         suspects = [suspect for tracker in trackers if (suspect := suspect_of(tracker))]
         shown = [indicator for tracker in trackers if whole and (indicator := indicator_of(tracker, whole))]
-        evidence = sorted((e for tracker in trackers for e in evidence_of(tracker)), key=lambda e: e.start_s)
+        evidence = (e for tracker in trackers for e in evidence_of(tracker))
         return Findings(
-            condition=self._condition,
-            worst=self._worst,
-            since_s=self._since_s,
+            condition=self._held.condition,
+            worst=self._held.worst,
+            since_s=self._held.since_s,
             friction=self._friction,
             p_emergency=self._vote[1].p_emergency if self._vote else None,
             network=self._vote[1].network if self._vote else None,
@@ -195,8 +206,8 @@ class Monitor:
                 late=self._cutter.late,
             ),
             last_s=self._latest_s,
-            suspects=tuple(sorted(suspects, key=lambda suspect: -suspect.confidence)),
-            evidence=(*evidence, *self._network_evidence()),
+            suspects=ranked(suspects),
+            evidence=in_order(evidence, self._vote_record(), self._held.condition, self._window_s),
             indicators=tuple(shown),
             own=tuple(
                 record.model_copy(update={"temperature_c": temperature_c})
@@ -205,6 +216,22 @@ class Monitor:
             ),
             own_gap=next((gap for own in self._own if (gap := own.gap)), None),
         )
+
+    def record(self) -> ActuatorRecord:
+        """Return the numbers by which the flight is held against earlier ones, if it was ``recorded``."""
+        whole = self._fits.whole()
+        return ActuatorRecord(
+            window_s=self._window_s,
+            false_alarms=self._false_alarms,
+            concluded_s=self._concluded_s,
+            end_s=self._latest_s,
+            vote=self._vote_record(),
+            faults=tuple(record_of(tracker, whole) for tracker in self._trackers.values()),
+        )
+
+    def _vote_record(self) -> tuple[float, float] | None:
+        """Return the end and the probability of the last window that the network voted on."""
+        return (self._vote[0], self._vote[1].p_emergency) if self._vote else None
 
     def _cut(self) -> Slots | None:
         """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
@@ -266,23 +293,9 @@ class Monitor:
     def _changed(self, changes: list[tuple[str, Change]], end_s: float) -> Iterator[ConditionChanged]:
         """Process the detectors' changes; report a change of the actuator's condition."""
         for fault, change in changes:
-            self._shown[fault] = change
-            before, self._condition = self._condition, self._gravest()
-            if SEVERITY[self._condition] > SEVERITY[self._worst]:
-                self._worst = self._condition
-            if self._condition == before:
-                continue
-            holding = [
-                (c.since_s, name, c.rule)
-                for name, c in self._shown.items()
-                if c.condition == self._condition and name in self._deciding()
-            ]
-            since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
-            since_s = self._changed_s = max(since_s, self._changed_s)  # never before the last change
-            self._since_s = None if self._condition == "undecided" else since_s
-            yield ConditionChanged(
-                self.vehicle, self.actuator.name, end_s, since_s, before, self._condition, rule, why
-            )
+            turn = self._held.take(fault, change)
+            if turn is not None:
+                yield ConditionChanged(self.vehicle, self.actuator.name, end_s, *turn)
 
     def _window(self, end_s: float, moving: float, friction: Interval | None, vote: Outcome | None) -> Window:
         self._windows += 1
@@ -299,39 +312,7 @@ class Monitor:
             moving_fraction=moving,
             friction_nm=friction,
             p_emergency=vote.p_emergency if vote else None,
-            condition=self._condition,
-        )
-
-    def _gravest(self) -> Condition:
-        """Return the most severe condition of all detectors; normal only if the friction is normal."""
-        gravest: Condition = max(
-            (change.condition for change in self._shown.values()), key=SEVERITY.__getitem__
-        )
-        if SEVERITY[gravest] > SEVERITY["normal"]:
-            return gravest
-        return self._shown["friction"].condition if "friction" in self._shown else "undecided"
-
-    def _jammed(self) -> bool:
-        """Return whether the shaft is jammed, in which case no torque or angle balance holds."""
-        return "jam" in self._shown and self._shown["jam"].condition == "emergency"
-
-    def _deciding(self) -> Collection[str]:
-        """Return the faults that can determine the condition; only friction can make it normal."""
-        return {"friction"} if self._condition == "normal" else self._shown.keys()
-
-    def _network_evidence(self) -> Iterator[Evidence]:
-        if self._vote is None:
-            return
-        end_s, p = self._vote[0], self._vote[1].p_emergency
-        opposed = {"normal": p > 0.5, "emergency": p <= 0.5}.get(self._condition, False)
-        text = "network: probability of an emergency from the window's moving samples; the physics decides"
-        yield Evidence(
-            kind="network",
-            start_s=end_s - self._window_s,
-            end_s=end_s,
-            value=p,
-            limit=0.5,
-            rule=f"{text}, and the network disagrees" if opposed else text,
+            condition=self._held.condition,
         )
 
 

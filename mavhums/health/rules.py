@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from mavhums.core.conditions import Condition
 from mavhums.health.baseline import Baseline
-from mavhums.health.detector import Detector
+from mavhums.health.detector import Levels
 from mavhums.health.drift import Shift
 
-__all__ = ["drift_rule", "limit_rule"]
+__all__ = ["Quantity", "drift_rule", "limit_rule"]
 
 
-def limit_rule(detector: Detector, condition: Condition, false_alarms: float) -> str:
+class Quantity(Protocol):
+    """What a rule names: a quantity, its unit and its limits."""
+
+    @property
+    def quantity(self) -> str:
+        """Its name."""
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+
+    @property
+    def levels(self) -> Levels:
+        """Its limits."""
+
+
+def limit_rule(detector: Quantity, condition: Condition, false_alarms: float) -> str:
     """Return the reason for a condition according to the limits."""
     normal, emergency = (_value(detector, level) for level in detector.levels)
     sure = f"with {_alarms(false_alarms)}"
@@ -22,7 +40,7 @@ def limit_rule(detector: Detector, condition: Condition, false_alarms: float) ->
     }[condition]
 
 
-def drift_rule(detector: Detector, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
+def drift_rule(detector: Quantity, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
     """Return the reason for a condition according to the baseline: the shift from it."""
     return (
         f"degraded: {detector.quantity} {_value(detector, shift.value, '+')} from its own baseline of "
@@ -31,7 +49,7 @@ def drift_rule(detector: Detector, baseline: Baseline, shift: Shift, false_alarm
     )
 
 
-def _value(detector: Detector, value: float | None, sign: str = "") -> str:
+def _value(detector: Quantity, value: float | None, sign: str = "") -> str:
     if value is None:
         return "any limit"
     return f"{value:{sign}.3g}" if detector.unit == "1" else f"{value:{sign}.3g} {detector.unit}"

@@ -5,22 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
+from scipy.special import stdtrit
 
-from mavhums.core.conditions import SEVERITY
-from mavhums.health.drift import Shift
+from mavhums.health.findings_parts import drift_evidence, suspected
+from mavhums.health.flight_record import Estimate, FaultRecord
 from mavhums.health.indicator_tracker import IndicatorTracker
 from mavhums.health.least_squares import Fit
-from mavhums.health.rules import drift_rule, limit_rule
+from mavhums.health.rules import limit_rule
 from mavhums.report.assessment import Evidence, Indicator, Interval, Suspect
 
-__all__ = ["evidence_of", "indicator_of", "suspect_of"]
+__all__ = ["evidence_of", "indicator_of", "record_of", "suspect_of"]
 
 
 def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
     """Return the episodes according to the limits, and the shift from the baseline if it alarmed."""
+    return [*_limit_evidence_of(tracker), *_drift_evidence_of(tracker)]
+
+
+def _limit_evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
     detector, levels = tracker.detector, tracker.detector.levels
-    found = [
+    return [
         Evidence(
             kind=detector.fault,
             start_s=episode.start_s,
@@ -32,34 +36,20 @@ def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
         for episode in tracker.episodes
         if detector.fault == "friction" or episode.condition != "normal"
     ]
-    if tracker.drift is not None and tracker.drift.alarm is not None:
-        alarm, baseline = tracker.drift.alarm, tracker.drift.baseline
-        found.append(
-            Evidence(
-                kind=f"{detector.fault}_drift",
-                start_s=alarm.since_s,
-                end_s=max(tracker.next_due_s - tracker.window_s, alarm.since_s),
-                value=baseline.mean + alarm.value,
-                limit=baseline.mean,
-                rule=drift_rule(detector, baseline, alarm, tracker.false_alarms),
-            )
-        )
-    return found
+
+
+def _drift_evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
+    drift = tracker.drift
+    if drift is None or drift.alarm is None:
+        return []
+    end_s = tracker.next_due_s - tracker.window_s
+    return [drift_evidence(tracker.detector, drift.baseline, drift.alarm, end_s, tracker.false_alarms)]
 
 
 def suspect_of(tracker: IndicatorTracker) -> Suspect | None:
-    """Return the suspected fault, with the probability that its quantity exceeds limit or baseline."""
-    if SEVERITY[tracker.condition] < SEVERITY["degraded"] or tracker.latest is None:
-        return None
-    value, error, freedom = tracker.latest
-    levels = tracker.detector.levels
-    confidence = 0.0
-    if SEVERITY[tracker.decision.condition] > 0 and levels.normal is not None:
-        size = abs(value) if tracker.detector.two_sided else value
-        confidence = float(stdtr(freedom, (size - levels.normal) / error)) if error else 1.0
-    if tracker.drift is not None and tracker.drift.alarm is not None:
-        confidence = max(confidence, _certainty(tracker.drift.alarm))
-    return Suspect(fault=tracker.detector.fault, confidence=confidence)
+    """Return the suspected fault, if there is one."""
+    alarm = tracker.drift.alarm if tracker.drift else None
+    return suspected(tracker.detector, tracker.decision.condition, tracker.latest, alarm)
 
 
 def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indicator | None:
@@ -82,5 +72,20 @@ def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indica
     )
 
 
-def _certainty(shift: Shift) -> float:
-    return float(stdtr(10.0, abs(shift.value) / shift.error))
+def record_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> FaultRecord:
+    """Return the numbers by which the flight is held against a baseline."""
+    detector, overall = tracker.detector, tracker.detector.overall(flight) if flight else None
+    shown = overall is not None and np.isfinite(overall.value[0])
+    return FaultRecord(
+        fault=detector.fault,
+        quantity=detector.quantity,
+        unit=detector.unit,
+        levels=detector.levels,
+        two_sided=detector.two_sided,
+        windows=tuple(tracker.windows),
+        decided=tuple(tracker.decided),
+        settled=tracker.decision.condition if tracker.concluded else None,
+        whole=Estimate(*(float(column[0]) for column in overall)) if overall and shown else None,
+        latest=tracker.latest,
+        evidence=tuple(_limit_evidence_of(tracker)),
+    )

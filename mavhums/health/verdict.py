@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
 
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
@@ -24,9 +25,24 @@ from mavhums.report.assessment import (
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
 
-__all__ = ["crowded_out", "judged", "unjudged_actuator", "unjudged_vehicle"]
+__all__ = ["Held", "against_baseline", "crowded_out", "judged", "unjudged_actuator", "unjudged_vehicle"]
 
 _MOSTLY = 0.1
+
+
+class Held(NamedTuple):
+    """What is found of an actuator beside its own baseline, unrounded.
+
+    ``baselines`` are by fault; the other fields are those of :class:`mavhums.health.monitor.Findings`.
+    """
+
+    condition: Condition
+    worst: Condition
+    since_s: float | None
+    suspects: tuple[Suspect, ...]
+    evidence: tuple[Evidence, ...]
+    baselines: Mapping[str, Interval]
+    last_s: float
 
 
 def judged(
@@ -48,15 +64,13 @@ def judged(
     undecided: silence is never normal. What was found until then remains. ``implausible`` tells by quantity
     how many values no such actuator can have, and of how many.
     """
-    silent = findings.last_s < end_s - WINDOW_S
+    silent = _is_silent(findings.last_s, end_s)
     condition: Condition = "undecided" if silent else findings.condition
     reason, remedy = None, None
     if findings.condition == "undecided":
         reason, remedy = _absurd(implausible) or _why_undecided(actuator, findings, provenance)
     elif silent:
-        ended = f"its telemetry ends at {findings.last_s:.0f} s of {end_s:.0f} s"
-        reason = f"{ended}, when it was {findings.condition}"
-        remedy = "check why it is silent: sensor, wiring or link"
+        reason, remedy = _silence(findings.last_s, end_s, findings.condition)
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
@@ -65,7 +79,7 @@ def judged(
         p_emergency=_round(findings.p_emergency),
         model=model,
         friction_nm=_rounded(findings.friction),
-        suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
+        suspects=_rounded_suspects(findings.suspects),
         since=_since(None if silent else findings.since_s, start_utc),
         coverage=Coverage(
             moving_fraction=round(findings.coverage.moving_fraction, 4),
@@ -81,6 +95,32 @@ def judged(
         own=() if silent else findings.own,
         reason=reason,
         remedy=remedy,
+    )
+
+
+def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_s: float) -> Verdict:
+    """Return a verdict on a flight alone as it is beside the actuator's own baseline.
+
+    ``end_s`` is where the log ends, in flight time.
+    """
+    silent = _is_silent(found.last_s, end_s)
+    reason, remedy = verdict.reason, verdict.remedy
+    if found.condition != "undecided":
+        reason, remedy = _silence(found.last_s, end_s, found.condition) if silent else (None, None)
+    return verdict.model_copy(
+        update={
+            "condition": "undecided" if silent else found.condition,
+            "worst": found.worst,
+            "suspects": _rounded_suspects(found.suspects),
+            "since": _since(None if silent else found.since_s, start_utc),
+            "evidence": tuple(_rounded_evidence(evidence) for evidence in found.evidence),
+            "indicators": tuple(
+                _rounded_indicator(one.model_copy(update={"baseline": found.baselines.get(one.fault)}))
+                for one in verdict.indicators
+            ),
+            "reason": reason,
+            "remedy": remedy,
+        }
     )
 
 
@@ -231,6 +271,19 @@ def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str,
         f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",
         "analyse a longer flight",
     )
+
+
+def _is_silent(last_s: float, end_s: float) -> bool:
+    return last_s < end_s - WINDOW_S
+
+
+def _silence(last_s: float, end_s: float, condition: Condition) -> tuple[str, str]:
+    ended = f"its telemetry ends at {last_s:.0f} s of {end_s:.0f} s"
+    return f"{ended}, when it was {condition}", "check why it is silent: sensor, wiring or link"
+
+
+def _rounded_suspects(suspects: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
+    return tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in suspects)
 
 
 def _since(since_s: float | None, start_utc: datetime) -> Since | None:

@@ -9,6 +9,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,13 @@ from mavhums.core.files import written_whole
 from mavhums.history.flights import FlightHistory, PastFlight, UndatedError
 from mavhums.report.assessment import READABLE, SCHEMA, Assessment
 
-__all__ = ["keep_assessment", "read_history"]
+__all__ = ["UnusedError", "assessment_files", "keep_assessment", "read_file", "read_history"]
 
 _FAMILY = SCHEMA.split("/", maxsplit=1)[0] + "/"
 _LARGEST_FILE = 256 << 20
 _LARGEST_VALUE = 1e12
+_MAY_HOLD = re.compile(r"[^.].*\.json", re.IGNORECASE | re.DOTALL)
+_name = attrgetter("name")
 _AGAIN = "analyse its log again"
 
 
@@ -73,23 +76,19 @@ def read_history(
         If the folder does not exist. Files that cannot be read are reported in ``errors`` instead.
     """
     folder = Path(folder)
-    try:
-        paths = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".json")
-    except OSError as error:
-        remedy = f"analyse a first flight into it: mavhums analyse LOG --history {folder} --keep"
-        raise MavhumsError(f"{folder}: {_words(error)}", remedy) from error
+    paths = [Path(entry) for entry in assessment_files(folder)]
     flights: list[PastFlight] = []
     errors: list[MavhumsError] = []
     notices: list[str] = []
     for number, path in enumerate(paths, 1):
         if progress:
             progress(number, len(paths))
-        if path.name.startswith(".") or path.is_dir():
+        if path.is_dir():
             continue
-        for outcome in _read(path):
+        for outcome in read_file(path):
             if isinstance(outcome, PastFlight):
                 flights.append(outcome)
-            elif isinstance(outcome, UndatedError | _ForeignError):
+            elif isinstance(outcome, UnusedError):
                 notices.append(outcome.problem)
             else:
                 errors.append(outcome)
@@ -104,7 +103,27 @@ class _ForeignError(MavhumsError):
     """A JSON file that is not an assessment."""
 
 
-def _read(path: Path) -> Iterator[PastFlight | MavhumsError]:
+UnusedError = UndatedError | _ForeignError
+"""What a file is left alone for, without a loss."""
+
+
+def assessment_files(folder: Path) -> list[os.DirEntry[str]]:
+    """Return the files of a folder that may hold assessments, by name.
+
+    Raises
+    ------
+    MavhumsError
+        If there is no such folder.
+    """
+    try:
+        with os.scandir(folder) as entries:
+            return sorted((entry for entry in entries if _MAY_HOLD.fullmatch(entry.name)), key=_name)
+    except OSError as error:
+        remedy = f"analyse a first flight into it: mavhums analyse LOG --history {folder} --keep"
+        raise MavhumsError(f"{folder}: {_words(error)}", remedy) from error
+
+
+def read_file(path: Path) -> Iterator[PastFlight | MavhumsError]:
     """Yield each assessment of a file, or the error in it."""
     try:
         written = path.stat().st_mtime

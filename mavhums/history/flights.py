@@ -12,7 +12,7 @@ from mavhums.health.baseline import Baseline, Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
-__all__ = ["REFERENCE_FLIGHTS", "FlightHistory", "PastFlight", "Since", "UndatedError"]
+__all__ = ["REFERENCE_FLIGHTS", "FlightHistory", "PastFlight", "Since", "UndatedError", "is_healthy"]
 
 _SOUND = ("normal", "unchanged", "learning")
 
@@ -125,7 +125,7 @@ class FlightHistory:
             for verdict in flight.assessment.verdicts:
                 if (
                     verdict.vehicle is None
-                    or not _healthy(verdict)
+                    or not is_healthy(verdict)
                     or not flight.counts(verdict.actuator, since)
                 ):
                     continue
@@ -149,7 +149,7 @@ class FlightHistory:
             for verdict in flight.assessment.verdicts:
                 if verdict.vehicle is None or not flight.counts(verdict.actuator, since):
                     continue
-                left = PastRecord(verdict.own, flight.start.isoformat(), _healthy(verdict))
+                left = PastRecord(verdict.own, flight.start.isoformat(), is_healthy(verdict))
                 records.setdefault((verdict.vehicle, verdict.actuator), []).append(left)
         return records
 
@@ -167,7 +167,8 @@ def _judged_by(flight: PastFlight, airframe: str | None) -> bool:
     return judged == airframe or airframe in (judged or "").split(", ")
 
 
-def _healthy(verdict: Verdict) -> bool:
+def is_healthy(verdict: Verdict) -> bool:
+    """Return whether a flight may be a reference of the actuator: found sound, and nothing suspected."""
     found_sound = verdict.condition == verdict.worst and verdict.condition in _SOUND
     return found_sound and not verdict.suspects
 

@@ -7,6 +7,7 @@ from these classes by ``python -m mavhums.report.assessment``.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from datetime import datetime
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal
@@ -39,6 +40,7 @@ __all__ = [
     "Since",
     "Suspect",
     "Verdict",
+    "exit_code_of",
     "json_schema",
 ]
 
@@ -337,13 +339,24 @@ class Assessment(Contract):
 
         Actuators that nothing monitors do not count, unless nothing at all was judged.
         """
-        counted = [verdict for verdict in self.ranked() if verdict.gravest != "unmonitored"]
-        if self.verdicts and not counted:
-            return ExitCode.UNDECIDED
-        gravest = counted[0].gravest if counted else "normal"
-        if gravest in ("normal", "unchanged"):
-            return ExitCode.READ_WITH_LOSSES if self.log.losses.any else ExitCode.OK
-        return _EXIT_CODES[gravest]
+        code = exit_code_of(verdict.gravest for verdict in self.verdicts)
+        return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
+
+
+def exit_code_of(found: Iterable[Condition]) -> ExitCode:
+    """Return the exit code that tells the worst of conditions; those that nothing monitors do not count.
+
+    Examples
+    --------
+    >>> exit_code_of(["normal", "changed", "unmonitored"]).name, exit_code_of(["unmonitored"]).name
+    ('DEGRADED', 'UNDECIDED')
+    """
+    several = [*found]
+    counted = [condition for condition in several if condition != "unmonitored"]
+    if several and not counted:
+        return ExitCode.UNDECIDED
+    gravest: Condition = max(counted, key=URGENCY.__getitem__, default="normal")
+    return ExitCode.OK if gravest in ("normal", "unchanged") else _EXIT_CODES[gravest]
 
 
 _EXIT_CODES: dict[Condition, ExitCode] = {

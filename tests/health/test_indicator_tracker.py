@@ -12,7 +12,8 @@ from mavhums.core.conditions import Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.detector import Detector, Estimates, Levels
-from mavhums.health.indicator_tracker import Change, IndicatorTracker
+from mavhums.health.holding import Change
+from mavhums.health.indicator_tracker import IndicatorTracker
 from mavhums.health.least_squares import Fit
 from mavhums.health.panel import Panel
 from mavhums.health.tracker_report import evidence_of, indicator_of, suspect_of

@@ -21,7 +21,7 @@ from mavhums.report.assessment import (
     Verdict,
 )
 
-__all__ = ["held_against"]
+__all__ = ["held_against", "without_own"]
 
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _SURE = 0.999
@@ -69,6 +69,18 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
             "indicators": tuple(indicators),
             "reason": text,
             "remedy": remedy_of(equation, found) if lost is None else _MAGNETS,
+        }
+    )
+
+
+def without_own(verdict: Verdict) -> Verdict:
+    """Return a verdict without the indicators and the evidence of own-scale equations."""
+    faults = {equation.fault for equation in EQUATIONS}
+    kinds = {_kind(equation) for equation in EQUATIONS}
+    return verdict.model_copy(
+        update={
+            "indicators": tuple(shown for shown in verdict.indicators if shown.fault not in faults),
+            "evidence": tuple(known for known in verdict.evidence if known.kind not in kinds),
         }
     )
 

@@ -1,0 +1,194 @@
+"""The commands ``mavhums fleet …``: many aircraft's logs in one store."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, JSON, KEY, PATH
+from mavhums.cli.output import say, say_json
+from mavhums.core.errors import ExitCode
+
+if TYPE_CHECKING:
+    from mavhums.fleet.queries import Worst
+
+__all__ = ["fleet"]
+
+_STORE = click.argument("store", metavar="STORE", type=PATH)
+_SHOWN_FAILURES = 20
+
+
+@click.group()
+def fleet() -> None:
+    """Judge many aircraft's logs into one store, and ask it."""
+
+
+@fleet.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
+@click.option("--to", "store", type=PATH, required=True, metavar="STORE", help="Folder of the store.")
+@click.option(
+    "--aircraft",
+    metavar="RULE",
+    help="Whose log it is: 'folder' for the name of its folder, or a regular expression of the path with a"
+    " group (?P<aircraft>…). Default: the board's id in the log.",
+)
+@click.option(
+    "--workers", type=click.IntRange(1, 256), default=1, show_default=True, help="Processes on this machine."
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tcp://….")
+@AIRFRAME
+@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@DIALECT
+@FALSE_ALARMS
+@KEY
+@JSON
+def scan(
+    sources: tuple[str, ...],
+    store: Path,
+    aircraft: str | None,
+    workers: int,
+    scheduler: str | None,
+    airframe: str | None,
+    model: str | None,
+    dialect: Path | None,
+    false_alarms: float,
+    key: Path | None,
+    as_json: bool,
+) -> None:
+    """Judge the LOGS that STORE does not have yet: files, folders with logs, or patterns.
+
+    Each aircraft's flights are held against its first ones, whatever the order of arrival. A log that cannot
+    be judged stops nothing. After an interruption the same command resumes.
+
+    \b
+    Exit codes, the first that applies:
+      2 usage    1 a log that cannot be judged    0 all judged
+    """
+    from mavhums.app.options import Options
+    from mavhums.fleet import ScanOptions
+    from mavhums.fleet import scan as scan_logs
+
+    judging = Options(airframe=airframe, model=model, dialect=dialect, false_alarms=false_alarms, key=key)
+    options = ScanOptions(judging=judging, aircraft=aircraft, workers=workers, scheduler=scheduler)
+    done = scan_logs(sources, store, options, progress=_Told())
+    if as_json:
+        say_json(_line(done._asdict()))
+    else:
+        say(f"{done.judged} logs judged, {done.failed} could not be, {done.known} were known")
+    raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
+
+
+@fleet.command()
+@_STORE
+@JSON
+def status(store: Path, as_json: bool) -> None:
+    """Say what STORE holds, and which logs could not be judged."""
+    from mavhums.fleet import status as status_of
+
+    told = status_of(store)
+    if as_json:
+        failures = [{"problem": problem, "remedy": remedy} for problem, remedy in told.failures]
+        say_json(_line(told._asdict() | {"failures": failures}))
+        return
+    say(f"{told.judged} logs of {told.aircraft} aircraft, and {told.unknown} of an unknown one")
+    for problem, remedy in told.failures[:_SHOWN_FAILURES]:
+        say(f"{problem}: {remedy}")
+    if len(told.failures) > _SHOWN_FAILURES:
+        say(f"and {len(told.failures) - _SHOWN_FAILURES} more that could not be judged")
+
+
+@fleet.command()
+@_STORE
+@click.option("-n", "most", type=click.IntRange(1), default=20, show_default=True, help="How many.")
+@JSON
+def worst(store: Path, most: int, as_json: bool) -> None:
+    """Show the actuators of all aircraft as of their last flights, the worst first.
+
+    \b
+    Exit codes, the first that applies, of all last flights:
+      2 usage    11 an emergency    10 degraded    1 a log that could not be judged
+      12 undecided    0 all normal
+    """
+    from mavhums.fleet import worst as worst_of
+    from mavhums.fleet.queries import exit_code
+
+    rows = worst_of(store, most=most)
+    if as_json:
+        say_json(_line([_as_json(row) for row in rows]))
+    else:
+        for row in rows:
+            say(_words(row))
+    raise SystemExit(exit_code(store))
+
+
+@fleet.command()
+@_STORE
+@click.argument("aircraft")
+@JSON
+def trend(store: Path, aircraft: str, as_json: bool) -> None:
+    """Show the trend of each actuator of AIRCRAFT over its flights; exit codes as of `mavhums trend`."""
+    from mavhums.fleet import trend as trend_of
+
+    report = trend_of(store, aircraft)
+    if as_json:
+        say_json(report.to_json())
+    else:
+        from rich.console import Console
+
+        from mavhums.show.trend import render_trends
+
+        render_trends(report, Console())
+    raise SystemExit(report.exit_code)
+
+
+@fleet.command()
+@_STORE
+@click.option("-o", "--output", type=PATH, required=True, metavar="OUT", help="Ends in .csv or .parquet.")
+def export(store: Path, output: Path) -> None:
+    """Write a row per verdict to a table."""
+    from mavhums.fleet import export as export_to
+
+    say(f"{output}: {len(export_to(store, output))} verdicts")
+
+
+class _Told:
+    """Says on standard error, at most once a second, how far a scan is."""
+
+    def __init__(self) -> None:
+        self._begun_s = self._told_s = monotonic()
+
+    def __call__(self, done: int, total: int) -> None:
+        now_s = monotonic()
+        if now_s - self._told_s < 1.0 and done < total:
+            return
+        self._told_s = now_s
+        rate = done / max(now_s - self._begun_s, 1e-3)
+        say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
+
+
+def _as_json(row: Worst) -> dict[str, Any]:
+    content = {"aircraft": row.aircraft or None, "log": row.path, "start_utc": _utc(row.start_us)}
+    return content | {"verdict": row.verdict.model_dump(mode="json")}
+
+
+def _words(row: Worst) -> str:
+    verdict = row.verdict
+    suspects = f", suspected: {', '.join(s.fault for s in verdict.suspects)}" if verdict.suspects else ""
+    friction = f", friction {verdict.friction_nm.estimate:.3f} N·m" if verdict.friction_nm else ""
+    reason = f": {verdict.reason}" if verdict.reason else ""
+    name = row.aircraft or f"unknown ({row.path})"
+    return f"{name} {verdict.actuator}: {verdict.gravest}{friction}{suspects}{reason}"
+
+
+def _utc(start_us: int | None) -> str | None:
+    return None if start_us is None else datetime.fromtimestamp(start_us / 1e6, tz=UTC).isoformat()
+
+
+def _line(content: object) -> str:
+    import json
+
+    return json.dumps(content, ensure_ascii=False)

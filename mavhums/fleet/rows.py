@@ -1,0 +1,131 @@
+"""A log as a row of the store: judged alone, or why it could not be."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from mavhums import __version__
+from mavhums.app.analysis import analyse_alone
+from mavhums.app.options import Options
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.options import EngineOptions
+from mavhums.fleet.aircraft import aircraft_of, board_of
+from mavhums.history.comparison import packed
+from mavhums.history.flights import PastFlight, UndatedError
+
+__all__ = ["LogFile", "Row", "crashed", "judge", "judge_several", "settings_of"]
+
+
+class LogFile(NamedTuple):
+    """A log as it lies on disk; ``time_ns`` is when it was written."""
+
+    path: str
+    size: int
+    time_ns: int
+
+
+class Row(NamedTuple):
+    """What the store keeps of a log.
+
+    ``settings`` is the hash of all that a judgement depends on beside the log. ``start_us`` is UTC, None for
+    a log without a date. ``flight`` holds the flight judged alone; it is None where ``problem`` and
+    ``remedy`` say why it could not be judged.
+    """
+
+    path: str
+    size: int
+    time_ns: int
+    settings: str
+    sha256: str | None
+    aircraft: str
+    start_us: int | None
+    duration_s: float | None
+    losses: bool
+    flight: bytes | None
+    problem: str | None
+    remedy: str | None
+
+
+def settings_of(options: Options) -> str:
+    """Return the hash of what a judgement depends on beside the log."""
+    resolved = options.resolved()
+    told = {
+        "version": __version__,
+        "airframe": resolved.airframe.model_dump_json() if resolved.airframe else None,
+        "models": [model.hash for model in resolved.models],
+        "false_alarms": resolved.false_alarms,
+        "dialect": None if resolved.dialect is None else _hash_of_file(str(resolved.dialect)),
+        "key": None if resolved.key is None else hashlib.sha256(resolved.key).hexdigest(),
+    }
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def judge_several(files: tuple[LogFile, ...], options: Options, settings: str, rule: str | None) -> list[Row]:
+    """Judge logs one after the other."""
+    return [judge(file, options, settings, rule) for file in files]
+
+
+def judge(file: LogFile, options: Options, settings: str, rule: str | None) -> Row:
+    """Judge a log alone; what cannot be judged says why."""
+    aircraft = aircraft_of(file.path, rule)
+    try:
+        flight = analyse_alone(file.path, _resolved(options))
+    except MavhumsError as error:
+        return _failed(file, settings, aircraft, error.problem, error.remedy)
+    except Exception as error:
+        told = f"{file.path}: {type(error).__name__}: {str(error)[:200]}"
+        return _failed(file, settings, aircraft, told, "report it with the log")
+    try:
+        start_us: int | None = round(PastFlight.of(flight.assessment).start.timestamp() * 1e6)
+    except UndatedError:
+        start_us = None
+    log = flight.assessment.log
+    aircraft = aircraft or board_of(flight.assessment)
+    return Row(
+        *file,
+        settings=settings,
+        sha256=log.sha256,
+        aircraft=aircraft,
+        start_us=start_us,
+        duration_s=log.duration_s,
+        losses=bool(log.losses.any),
+        flight=packed(flight),
+        problem=None,
+        remedy=None,
+    )
+
+
+def crashed(file: LogFile, settings: str, rule: str | None) -> Row:
+    """Return the row of a log that no worker survived."""
+    remedy = "judge it alone to see why: mavhums analyse LOG"
+    problem = f"{file.path}: crashed the worker that judged it"
+    return _failed(file, settings, aircraft_of(file.path, rule), problem, remedy)
+
+
+def _failed(file: LogFile, settings: str, aircraft: str, problem: str, remedy: str) -> Row:
+    return Row(
+        *file,
+        settings=settings,
+        sha256=None,
+        aircraft=aircraft,
+        start_us=None,
+        duration_s=None,
+        losses=False,
+        flight=None,
+        problem=problem,
+        remedy=remedy,
+    )
+
+
+@cache
+def _resolved(options: Options) -> EngineOptions:
+    return options.resolved()
+
+
+def _hash_of_file(path: str) -> str:
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,255 @@
+"""Scan logs into a fleet's store: workers judge, this process alone commits."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from glob import glob, has_magic
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from mavhums.app.options import Options
+from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.fleet.aircraft import hold_rule
+from mavhums.fleet.past import hold_against_past
+from mavhums.fleet.rows import LogFile, Row, crashed, judge_several, settings_of
+from mavhums.fleet.store import Store
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+__all__ = ["ScanOptions", "Scanned", "logs_in", "scan"]
+
+_BATCH: Final = 20
+_IN_FLIGHT: Final = 8
+_COMMIT_LOGS: Final = 500
+_COMMIT_S: Final = 30.0
+_LOG: Final = re.compile(r".+\.(tlog|bin|ulg)(\.(gz|xz|bz2|zst))?", re.IGNORECASE)
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScanOptions:
+    """How a fleet is scanned.
+
+    Attributes
+    ----------
+    judging
+        As for one log; a history is left aside, for the store is the history.
+    aircraft
+        Whose log it is: ``folder`` for the name of its folder, or a regular expression with a group
+        ``aircraft``. Where it tells nothing, the board's id in the log does; a log without one is held
+        against no other.
+    workers
+        Processes on this machine.
+    scheduler
+        Address of a Dask scheduler whose workers judge instead, such as ``tcp://10.0.0.1:8786``. They must
+        see logs and profiles under the same paths.
+    """
+
+    judging: Options = field(default_factory=Options)
+    aircraft: str | None = None
+    workers: int = 1
+    scheduler: str | None = None
+
+
+class Scanned(NamedTuple):
+    """What a scan did: logs that it judged, that it could not judge, and that were known before."""
+
+    judged: int
+    failed: int
+    known: int
+
+
+def scan(
+    sources: Iterable[str | os.PathLike[str]],
+    store: str | os.PathLike[str],
+    options: ScanOptions | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Scanned:
+    """Judge the logs that a store does not have yet, and hold their aircraft against the past.
+
+    A log is known by its path, size and time, and by all that its judgement depends on. What was judged is
+    committed every 500 logs or 30 s, and at an interruption; the same call resumes.
+
+    Parameters
+    ----------
+    sources
+        Logs, folders with logs at any depth, or patterns.
+    store
+        Folder of the store.
+    options
+        How; the defaults if None.
+    progress
+        Called with the number of logs done and how many there are.
+
+    Raises
+    ------
+    MavhumsError
+        If there are no such logs, the store cannot be written, another scan writes into it, or there is no
+        such scheduler.
+    MissingExtraError
+        If the packages of the extra ``fleet`` are not installed.
+
+    Examples
+    --------
+    >>> from mavhums import fleet
+    >>> fleet.scan(["flight.tlog"], "store", fleet.ScanOptions(aircraft="folder")).failed  # doctest: +SKIP
+    0
+    """
+    options = options or ScanOptions()
+    hold_rule(options.aircraft)
+    options = replace(options, judging=replace(options.judging, history=None))
+    settings = settings_of(options.judging)
+    kept = Store(store)
+    files = logs_in(sources)
+    with kept.locked():
+        known = kept.known()
+        new = [file for file in files if known.get(file) != settings]
+        commits = _Commits(kept)
+        try:
+            if new:
+                with _cluster(options) as client:
+                    for done, row in enumerate(_judged(client, new, options, settings), 1):
+                        commits.add(row)
+                        if progress:
+                            progress(done, len(new))
+        finally:
+            commits.close()
+    return Scanned(commits.judged, commits.failed, len(files) - len(new))
+
+
+def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
+    """Return the logs that sources name, each once, by path.
+
+    Raises
+    ------
+    MavhumsError
+        If a source names nothing.
+    """
+    paths: set[Path] = set()
+    for source in (os.fspath(each) for each in sources):
+        if Path(source).is_dir():
+            found = [path for path in Path(source).rglob("*") if _LOG.fullmatch(path.name)]
+        elif has_magic(source) and not Path(source).exists():
+            found = [Path(path) for path in glob(source, recursive=True)]  # noqa: PTH207 — an absolute pattern
+            if not found:
+                raise MavhumsError(f"{source}: matches no log", "check the pattern")
+        else:
+            found = [Path(source)]
+            if not found[0].exists():
+                raise MavhumsError(f"{source}: no such file or folder", "check the path")
+        paths.update(path.absolute() for path in found if not path.is_dir())
+    return [_file(path) for path in sorted(paths)]
+
+
+def _file(path: Path) -> LogFile:
+    try:
+        status = path.stat()
+    except OSError:  # a dangling link: the worker says what is wrong with it
+        return LogFile(str(path), -1, 0)
+    return LogFile(str(path), status.st_size, status.st_mtime_ns)
+
+
+class _Commits:
+    """Collects rows and commits them in blocks; at the end, the verdicts of the aircraft that they are of."""
+
+    def __init__(self, store: Store) -> None:
+        self.judged = self.failed = 0
+        self._store = store
+        self._rows: list[Row] = []
+        self._since_s = monotonic()
+        self._aircraft: set[str] = set()
+
+    def add(self, row: Row) -> None:
+        self._rows.append(row)
+        if len(self._rows) >= _COMMIT_LOGS or monotonic() - self._since_s > _COMMIT_S:
+            self._commit()
+
+    def close(self) -> None:
+        self._commit()
+        for aircraft in sorted(self._aircraft | self._store.waiting()):
+            hold_against_past(self._store, aircraft)
+        self._store.compact()
+
+    def _commit(self) -> None:
+        if self._rows:
+            self._store.add_logs(self._rows)
+            self.failed += sum(row.flight is None for row in self._rows)
+            self.judged += sum(row.flight is not None for row in self._rows)
+            self._aircraft |= {row.aircraft for row in self._rows if row.flight is not None}
+        self._rows = []
+        self._since_s = monotonic()
+
+
+@contextmanager
+def _cluster(options: ScanOptions) -> Iterator[Client]:
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise MissingExtraError("scanning a fleet", "fleet") from error
+    if options.scheduler:
+        try:
+            client = Client(options.scheduler, timeout=10)
+        except (OSError, ValueError) as error:
+            problem = f"{options.scheduler}: no scheduler answers"
+            raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
+        with client:
+            yield client
+        return
+    with (
+        LocalCluster(
+            n_workers=options.workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str) -> Iterator[Row]:
+    """Yield the row of each log as it is judged.
+
+    A dying worker takes the batches that wait for it along. So the logs of a batch that no worker survives
+    are tried at the end, one at a time: the log over which a worker dies then is the one that kills.
+    """
+    from distributed import as_completed, wait
+
+    waiting = iter([tuple(files[k : k + _BATCH]) for k in range(0, len(files), _BATCH)])
+    running: Any = as_completed()
+    pending: dict[str, tuple[LogFile, ...]] = {}
+    suspects: list[LogFile] = []
+
+    def submit(several: tuple[LogFile, ...]) -> None:
+        future = client.submit(
+            judge_several, several, options.judging, settings, options.aircraft, pure=False
+        )
+        pending[future.key] = several
+        running.add(future)
+
+    for several, _ in zip(waiting, range(_IN_FLIGHT * max(options.workers, 1)), strict=False):
+        submit(several)
+    for future in running:
+        several = pending.pop(future.key)
+        if future.status == "finished":
+            yield from future.result()
+        else:
+            suspects += several
+        future.release()
+        for following in waiting:
+            submit(following)
+            break
+    for file in suspects:
+        future = client.submit(
+            judge_several, (file,), options.judging, settings, options.aircraft, pure=False
+        )
+        wait([future])
+        if future.status == "finished":
+            yield from future.result()
+        else:
+            yield crashed(file, settings, options.aircraft)

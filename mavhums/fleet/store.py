@@ -1,0 +1,188 @@
+"""The store: a folder with two Delta tables, of the logs judged alone and of the verdicts beside the past.
+
+Only the process that scans writes, under a lock; each commit is whole or not at all.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.fleet.rows import LogFile, Row
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = ["LOGS", "VERDICTS", "Store", "schemas"]
+
+LOGS: Final = "logs"
+VERDICTS: Final = "verdicts"
+_COMPACT_FILES: Final = 64
+
+
+class Store:
+    """A fleet's store.
+
+    Parameters
+    ----------
+    folder
+        Made with the first commit.
+
+    Raises
+    ------
+    MissingExtraError
+        If the packages of the extra ``fleet`` are not installed.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        try:
+            import deltalake  # noqa: F401
+            import duckdb  # noqa: F401
+        except ImportError as error:
+            raise MissingExtraError("a fleet's store", "fleet") from error
+        self.folder = Path(folder)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other scans out.
+
+        Raises
+        ------
+        MavhumsError
+            If another scan writes into the store, or it cannot be written.
+        """
+        import locket
+
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            lock = locket.lock_file(str(self.folder / ".scan.lock"), timeout=0)
+            lock.acquire()
+        except locket.LockError as error:
+            problem = f"{self.folder}: another scan writes into this store"
+            raise MavhumsError(problem, "wait until it has ended") from error
+        except OSError as error:
+            problem = f"{self.folder}: {(error.strerror or str(error)).lower()}"
+            raise MavhumsError(problem, "name another folder with --to") from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def has(self, table: str) -> bool:
+        """Return whether a table was begun."""
+        return (self.folder / table / "_delta_log").is_dir()
+
+    def query(self, sql: str, *values: object) -> Any:
+        """Return DuckDB's answer; ``logs`` and ``verdicts`` name the tables.
+
+        Raises
+        ------
+        MavhumsError
+            If there is no store, or it is damaged.
+        """
+        import duckdb
+        from deltalake import DeltaTable
+        from deltalake.exceptions import DeltaError
+
+        base = duckdb.connect()
+        try:
+            for table in (LOGS, VERDICTS):
+                if not self.has(table):
+                    base.register(table, schemas()[table].empty_table())
+                    continue
+                files = DeltaTable(self.folder / table).file_uris()
+                if files:
+                    base.execute(f"CREATE VIEW {table} AS SELECT * FROM read_parquet({_quoted(files)})")
+                else:
+                    base.register(table, schemas()[table].empty_table())
+            return base.execute(sql, list(values))
+        except (DeltaError, duckdb.Error, OSError) as error:
+            problem = f"{self.folder}: the store cannot be read: {str(error).splitlines()[0][:200]}"
+            raise MavhumsError(problem, "restore it from a backup, or scan into a new folder") from error
+
+    def opened(self) -> Store:
+        """Return the store, if there is one.
+
+        Raises
+        ------
+        MavhumsError
+            If there is none.
+        """
+        if not self.has(LOGS):
+            remedy = "fill it: mavhums fleet scan LOGS --to STORE"
+            raise MavhumsError(f"{self.folder}: no store of a fleet", remedy)
+        return self
+
+    def add_logs(self, rows: Sequence[Row]) -> None:
+        """Commit logs, in one go."""
+        now = time.time_ns()
+        self._write(LOGS, [row._asdict() | {"scanned": now + k} for k, row in enumerate(rows)], mode="append")
+
+    def replace_verdicts(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
+        """Commit the verdicts of an aircraft in place of those that it had, in one go."""
+        if self.has(VERDICTS):
+            predicate = f"aircraft = '{aircraft.replace(chr(39), chr(39) * 2)}'"
+            self._write(VERDICTS, rows, mode="overwrite", predicate=predicate)
+        else:
+            self._write(VERDICTS, rows, mode="append")
+
+    def known(self) -> dict[LogFile, str]:
+        """Return the logs that were scanned, each with the settings it was judged by last."""
+        rows = self.query("SELECT path, size, time_ns, settings FROM logs ORDER BY scanned").fetchall()
+        return {LogFile(*file): settings for *file, settings in rows}
+
+    def waiting(self) -> set[str]:
+        """Return the aircraft with logs that are in no verdict yet, as after an interruption."""
+        rows = self.query(
+            "SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL AND sha256 NOT IN"
+            " (SELECT sha256 FROM verdicts)"
+        ).fetchall()
+        return {aircraft for (aircraft,) in rows}
+
+    def compact(self) -> None:
+        """Put small files together, and remove what no version of the last week needs."""
+        from deltalake import DeltaTable
+
+        for name in (LOGS, VERDICTS):
+            if self.has(name):
+                table = DeltaTable(self.folder / name)
+                if len(table.file_uris()) > _COMPACT_FILES:
+                    table.optimize.compact()
+                    table.vacuum(dry_run=False)
+
+    def _write(self, table: str, rows: Sequence[dict[str, object]], **how: Any) -> None:
+        import pyarrow as pa
+        from deltalake import write_deltalake
+        from deltalake.exceptions import DeltaError
+
+        content = pa.Table.from_pylist(list(rows), schema=schemas()[table])
+        try:
+            write_deltalake(self.folder / table, content, **how)
+        except (DeltaError, OSError) as error:
+            problem = f"{self.folder}: cannot be written: {str(error).splitlines()[0][:200]}"
+            raise MavhumsError(problem, "make room or mend it, and scan again: it resumes") from error
+
+
+def schemas() -> dict[str, pa.Schema]:
+    """Return the columns of the tables."""
+    import pyarrow as pa
+
+    text, whole, number = pa.string(), pa.int64(), pa.float64()
+    log = [("path", text), ("size", whole), ("time_ns", whole), ("settings", text), ("sha256", text)]
+    log += [("aircraft", text), ("start_us", whole), ("duration_s", number), ("losses", pa.bool_())]
+    log += [("flight", pa.binary()), ("problem", text), ("remedy", text)]
+    log += [("scanned", whole)]
+    verdict = [("aircraft", text), ("path", text), ("sha256", text), ("start_us", whole), ("vehicle", whole)]
+    verdict += [("actuator", text), ("condition", text), ("worst", text), ("urgency", number)]
+    verdict += [("friction_nm", number), ("airframe", text), ("verdict", text)]
+    return {LOGS: pa.schema(log), VERDICTS: pa.schema(verdict)}
+
+
+def _quoted(files: Sequence[str]) -> str:
+    paths = ", ".join("'" + file.removeprefix("file://").replace("'", "''") + "'" for file in files)
+    return f"[{paths}]"

@@ -1,0 +1,89 @@
+"""The parts of what is found of an actuator, alike in flight and from a flight's record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol
+
+from scipy.special import stdtr
+
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.baseline import Baseline
+from mavhums.health.drift import Shift, held
+from mavhums.health.flight_record import Estimate
+from mavhums.health.rules import Quantity, drift_rule
+from mavhums.report.assessment import Evidence, Suspect
+
+__all__ = ["Described", "drift_evidence", "in_order", "ranked", "suspected"]
+
+
+class Described(Quantity, Protocol):
+    """A fault's indicator, as a detector or a record describes it."""
+
+    @property
+    def fault(self) -> str:
+        """That it shows."""
+
+    @property
+    def two_sided(self) -> bool:
+        """Whether the quantity is normal near zero and not below a value."""
+
+
+def drift_evidence(
+    described: Described, baseline: Baseline, alarm: Shift, end_s: float, false_alarms: float
+) -> Evidence:
+    """Return the shift from the baseline as evidence; ``end_s`` is where the last window ends."""
+    return Evidence(
+        kind=f"{described.fault}_drift",
+        start_s=alarm.since_s,
+        end_s=max(end_s, alarm.since_s),
+        value=baseline.mean + alarm.value,
+        limit=baseline.mean,
+        rule=drift_rule(described, baseline, alarm, false_alarms),
+    )
+
+
+def suspected(
+    described: Described, decided: Condition, latest: Estimate | None, alarm: Shift | None
+) -> Suspect | None:
+    """Name the fault, with the probability that the quantity lies beyond its limit or its baseline."""
+    if SEVERITY[held(decided, alarm)] < SEVERITY["degraded"] or latest is None:
+        return None
+    value, error, freedom = latest
+    normal = described.levels.normal
+    confidence = 0.0
+    if SEVERITY[decided] > 0 and normal is not None:
+        size = abs(value) if described.two_sided else value
+        confidence = float(stdtr(freedom, (size - normal) / error)) if error else 1.0
+    if alarm is not None:
+        confidence = max(confidence, float(stdtr(10.0, abs(alarm.value) / alarm.error)))
+    return Suspect(fault=described.fault, confidence=confidence)
+
+
+def ranked(suspects: Iterable[Suspect]) -> tuple[Suspect, ...]:
+    """Return the suspects, the surest first."""
+    return tuple(sorted(suspects, key=lambda suspect: -suspect.confidence))
+
+
+def in_order(
+    evidence: Iterable[Evidence], vote: tuple[float, float] | None, condition: Condition, window_s: float
+) -> tuple[Evidence, ...]:
+    """Return the evidence in the order of time, and last what a network says beside the condition.
+
+    ``vote`` holds the end of the last window that a network voted on and its probability of an emergency.
+    """
+    told = sorted(evidence, key=lambda each: each.start_s)
+    return (*told, *([] if vote is None else [_vote_evidence(*vote, condition, window_s)]))
+
+
+def _vote_evidence(end_s: float, p: float, condition: Condition, window_s: float) -> Evidence:
+    opposed = {"normal": p > 0.5, "emergency": p <= 0.5}.get(condition, False)
+    text = "network: probability of an emergency from the window's moving samples; the physics decides"
+    return Evidence(
+        kind="network",
+        start_s=end_s - window_s,
+        end_s=end_s,
+        value=p,
+        limit=0.5,
+        rule=f"{text}, and the network disagrees" if opposed else text,
+    )

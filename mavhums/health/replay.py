@@ -1,0 +1,159 @@
+"""Hold a flight against a baseline from its stored numbers: the verdict judged alone in, the other out.
+
+What follows is the drift test of :mod:`mavhums.health.drift`, fed as in flight, and the conditions that come
+of it. It is a pure function, so one command after each landing, a fleet, and a flight that arrives late say
+the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from itertools import groupby
+from typing import NamedTuple
+
+from mavhums.core.conditions import Condition
+from mavhums.health.baseline import Baseline
+from mavhums.health.drift import Drift, Shift, held, held_since
+from mavhums.health.findings_parts import drift_evidence, in_order, ranked, suspected
+from mavhums.health.flight_record import ActuatorRecord, FaultRecord
+from mavhums.health.holding import Change, Holding
+from mavhums.health.rules import drift_rule, limit_rule
+from mavhums.health.verdict import Held, against_baseline
+from mavhums.report.assessment import Evidence, Suspect, Verdict
+
+__all__ = ["replay"]
+
+
+def replay(
+    verdict: Verdict,
+    record: ActuatorRecord,
+    baselines: Mapping[str, Baseline],
+    *,
+    start_utc: datetime,
+    end_s: float,
+) -> Verdict:
+    """Return the verdict on an actuator as held against its own baseline.
+
+    Parameters
+    ----------
+    verdict
+        On the flight alone.
+    record
+        Of the same flight.
+    baselines
+        Of the actuator's flights before, by fault.
+    start_utc
+        When flight time began.
+    end_s
+        Where the log ends, in flight time.
+    """
+    traces = [_Trace(record, fault, baselines.get(fault.fault)) for fault in record.faults]
+    changes = [(at_s, place, said) for place, trace in enumerate(traces) for at_s, said in trace.changes()]
+    holding = Holding()
+    for _, place, said in sorted(changes, key=lambda each: each[:2]):
+        holding.take(record.faults[place].fault, said)
+    if record.concluded_s is not None:
+        concluded = [(trace.fault.fault, trace.conclude(record.concluded_s)) for trace in traces]
+        for fault, change in concluded:
+            if change is not None:
+                holding.take(fault, change)
+    evidence = (each for trace in traces for each in trace.evidence())
+    intervals = {fault: baseline.prediction() for fault, baseline in baselines.items()}
+    return against_baseline(
+        verdict,
+        Held(
+            condition=holding.condition,
+            worst=holding.worst,
+            since_s=holding.since_s,
+            suspects=ranked(suspect for trace in traces if (suspect := trace.suspect())),
+            evidence=in_order(evidence, record.vote, holding.condition, record.window_s),
+            baselines=intervals,
+            last_s=record.end_s,
+        ),
+        start_utc=start_utc,
+        end_s=end_s,
+    )
+
+
+class _Event(NamedTuple):
+    """What happens at the end of a window: one that overlaps none before, and then a decision."""
+
+    end_s: float
+    order: int
+    place: int
+
+
+class _Trace:
+    """One indicator followed through the record of a flight, as the tracker follows it in flight."""
+
+    def __init__(self, record: ActuatorRecord, fault: FaultRecord, baseline: Baseline | None) -> None:
+        self.record = record
+        self.fault = fault
+        self.drift = (
+            Drift(baseline, two_sided=fault.two_sided, false_alarms=record.false_alarms) if baseline else None
+        )
+        self._decided: Condition = "undecided"
+        self._decided_s: float | None = None
+        self._latest = fault.latest
+
+    def changes(self) -> Iterator[tuple[float, Change]]:
+        """Yield each change of what is shown, with the end of the window that brings it."""
+        events = [_Event(window.end_s, 0, k) for k, window in enumerate(self.fault.windows)]
+        events += [_Event(decided.end_s, 1, k) for k, decided in enumerate(self.fault.decided)]
+        for end_s, together in groupby(sorted(events), key=lambda event: event.end_s):
+            before = self._condition
+            for event in together:
+                self._take(event)
+            if self._condition != before:
+                since_s = held_since(self._decided, self._decided_s, self._alarm)
+                yield end_s, Change(0, self._condition, since_s or 0.0, self._rule())
+
+    def conclude(self, start_s: float) -> Change | None:
+        """Judge by the whole flight, whose time began to count at ``start_s``; return the change."""
+        before, whole = self._condition, self.fault.whole
+        if self.drift is not None and whole is not None:
+            self.drift.conclude(*whole, start_s)
+            self._latest = self._latest or whole
+        if self.fault.settled is not None:
+            self._decided, self._decided_s = self.fault.settled, start_s
+        if self._condition == before:
+            return None
+        return Change(0, self._condition, start_s, f"{self._rule()}, over the whole flight")
+
+    def suspect(self) -> Suspect | None:
+        """Name the fault, if it is suspected."""
+        return suspected(self.fault, self._decided, self._latest, self._alarm)
+
+    def evidence(self) -> Iterator[Evidence]:
+        """Yield what the limits tell, and the shift from the baseline if it alarmed."""
+        yield from self.fault.evidence
+        if self.drift is not None and self._alarm is not None:
+            windows, length_s = self.fault.windows, self.record.window_s
+            last_s = windows[-1].end_s + length_s - length_s if windows else self._alarm.since_s
+            yield drift_evidence(
+                self.fault, self.drift.baseline, self._alarm, last_s, self.record.false_alarms
+            )
+
+    @property
+    def _alarm(self) -> Shift | None:
+        return self.drift.alarm if self.drift else None
+
+    @property
+    def _condition(self) -> Condition:
+        return held(self._decided, self._alarm)
+
+    def _take(self, event: _Event) -> None:
+        if event.order:
+            _, self._decided, self._decided_s = self.fault.decided[event.place]
+        elif self.drift is not None:
+            window = self.fault.windows[event.place]
+            start_s = window.end_s - self.record.window_s
+            self.drift.feed(window.value, window.error, window.freedom, start_s)
+
+    def _rule(self) -> str:
+        """Return in words why the quantity makes the condition what it is."""
+        condition, alarms = self._condition, self.record.false_alarms
+        if condition != self._decided and self.drift is not None and self._alarm is not None:
+            return drift_rule(self.fault, self.drift.baseline, self._alarm, alarms)
+        return limit_rule(self.fault, condition, alarms)

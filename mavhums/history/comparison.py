@@ -1,0 +1,129 @@
+"""A flight judged alone, and the same flight held against the aircraft's earlier ones."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any, NamedTuple
+
+from pydantic import TypeAdapter, ValidationError
+
+from mavhums.core.errors import MavhumsError
+from mavhums.health.baseline import Baseline, Baselines, BaselineSource
+from mavhums.health.flight_record import ActuatorRecord
+from mavhums.health.own.past import PastSource
+from mavhums.health.own.verdict import held_against, without_own
+from mavhums.health.replay import replay
+from mavhums.report.assessment import Assessment, Verdict
+
+__all__ = ["LoneFlight", "Records", "compared", "packed", "unpacked"]
+
+Records = Mapping[tuple[int, str], ActuatorRecord]
+"""What a flight leaves of each actuator, by vehicle and actuator."""
+
+_LARGEST = 256 << 20
+
+
+class LoneFlight(NamedTuple):
+    """A flight judged by itself.
+
+    Attributes
+    ----------
+    assessment
+        Without any baseline.
+    records
+        By vehicle and actuator.
+    profiles
+        Name of the profile by which each was judged.
+    """
+
+    assessment: Assessment
+    records: Records
+    profiles: Mapping[tuple[int, str], str]
+
+
+def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | None = None) -> Assessment:
+    """Return the assessment of a flight as held against the actuators' own flights before.
+
+    Parameters
+    ----------
+    flight
+        Judged alone.
+    baselines
+        Of the flights before, or a function that returns them for an airframe and a time.
+    past
+        Function that returns the flights before for an airframe and a time; None for none.
+    """
+    log = flight.assessment.log
+    start = None if log.start_utc is None else datetime.fromisoformat(log.start_utc)
+    if start is None:
+        return flight.assessment
+    profiles = set(flight.profiles.values())
+    known = {name: baselines(name, start) if callable(baselines) else baselines for name in profiles}
+    own_scale = any(verdict.own for verdict in flight.assessment.verdicts)
+    flown = {name: past(name, start) for name in profiles} if past and own_scale else {}
+
+    def held(verdict: Verdict) -> Verdict:
+        key = (verdict.vehicle or 0, verdict.actuator)
+        record, profile = flight.records.get(key), flight.profiles.get(key, "")
+        if record is None or verdict.subject != "actuator" or not verdict.coverage.windows:
+            return verdict
+        own = _own(known.get(profile, {}), key)
+        if own:
+            alone = without_own(verdict)
+            verdict = replay(alone, record, own, start_utc=start, end_s=log.duration_s)
+        return held_against(verdict, flown.get(profile, {}).get(key, ()), record.false_alarms)
+
+    return flight.assessment.model_copy(update={"verdicts": tuple(map(held, flight.assessment.verdicts))})
+
+
+def packed(flight: LoneFlight) -> bytes:
+    """Return a flight as bytes that :func:`unpacked` takes; numbers come back exactly.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> from mavhums.app.analysis import analyse_alone
+    >>> flight = analyse_alone("flight.tlog", mavhums.Options().resolved())
+    >>> unpacked(packed(flight)) == flight
+    True
+    """
+    content = _Stored(
+        flight.assessment,
+        tuple((*key, flight.profiles[key], record) for key, record in flight.records.items()),
+    )
+    return zlib.compress(_STORED.dump_json(content, by_alias=True))
+
+
+def unpacked(data: bytes) -> LoneFlight:
+    """Return a flight from what :func:`packed` returned.
+
+    Raises
+    ------
+    MavhumsError
+        If the bytes are damaged, or another version's.
+    """
+    try:
+        inflate = zlib.decompressobj()
+        text = inflate.decompress(data, _LARGEST)
+        content: Any = _STORED.validate_json(text)
+    except (zlib.error, ValidationError) as error:
+        raise MavhumsError(
+            "a stored flight is damaged or of another version", "scan its log again"
+        ) from error
+    records = {(vehicle, actuator): record for vehicle, actuator, _, record in content.records}
+    profiles = {(vehicle, actuator): profile for vehicle, actuator, profile, _ in content.records}
+    return LoneFlight(content.assessment, records, profiles)
+
+
+class _Stored(NamedTuple):
+    assessment: Assessment
+    records: tuple[tuple[int, str, str, ActuatorRecord], ...]
+
+
+_STORED = TypeAdapter(_Stored)
+
+
+def _own(baselines: Baselines, key: tuple[int, str]) -> dict[str, Baseline]:
+    return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}

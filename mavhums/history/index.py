@@ -1,0 +1,216 @@
+"""A folder of flights with an index in it: a landing costs the same after ten flights and ten thousand.
+
+The index says which flights are references of which indicator; only their files are read, and the baselines
+come out of :class:`FlightHistory` as from the whole folder. It is a cache: it follows the files' times and
+sizes, and where it is lost, damaged or of another version it is made anew.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from stat import S_ISDIR
+from typing import Final, NamedTuple
+from weakref import finalize
+
+from mavhums.core.errors import MavhumsError
+from mavhums.health.baseline import Baselines
+from mavhums.health.own.past import PastRecord
+from mavhums.history.files import UnusedError, assessment_files, read_file, read_history
+from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight, Since, is_healthy
+from mavhums.report.assessment import Assessment
+
+__all__ = ["INDEX", "IndexedFolder"]
+
+INDEX: Final = ".mavhums-index.sqlite"
+_VERSION: Final = 1
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+_WAIT_S: Final = 30.0
+_TABLES: Final = """
+CREATE TABLE file (name TEXT PRIMARY KEY, time_ns INTEGER, size INTEGER) WITHOUT ROWID;
+CREATE TABLE told (name TEXT, failed INTEGER, problem TEXT, remedy TEXT);
+CREATE TABLE flight (name TEXT, place INTEGER, same TEXT, PRIMARY KEY (name, place)) WITHOUT ROWID;
+CREATE TABLE shown (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT, start INTEGER, name TEXT,
+    place INTEGER, stop INTEGER, PRIMARY KEY (airframe, vehicle, actuator, fault, start, name, place))
+    WITHOUT ROWID;
+CREATE TABLE series (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT,
+    PRIMARY KEY (airframe, vehicle, actuator, fault)) WITHOUT ROWID;
+CREATE INDEX flight_same ON flight (same);
+CREATE INDEX shown_name ON shown (name);
+CREATE INDEX told_name ON told (name);
+"""
+_REFERENCES: Final = """
+SELECT shown.name FROM shown JOIN flight USING (name, place) JOIN file USING (name)
+WHERE airframe = ? AND vehicle = ? AND actuator = ? AND fault = ? AND start >= ? AND start <= ? AND stop <= ?
+AND NOT EXISTS (SELECT 1 FROM flight AS other JOIN file AS theirs ON theirs.name = other.name
+    WHERE other.same = flight.same
+    AND (theirs.time_ns, other.name, other.place) > (file.time_ns, flight.name, flight.place))
+ORDER BY start, shown.name, place LIMIT ?
+"""
+
+
+class _File(NamedTuple):
+    name: str
+    time_ns: int
+    size: int
+
+
+class IndexedFolder:
+    """The flights in a folder of assessments, of which only those are read that a baseline needs.
+
+    Parameters
+    ----------
+    folder
+        As for :func:`mavhums.history.files.read_history`.
+    progress
+        Called with the number of new or changed files read, and how many there are.
+
+    Raises
+    ------
+    MavhumsError
+        If there is no such folder.
+    """
+
+    def __init__(
+        self, folder: str | os.PathLike[str], *, progress: Callable[[int, int], None] | None = None
+    ) -> None:
+        self._folder = Path(folder)
+        files = [*_files(self._folder)]
+        try:
+            self._base = _opened(self._folder / INDEX)
+            self._follow(files, progress)
+        except sqlite3.Error as error:  # damaged, or in a folder that can only be read
+            if not isinstance(error, sqlite3.OperationalError):
+                (self._folder / INDEX).unlink(missing_ok=True)
+            self._base = _opened(":memory:")
+            self._follow(files, progress)
+        finalize(self, self._base.close)
+
+    @property
+    def flights(self) -> tuple[PastFlight, ...]:
+        """All flights; the whole folder is read."""
+        return read_history(self._folder).flights
+
+    @property
+    def errors(self) -> tuple[MavhumsError, ...]:
+        """What could not be read of the folder; the rest was."""
+        told = self._base.execute("SELECT problem, remedy FROM told WHERE failed ORDER BY name")
+        return tuple(MavhumsError(problem, remedy) for problem, remedy in told)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What was left out without a loss."""
+        told = self._base.execute("SELECT problem FROM told WHERE NOT failed ORDER BY name").fetchall()
+        (twice,) = self._base.execute("SELECT COUNT(*) - COUNT(DISTINCT same) FROM flight").fetchone()
+        older = [f"{self._folder}: {twice} older assessments of logs that were judged again"] if twice else []
+        return (*(problem for (problem,) in told), *older)
+
+    def baselines(
+        self, airframe: str | None, before: datetime | None, since: Since | None = None
+    ) -> Baselines:
+        """Return what :meth:`FlightHistory.baselines` returns of the whole folder."""
+        if before is None:
+            return {}
+        return self._flights(self._references(airframe, before, since)).baselines(airframe, before, since)
+
+    def past(
+        self, airframe: str | None, before: datetime | None, since: Since | None = None
+    ) -> dict[tuple[int, str], list[PastRecord]]:
+        """Return what :meth:`FlightHistory.past` returns; it needs the whole folder."""
+        return read_history(self._folder).past(airframe, before, since)
+
+    def with_flight(self, assessment: Assessment) -> IndexedFolder:
+        """Return the folder with one more flight, which was kept in it."""
+        self._follow([*_files(self._folder)], None)
+        return self
+
+    def _references(self, airframe: str | None, before: datetime, since: Since | None) -> set[str]:
+        """Return the names of the files with the reference flights of any actuator."""
+        dates, named, last = since or {}, airframe or "", _microseconds(before)
+        names: set[str] = set()
+        series = self._base.execute(
+            "SELECT vehicle, actuator, fault FROM series WHERE airframe = ?", (named,)
+        ).fetchall()
+        for vehicle, actuator, fault in series:
+            date = dates.get(actuator, dates.get(None))
+            first = -(1 << 62) if date is None else _microseconds(date)
+            wanted = (named, vehicle, actuator, fault, first, last, last, REFERENCE_FLIGHTS)
+            names.update(name for (name,) in self._base.execute(_REFERENCES, wanted))
+        return names
+
+    def _flights(self, names: Iterable[str]) -> FlightHistory:
+        read = [flight for name in names for flight in read_file(self._folder / name)]
+        return FlightHistory(tuple(flight for flight in read if isinstance(flight, PastFlight)))
+
+    def _follow(self, files: list[_File], progress: Callable[[int, int], None] | None) -> None:
+        """Bring the index up to what is in the folder."""
+        known = {_File(*row) for row in self._base.execute("SELECT name, time_ns, size FROM file")}
+        there = set(files)
+        new = sorted(there - known)
+        with self._base:
+            for file in known - there:
+                for table in ("file", "told", "flight", "shown"):
+                    self._base.execute(f"DELETE FROM {table} WHERE name = ?", (file.name,))
+            for number, file in enumerate(new, 1):
+                if progress:
+                    progress(number, len(new))
+                self._base.execute("INSERT OR REPLACE INTO file VALUES (?, ?, ?)", file)
+                for place, outcome in enumerate(read_file(self._folder / file.name)):
+                    self._add(file.name, place, outcome)
+
+    def _add(self, name: str, place: int, outcome: PastFlight | MavhumsError) -> None:
+        if not isinstance(outcome, PastFlight):
+            told = (name, not isinstance(outcome, UnusedError), outcome.problem, outcome.remedy)
+            self._base.execute("INSERT INTO told VALUES (?, ?, ?, ?)", told)
+            return
+        log, judged = outcome.assessment.log, outcome.assessment.airframe or ""
+        same = "\n".join(map(str, (log.sha256 or (log.path, log.start_utc), judged)))
+        self._base.execute("INSERT INTO flight VALUES (?, ?, ?)", (name, place, same))
+        times = _microseconds(outcome.start), name, place, _microseconds(outcome.end)
+        for airframe in {judged, *judged.split(", ")}:
+            series = [
+                (airframe, verdict.vehicle, verdict.actuator, shown.fault)
+                for verdict in outcome.assessment.verdicts
+                if verdict.vehicle is not None and is_healthy(verdict)
+                for shown in verdict.indicators
+            ]
+            self._base.executemany("INSERT OR IGNORE INTO series VALUES (?, ?, ?, ?)", series)
+            self._base.executemany(
+                "INSERT OR IGNORE INTO shown VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                [(*which, *times) for which in series],
+            )
+
+
+def _opened(path: Path | str) -> sqlite3.Connection:
+    """Open the index, made anew where it is none of this version."""
+    base = sqlite3.connect(path, timeout=_WAIT_S, isolation_level="IMMEDIATE", check_same_thread=False)
+    try:
+        (version,) = base.execute("PRAGMA user_version").fetchone()
+        if version != _VERSION:
+            with closing(base.cursor()) as cursor:
+                there = cursor.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
+                drops = "".join(f'DROP TABLE "{name}";' for (name,) in there)
+                cursor.executescript(f"BEGIN;{drops}{_TABLES}PRAGMA user_version = {_VERSION};COMMIT;")
+    except sqlite3.Error:
+        base.close()
+        raise
+    return base
+
+
+def _files(folder: Path) -> Iterator[_File]:
+    for entry in assessment_files(folder):
+        try:
+            status = entry.stat()
+        except OSError:
+            yield _File(entry.name, 0, -1)
+            continue
+        if not S_ISDIR(status.st_mode):
+            yield _File(entry.name, status.st_mtime_ns, status.st_size)
+
+
+def _microseconds(time: datetime) -> int:
+    return (time - _EPOCH) // timedelta(microseconds=1)

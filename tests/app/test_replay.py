@@ -1,0 +1,137 @@
+"""A flight judged alone and then held against a baseline is the flight judged beside it from the start."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mavhums import Engine
+from mavhums.app.analysis import analyse_alone
+from mavhums.app.options import Options
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.options import EngineOptions
+from mavhums.health.baseline import Baseline, Baselines
+from mavhums.history.comparison import LoneFlight, compared, packed, unpacked
+from mavhums.report.assessment import Assessment
+from mavhums_sim import Flight, Gearbox, fly, write_tlog
+from mavhums_sim.conditions import Condition
+from mavhums_sim.ema import EmaParameters
+from tests.fleet_logs import joined, records
+
+TWO_MASSES = EmaParameters.from_data_sheet(gearbox=Gearbox())
+KINDS = ("healthy", "wear", "jam", "backlash", "silent", "several", "short")
+
+
+def in_flight(path: Path, options: EngineOptions, baselines: Baselines) -> Assessment:
+    """Judge as a link is judged: the drift test fed while it flies."""
+    engine = Engine(replace(options, baselines=baselines))
+    engine.feed(path.read_bytes())
+    engine.finish()
+    return engine.assessment(str(path), None)
+
+
+def judged_later(path: Path, options: EngineOptions, baselines: Baselines) -> Assessment:
+    assessment = compared(unpacked(packed(analyse_alone(path, options))), baselines)
+    return assessment.model_copy(update={"log": assessment.log.model_copy(update={"sha256": None})})
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("replay")
+
+    def log(name: str, seed: int, *, seconds: float = 30.0, **given: object) -> Path:
+        path = folder / f"{name}.tlog"
+        flight = Flight(seed, seconds, rate_hz=25.0, tiers=("instrumented",), **given)  # type: ignore[arg-type]
+        write_tlog(fly(flight), path)
+        return path
+
+    made = {
+        "healthy": log("healthy", 1, seconds=60.0),
+        "wear": log("wear", 2, friction_nm={"elevator": (0.2, 1.2), "rudder": (0.3, 0.5)}),
+        "jam": log("jam", 3, conditions={"elevator": (Condition.step("jam", 5.0, 12.0),)}),
+        "backlash": log(
+            "backlash",
+            4,
+            parameters=TWO_MASSES,
+            conditions={"elevator": (Condition.step("backlash", 3.0, 10.0),)},
+        ),
+        "short": log("short", 5, seconds=11.0),
+    }
+    silent, several = folder / "silent.tlog", folder / "several.tlog"
+    frames = [*records(made["healthy"].read_bytes())]
+    debug, start = 350, frames[0][0]
+    silent.write_bytes(
+        b"".join(
+            time.to_bytes(8, "big") + frame
+            for time, frame in frames
+            if int.from_bytes(frame[7:10], "little") != debug or time < start + 25_000_000
+        )
+    )
+    several.write_bytes(joined(made["wear"], made["backlash"]))
+    return made | {"silent": silent, "several": several}
+
+
+@pytest.fixture(scope="module")
+def alone(logs: dict[str, Path]) -> dict[str, LoneFlight]:
+    return {kind: analyse_alone(logs[kind], Options().resolved()) for kind in KINDS}
+
+
+def baselines_about(flight: LoneFlight, shifts: list[float], spread: float) -> Baselines:
+    """Return baselines that lie beside what the flight shows, each by another share of it."""
+    found = [(v.vehicle or 0, v.actuator, one) for v in flight.assessment.verdicts for one in v.indicators]
+    return {
+        (vehicle, actuator, one.fault): Baseline(
+            one.value.estimate - shift * max(abs(one.value.estimate), 0.01), spread, 12, spread, 2 * spread
+        )
+        for (vehicle, actuator, one), shift in zip(found, shifts * len(found), strict=False)
+    }
+
+
+@given(
+    kind=st.sampled_from(KINDS),
+    shifts=st.lists(st.sampled_from([-0.2, 0.0, 0.01, 0.03, 0.1, 0.5, 3.0]), min_size=1, max_size=7),
+    spread=st.sampled_from([1e-5, 1e-4, 1e-3, 1e-2]),
+    false_alarms=st.sampled_from([0.01, 1.0, 100.0]),
+)
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_replayed_verdicts_are_those_of_the_drift_followed_in_flight(
+    logs: dict[str, Path],
+    alone: dict[str, LoneFlight],
+    kind: str,
+    shifts: list[float],
+    spread: float,
+    false_alarms: float,
+) -> None:
+    options = replace(Options().resolved(), false_alarms=false_alarms)
+    baselines = baselines_about(alone[kind], shifts, spread)
+    assert judged_later(logs[kind], options, baselines) == in_flight(logs[kind], options, baselines)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_cases_do_drift_and_replay_says_so(
+    logs: dict[str, Path], alone: dict[str, LoneFlight], kind: str
+) -> None:
+    baselines = baselines_about(alone[kind], [0.5], 1e-4)
+    later = judged_later(logs[kind], Options().resolved(), baselines)
+    assert later == in_flight(logs[kind], Options().resolved(), baselines)
+    told = {one.kind for verdict in later.verdicts for one in verdict.evidence}
+    assert kind == "short" or "friction_drift" in told
+
+
+def test_without_baselines_the_flight_alone_is_returned(alone: dict[str, LoneFlight]) -> None:
+    assert compared(alone["wear"], {}) == alone["wear"].assessment
+    assert compared(alone["wear"], lambda airframe, start: {}) == alone["wear"].assessment
+
+
+def test_a_flight_comes_back_from_its_bytes_and_other_bytes_are_refused(
+    alone: dict[str, LoneFlight],
+) -> None:
+    for flight in alone.values():
+        assert unpacked(packed(flight)) == flight
+    for data in (b"", b"no flight", packed(alone["short"])[:-9]):
+        with pytest.raises(MavhumsError, match="stored flight"):
+            unpacked(data)

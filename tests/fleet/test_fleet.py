@@ -1,0 +1,352 @@
+"""A fleet's store: the verdicts of one by one, whatever the order, the workers and what goes wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from mavhums.app.analysis import analyse
+from mavhums.app.options import Options
+from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.history.files import keep_assessment
+from mavhums.report.assessment import Verdict
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run
+from tests.fleet_logs import joined, moved, nameless
+
+pytest.importorskip("deltalake")
+pytest.importorskip("duckdb")
+distributed = pytest.importorskip("distributed")
+cloudpickle = pytest.importorskip("cloudpickle")
+
+from mavhums import fleet  # noqa: E402
+from mavhums.fleet.scan import logs_in  # noqa: E402
+from mavhums.fleet.store import LOGS, Store  # noqa: E402
+
+FLIGHTS = 12
+DAY_S = 86_400.0
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve flights of each of two aircraft, the last worn; two vehicles speak in the logs of one."""
+    folder = tmp_path_factory.mktemp("fleet")
+
+    def flown(seed: int, friction: float) -> Path:
+        path = folder / f"{seed}.tlog"
+        flight = Flight(seed, 21.0, {"elevator": (friction, friction)}, rate_hz=25.0, tiers=("instrumented",))
+        write_tlog(fly(flight), path)
+        return path
+
+    healthy = [flown(seed, 0.225) for seed in range(3)]
+    worn, failing = flown(8, 0.3), flown(9, 1.1)
+    for number in range(FLIGHTS):
+        last = number == FLIGHTS - 1
+        one = worn if last else healthy[number % 3]
+        other = failing if last else healthy[(number + 1) % 3]
+        for aircraft, data in (("D-A", one.read_bytes()), ("D-B", joined(one, other))):
+            path = folder / "logs" / aircraft / f"{number:02}.tlog"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(moved(data, DAY_S * number))
+    return folder / "logs"
+
+
+@pytest.fixture(scope="module")
+def one_by_one(logs: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """Each verdict as `analyse --history --keep` gives it after each landing."""
+    told: dict[str, list[str]] = {}
+    for aircraft in ("D-A", "D-B"):
+        history = tmp_path_factory.mktemp("history")
+        for log in sorted((logs / aircraft).iterdir()):
+            assessment = analyse(log, Options(history=history))
+            keep_assessment(assessment, history)
+            told[str(log)] = [verdict.model_dump_json() for verdict in assessment.verdicts]
+    return told
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """A cluster in this process, which starts at once."""
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture(scope="module")
+def options(scheduler: str) -> fleet.ScanOptions:
+    return fleet.ScanOptions(aircraft="folder", scheduler=scheduler)
+
+
+@pytest.fixture(scope="module")
+def scanned(logs: Path, options: fleet.ScanOptions, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    store = tmp_path_factory.mktemp("scanned") / "store"
+    assert fleet.scan([logs], store, options) == (2 * FLIGHTS, 0, 0)
+    return store
+
+
+def verdicts_of(store: Path, aircraft: Sequence[str] = ("D-A", "D-B")) -> dict[str, list[str]]:
+    told: dict[str, list[str]] = {}
+    for name in aircraft:
+        for log, verdict in fleet.verdicts(store, name):
+            told.setdefault(log, []).append(verdict.model_dump_json())
+    return {log: sorted(several) for log, several in told.items()}
+
+
+def in_order(told: dict[str, list[str]]) -> dict[str, list[str]]:
+    return {log: sorted(several) for log, several in told.items()}
+
+
+def test_a_fleet_says_what_one_command_after_each_landing_says(
+    scanned: Path, one_by_one: dict[str, list[str]]
+) -> None:
+    assert verdicts_of(scanned) == in_order(one_by_one)
+    kinds = {
+        evidence.kind
+        for several in one_by_one.values()
+        for verdict in map(Verdict.model_validate_json, several)
+        for evidence in verdict.evidence
+    }
+    assert "friction_drift" in kinds
+
+
+def test_the_order_of_arrival_does_not_matter(
+    logs: Path, options: fleet.ScanOptions, one_by_one: dict[str, list[str]], tmp_path: Path
+) -> None:
+    arriving = sorted(logs.rglob("*.tlog"))
+    random.Random(5).shuffle(arriving)
+    for part in (arriving[:5], arriving[5:6], arriving[6:]):
+        fleet.scan(part, tmp_path / "store", options)
+    assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
+
+
+def test_a_second_scan_judges_nothing_and_another_rate_judges_all(
+    logs: Path, options: fleet.ScanOptions, tmp_path: Path
+) -> None:
+    few = sorted((logs / "D-A").iterdir())[:3]
+    for _ in range(2):
+        done = fleet.scan(few, tmp_path, options)
+    assert done == (0, 0, 3)
+    rows = Store(tmp_path).query("SELECT COUNT(*) FROM logs").fetchone()
+    assert rows == (3,)
+    stricter = fleet.ScanOptions(
+        judging=Options(false_alarms=0.1), aircraft="folder", scheduler=options.scheduler
+    )
+    assert fleet.scan(few, tmp_path, stricter) == (3, 0, 0)
+    assert fleet.status(tmp_path).judged == 3
+    assert len(fleet.verdicts(tmp_path, "D-A")) == 12
+
+
+def test_broken_logs_are_rows_and_stop_nothing(
+    logs: Path, options: fleet.ScanOptions, run: Run, tmp_path: Path
+) -> None:
+    folder = tmp_path / "D-X"
+    folder.mkdir()
+    (folder / "good.tlog").write_bytes((logs / "D-A" / "00.tlog").read_bytes())
+    (folder / "empty.tlog").touch()
+    (folder / "noise.tlog").write_bytes(random.Random(1).randbytes(4000))
+    (folder / "dangling.tlog").symlink_to(tmp_path / "nothing")
+    assert fleet.scan([folder], tmp_path / "store", options) == (1, 3, 0)
+    assert fleet.scan([folder], tmp_path / "store", options) == (0, 0, 4)
+    told = run("fleet", "status", tmp_path / "store")
+    for name in ("empty", "noise", "dangling"):
+        assert f"{name}.tlog" in told.out
+    assert run("fleet", "worst", tmp_path / "store").code == ExitCode.ERROR
+
+
+def test_a_log_of_an_unknown_aircraft_is_held_against_no_other(
+    logs: Path, options: fleet.ScanOptions, tmp_path: Path
+) -> None:
+    unruled = fleet.ScanOptions(scheduler=options.scheduler)
+    for log in (logs / "D-A").iterdir():
+        (tmp_path / log.name).write_bytes(nameless(log.read_bytes()))
+    store = tmp_path / "store"
+    fleet.scan([tmp_path], store, unruled)
+    told = fleet.verdicts(store, "")
+    assert len(told) == 4 * FLIGHTS
+    assert not any(indicator.baseline for _, verdict in told for indicator in verdict.indicators)
+    assert fleet.status(store).unknown == FLIGHTS
+    assert len(fleet.worst(store)) == 4 * FLIGHTS
+
+
+def test_the_board_names_an_aircraft_where_no_rule_does(
+    logs: Path, options: fleet.ScanOptions, tmp_path: Path
+) -> None:
+    fleet.scan([logs / "D-A" / "00.tlog"], tmp_path, fleet.ScanOptions(scheduler=options.scheduler))
+    assert fleet.worst(tmp_path)[0].aircraft.startswith("board 4D4156")
+
+
+def test_an_interrupted_scan_keeps_what_it_has_and_resumes(
+    logs: Path, options: fleet.ScanOptions, one_by_one: dict[str, list[str]], tmp_path: Path
+) -> None:
+    def interrupt(done: int, total: int) -> None:
+        if done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fleet.scan([logs / "D-A"], tmp_path, options, progress=interrupt)
+    assert fleet.status(tmp_path).judged == 5
+    assert fleet.scan([logs / "D-A"], tmp_path, options) == (FLIGHTS - 5, 0, 5)
+    expected = {log: told for log, told in in_order(one_by_one).items() if "D-A" in log}
+    assert verdicts_of(tmp_path) == expected
+
+
+def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
+    logs: Path, options: fleet.ScanOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def die(store: Store, aircraft: str) -> None:
+        raise SystemExit(137)
+
+    few = sorted((logs / "D-A").iterdir())[:2]
+    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "hold_against_past", die)
+    with pytest.raises(SystemExit):
+        fleet.scan(few, tmp_path, options)
+    monkeypatch.undo()
+    assert fleet.scan(few, tmp_path, options) == (0, 0, 2)
+    assert len(fleet.verdicts(tmp_path, "D-A")) == 8
+
+
+def test_two_scans_at_once_are_refused(logs: Path, options: fleet.ScanOptions, tmp_path: Path) -> None:
+    with Store(tmp_path).locked(), pytest.raises(MavhumsError, match="another scan"):
+        fleet.scan([logs], tmp_path, options)
+
+
+def test_a_store_that_cannot_be_written_says_so(
+    logs: Path, options: fleet.ScanOptions, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(MavhumsError, match="file"):
+        fleet.scan([logs], tmp_path / "file", options)
+
+
+def test_a_damaged_store_names_the_remedy(scanned: Path, tmp_path: Path) -> None:
+    import shutil
+
+    store = tmp_path / "store"
+    shutil.copytree(scanned, store)
+    for part in (store / LOGS).glob("*.parquet"):
+        part.write_bytes(b"no table")
+    with pytest.raises(MavhumsError, match="cannot be read"):
+        fleet.status(store)
+
+
+def test_a_copy_of_the_store_is_a_backup(scanned: Path, tmp_path: Path) -> None:
+    import shutil
+
+    shutil.copytree(scanned, tmp_path / "restored")
+    assert verdicts_of(tmp_path / "restored") == verdicts_of(scanned)
+
+
+def test_what_names_no_log_or_no_rule_is_refused(
+    logs: Path, scanned: Path, options: fleet.ScanOptions, run: Run, tmp_path: Path
+) -> None:
+    for source, told in (("none.tlog", "no such file"), ("none-*.tlog", "matches no log")):
+        with pytest.raises(MavhumsError, match=told):
+            fleet.scan([tmp_path / source], tmp_path / "store", options)
+    for rule in ("(", "no group"):
+        assert run("fleet", "scan", tmp_path, "--to", tmp_path / "s", "--aircraft", rule).code == 1
+    assert run("fleet", "status", tmp_path / "none").code == 1
+    assert "D-A, D-B" in run("fleet", "trend", scanned, "D-C").err
+    with pytest.raises(MavhumsError, match="no scheduler"):
+        fleet.scan([logs], tmp_path / "s2", fleet.ScanOptions(scheduler="nonsense://1"))
+
+
+def test_folders_files_and_patterns_name_each_log_once(logs: Path) -> None:
+    names = [str(logs), str(logs / "D-A" / "*.tlog"), str(logs / "D-A" / "00.tlog")]
+    assert [log.path for log in logs_in(names)] == sorted(map(str, logs.rglob("*.tlog")))
+
+
+def test_the_worst_of_all_aircraft_comes_first(scanned: Path, run: Run) -> None:
+    outcome = run("fleet", "worst", scanned, "-n", "3")
+    assert outcome.code == ExitCode.EMERGENCY
+    assert outcome.out.splitlines()[0].startswith("D-B elevator: emergency")
+    told = json.loads(run("fleet", "worst", scanned, "--json", "-n", "1").out)
+    assert told[0]["aircraft"] == "D-B"
+    assert told[0]["verdict"]["worst"] == "emergency"
+
+
+def test_trend_status_and_export_tell_what_the_store_holds(scanned: Path, run: Run, tmp_path: Path) -> None:
+    assert "24 logs of 2 aircraft" in run("fleet", "status", scanned).out
+    assert json.loads(run("fleet", "status", scanned, "--json").out)["judged"] == 24
+    told = json.loads(run("fleet", "trend", scanned, "D-A", "--json").out)
+    assert told["flights"] == FLIGHTS
+    for name in ("o.csv", "o.parquet"):
+        assert run("fleet", "export", scanned, "-o", tmp_path / name).code == 0
+    frame = pd.read_parquet(tmp_path / "o.parquet")
+    assert len(frame) == len(pd.read_csv(tmp_path / "o.csv")) == FLIGHTS * 4 + FLIGHTS * 8
+    assert frame["aircraft"].unique().tolist() == ["D-A", "D-B"]
+
+
+class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
+    """A worker that dies over the log of this name, so often."""
+
+    def __init__(self, name: str, times: int, count: Path) -> None:
+        self.log, self.times, self.count = name, times, count
+
+    def setup(self, worker: object) -> None:
+        rows = import_module("mavhums.fleet.rows")
+        judge = rows.analyse_alone
+
+        def deadly(path: str, *given: object) -> object:
+            died = len(list(self.count.iterdir()))
+            if path.endswith(self.log) and died < self.times:
+                (self.count / str(time.time_ns())).touch()
+                os.kill(os.getpid(), 9)
+            return judge(path, *given)
+
+        rows.analyse_alone = deadly  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("times", "failed"), [(1, 0), (1000, 1)])
+def test_a_killed_worker_loses_and_doubles_nothing(
+    logs: Path, one_by_one: dict[str, list[str]], tmp_path: Path, times: int, failed: int
+) -> None:
+    count = tmp_path / "count"
+    count.mkdir()
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import the tests
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        client.register_plugin(Dies("D-A/03.tlog", times, count))
+        separate = fleet.ScanOptions(aircraft="folder", scheduler=cluster.scheduler_address)
+        done = fleet.scan([logs], tmp_path / "store", separate)
+    assert done == (2 * FLIGHTS - failed, failed, 0)
+    if failed:
+        assert "crashed the worker" in fleet.status(tmp_path / "store").failures[0][0]
+    else:
+        assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
+
+
+@pytest.mark.slow
+def test_own_workers_say_the_same(
+    logs: Path, one_by_one: dict[str, list[str]], run: Run, tmp_path: Path
+) -> None:
+    command = ("fleet", "scan", logs, "--to", tmp_path / "store", "--aircraft", "folder", "--workers", "2")
+    outcome = run(*command)
+    assert outcome.code == 0
+    assert "24 logs judged" in outcome.out
+    assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
+
+
+@pytest.mark.slow
+def test_the_example_names_the_broken_aircraft_first(tmp_path: Path) -> None:
+    from examples import fleet as example
+
+    found = example.main(str(tmp_path), 2)
+    assert [(one.aircraft, one.verdict.actuator, one.verdict.gravest) for one in found[:2]] == [
+        ("D-000", "elevator", "emergency"),
+        ("D-001", "elevator", "degraded"),
+    ]

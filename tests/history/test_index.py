@@ -1,0 +1,143 @@
+"""The index of a folder: the baselines of the whole folder from the few files that they need."""
+
+from __future__ import annotations
+
+import os
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mavhums.core.errors import MavhumsError
+from mavhums.history import files
+from mavhums.history import index as index_module
+from mavhums.history.files import keep_assessment, read_history
+from mavhums.history.index import INDEX, IndexedFolder
+from tests.flights import START, flown, shown, verdict, write_wear
+
+LATER = START + timedelta(days=10_000)
+
+flights = st.builds(
+    lambda day, value, fault, suspect, airframe, vehicle: flown(
+        verdict(shown(value, fault=fault), vehicle=vehicle, suspect="friction" if suspect else None),
+        verdict(shown(value * 2), actuator="rudder"),
+        day=day,
+        name=f"{day}-{value}",
+        airframe=airframe,
+    ),
+    day=st.integers(0, 40).map(float),
+    value=st.floats(0.1, 0.4).map(lambda value: round(value, 3)),
+    fault=st.sampled_from(["friction", "backlash"]),
+    suspect=st.booleans(),
+    airframe=st.sampled_from(["paper", "other", "other, paper", None]),
+    vehicle=st.sampled_from([1, 2, None]),
+)
+
+
+@given(
+    several=st.lists(flights, max_size=60),
+    before=st.integers(0, 50),
+    since=st.dictionaries(st.sampled_from(["elevator", "rudder", None]), st.integers(0, 40)),
+    again=st.integers(0, 60),
+)
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_the_index_gives_the_baselines_of_the_whole_folder(
+    tmp_path_factory: pytest.TempPathFactory,
+    several: list[object],
+    before: int,
+    since: dict[str | None, int],
+    again: int,
+) -> None:
+    folder = tmp_path_factory.mktemp("folder")
+    dates = {name: START + timedelta(days=day) for name, day in since.items()}
+    for number, flight in enumerate(several):
+        path = folder / f"{number}.json"
+        path.write_text(flight.to_json(), encoding="utf-8")  # type: ignore[attr-defined]
+        os.utime(path, ns=(number * 10**9, number * 10**9))
+        if number == again:
+            IndexedFolder(folder)
+    for airframe in ("paper", "other", None):
+        for moment in (START + timedelta(days=before), LATER, None):
+            whole = read_history(folder).baselines(airframe, moment, dates)
+            assert IndexedFolder(folder).baselines(airframe, moment, dates) == whole
+
+
+def test_a_file_that_changed_or_vanished_counts_as_it_is_now(tmp_path: Path) -> None:
+    write_wear(tmp_path, flights=12)
+    before = IndexedFolder(tmp_path).baselines("paper", LATER)
+    oldest = min(tmp_path.glob("*.json"))
+    oldest.unlink()
+    fewer = IndexedFolder(tmp_path).baselines("paper", LATER)
+    assert fewer == read_history(tmp_path).baselines("paper", LATER) != before
+    oldest.write_text(flown(verdict(shown(0.31)), day=0).to_json(), encoding="utf-8")
+    assert IndexedFolder(tmp_path).baselines("paper", LATER) == read_history(tmp_path).baselines(
+        "paper", LATER
+    )
+
+
+def test_what_cannot_be_read_is_told_each_time(tmp_path: Path) -> None:
+    write_wear(tmp_path, flights=3)
+    (tmp_path / "broken.json").write_text("{", encoding="utf-8")
+    (tmp_path / "foreign.json").write_text("[1]", encoding="utf-8")
+    whole = read_history(tmp_path)
+    for _ in range(2):
+        indexed = IndexedFolder(tmp_path)
+        assert [error.problem for error in indexed.errors] == [error.problem for error in whole.errors]
+        assert indexed.notices == whole.notices
+
+
+@pytest.mark.parametrize("damage", [b"no index", b"", b"SQLite format 3\0" + bytes(4096)])
+def test_a_damaged_index_is_made_anew(tmp_path: Path, damage: bytes) -> None:
+    write_wear(tmp_path, flights=5)
+    whole = read_history(tmp_path).baselines("paper", LATER)
+    (tmp_path / INDEX).write_bytes(damage)
+    assert IndexedFolder(tmp_path).baselines("paper", LATER) == whole
+    assert IndexedFolder(tmp_path).baselines("paper", LATER) == whole
+
+
+def test_another_versions_index_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_wear(tmp_path, flights=5)
+    monkeypatch.setattr(index_module, "_VERSION", 99)
+    IndexedFolder(tmp_path)
+    monkeypatch.undo()
+    assert IndexedFolder(tmp_path).baselines("paper", LATER) == read_history(tmp_path).baselines(
+        "paper", LATER
+    )
+
+
+def test_without_a_folder_the_remedy_names_the_command(tmp_path: Path) -> None:
+    with pytest.raises(MavhumsError, match="no such") as told:
+        IndexedFolder(tmp_path / "none")
+    assert "--keep" in told.value.remedy
+
+
+@pytest.fixture
+def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    opened: list[Path] = []
+    original = files._items
+
+    def counted(path: Path) -> object:
+        opened.append(path)
+        return original(path)
+
+    monkeypatch.setattr(files, "_items", counted)
+    return opened
+
+
+def test_a_landing_reads_no_more_files_after_many_flights_than_after_few(
+    tmp_path: Path, reads: list[Path]
+) -> None:
+    counts = []
+    for flown_before in (25, 200):
+        folder = tmp_path / str(flown_before)
+        write_wear(folder, flights=flown_before)
+        folded = IndexedFolder(folder)
+        keep_assessment(flown(verdict(shown(0.2)), day=5000), folder)
+        reads.clear()
+        assert folded.with_flight(flown(verdict(shown(0.2)))).baselines(
+            "paper", datetime.max.replace(tzinfo=START.tzinfo)
+        )
+        counts.append(len(reads))
+    assert counts[0] == counts[1] <= 41
