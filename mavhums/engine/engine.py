@@ -18,6 +18,7 @@ from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
+from mavhums.engine.usage import vehicle_usage
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
 from mavhums.health.baseline import Baseline
 from mavhums.health.monitor import Monitor
@@ -34,6 +35,7 @@ from mavhums.report.assessment import (
     ModelSummary,
     Verdict,
 )
+from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
@@ -134,7 +136,15 @@ class Engine:
             airframe=", ".join(names) or None,
             model=next((said for said in map(_summary, self._models) if said in voted), None),
             verdicts=verdicts,
+            usage=tuple(self._usage(vehicles)),
         )
+
+    def _usage(self, vehicles: tuple[int, ...]) -> Iterator[VehicleUsage]:
+        for vehicle in vehicles:
+            followed, mapper = self._axes.vehicle(vehicle), self._mappers.mapper(vehicle)
+            if followed is not None:
+                parameters, airframe = self._axes.parameters(vehicle), mapper.airframe if mapper else None
+                yield vehicle_usage(self._identities.of(vehicle), followed, parameters, airframe)
 
     def _identity(self, vehicle: int) -> FlightIdentity:
         """Say which flight a vehicle's was."""

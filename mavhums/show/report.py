@@ -9,6 +9,7 @@ from typing import Final
 
 from mavhums.core.quantities import QUANTITIES
 from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
+from mavhums.show import _usage
 from mavhums.show._words import (
     advice,
     clock,
@@ -58,6 +59,7 @@ def markdown(assessment: Assessment) -> str:
     sections += _explained(assessment)
     sections += _doubtful(assessment)
     sections += _undecided(assessment)
+    sections += _used(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
     return "\n\n".join(sections) + "\n"
@@ -198,6 +200,17 @@ def _undecided(assessment: Assessment) -> Iterator[str]:
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
         why, todo = _literal(reason), _literal(remedy)
         yield f"## {names}: unmonitored\n\n**Why:** {why}.\n\n**What to do:** {todo}."
+
+
+def _used(assessment: Assessment) -> Iterator[str]:
+    """Yield a table of what was used of each vehicle's servos."""
+    for usage in assessment.usage:
+        rows = [tuple(map(_literal, row)) for row in _usage.rows(usage)]
+        table = "\n".join(
+            f"| {' | '.join(row)} |" for row in (_usage.HEAD, ("---",) * len(_usage.HEAD), *rows)
+        )
+        title = _literal(_usage.title(usage, several=len(assessment.usage) > 1))
+        yield f"## {title}" + (f"\n\n{table}" if rows else "")
 
 
 def _provenance(assessment: Assessment) -> Iterator[str]:
