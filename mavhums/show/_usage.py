@@ -57,7 +57,7 @@ def _sorted(usage: VehicleUsage) -> tuple[list[OutputUsage], list[OutputUsage]]:
 
 
 def _name(output: OutputUsage) -> str:
-    servo = f"servo {output.servo}"
+    servo = f"servo {output.servo}" + (", inferred" if output.named_by == "inferred" else "")
     return f"{printable(output.name)} ({servo})" if output.name else servo
 
 
