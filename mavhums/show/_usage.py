@@ -10,7 +10,7 @@ from mavhums.show._words import clock, join, percent
 
 __all__ = ["HEAD", "lines", "rows", "title"]
 
-HEAD = ("output", "span", "travelled", "reversals", "at its stops", "mean (trim)")
+HEAD = ("output", "span", "travelled", "reversals", "at its stops", "mean (trim), µs")
 
 
 def title(usage: VehicleUsage, *, several: bool) -> str:
@@ -70,5 +70,5 @@ def _row(output: OutputUsage) -> tuple[str, ...]:
     if output.at_low_s is not None and output.at_high_s is not None and output.held_s:
         stops = percent((output.at_low_s + output.at_high_s) / output.held_s)
     if output.mean_us is not None:
-        mean = f"{output.mean_us:.0f} µs" + (f" ({output.range_us[1]})" if output.range_us else "")
+        mean = f"{output.mean_us:.0f}" + (f" ({output.range_us[1]})" if output.range_us else "")
     return _name(output), span, travelled, str(output.reversals), stops, mean

@@ -57,7 +57,7 @@ def test_a_triangle_wave_has_its_travel_and_its_reversals() -> None:
 
 @pytest.mark.parametrize(("amplitude", "reversals"), [(BAND_US - 1, 0), (BAND_US, 19)])
 def test_only_what_exceeds_the_band_is_a_reversal(amplitude: int, reversals: int) -> None:
-    wave = 1500.0 + amplitude * (np.arange(21) % 2)
+    wave = 1500.0 + amplitude * (np.arange(21) % 2).astype(np.float64)
     found = used(outputs(wave)).outputs[1]
     assert (found.reversals, found.commanded) == (reversals, reversals > 0)
     assert found.travelled_us == 20 * amplitude
