@@ -1,4 +1,4 @@
-"""What the own baseline shows: sections of ``benchmarks/health.py``."""
+"""Detection relative to the actuator's own baseline: sections of ``benchmarks/health.py``."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _found(
     first: int,
     **given: float,
 ) -> tuple[int, int, int]:
-    """Return actuator-flights, those found to be worn by friction, and those said to have anything else."""
+    """Return the numbers of actuator-flights, of detected friction wear, and of other reported faults."""
     tasks = [
         Task(
             f"{a}/{k}",
@@ -105,7 +105,7 @@ def early(args: argparse.Namespace) -> Rows:
 
 
 def alarms(args: argparse.Namespace) -> Rows:
-    """Count the false alarms of a healthy run whose flights nothing else uses."""
+    """Count the false alarms in a healthy run whose flights are used for nothing else."""
     aircraft = range(530, 530 + args.count(12))
     baselines = reference(args, aircraft, 25.0, MODES)
     total, found, other = _found(args, baselines, aircraft, 25.0, MODES, 226, 0.0, 1000)

@@ -1,4 +1,4 @@
-"""How right the verdicts and the friction estimates are: sections of ``benchmarks/health.py``."""
+"""Accuracy of verdicts and friction estimates: sections of ``benchmarks/health.py``."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _estimates(name: str, record: FlightRecord) -> list[tuple[str, float, float,
 
 
 def _oracle(surface: str, flown: object) -> list[float]:
-    """T_c in 10 s windows by one who knows the load, the inertia, the drag and the torque constant."""
+    """Estimate T_c in 10 s windows with exactly known load, inertia, drag and torque constant."""
     times, values = quantities(flown, ACTUATORS[surface], "instrumented")  # type: ignore[arg-type]
     own = flown.individual  # type: ignore[attr-defined]
     speed = values[:, 6] * ACTUATORS[surface].rad_s(1.0)

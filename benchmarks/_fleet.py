@@ -1,4 +1,4 @@
-"""A fleet of dispersed two-mass actuators, flown and judged: what ``benchmarks/health.py`` measures on."""
+"""Simulated fleet of individual two-mass actuators, and its verdicts, for ``benchmarks/health.py``."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _SEED = 70_000_000  # training and the study use seeds below ten million
 
 @dataclass(frozen=True, slots=True)
 class DriftingFlight(Flight):
-    """A flight before which the torque constant drifted, up or down by at most so much of it."""
+    """A flight after a random drift of the torque constant, up or down by at most this fraction."""
 
     drift: float = 0.0
 
@@ -65,7 +65,7 @@ class DriftingFlight(Flight):
 
 
 class Task(NamedTuple):
-    """One flight: its name in the results, and what is to be flown."""
+    """One flight: its name in the results, and its description."""
 
     name: str
     flight: Flight
@@ -73,7 +73,7 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What was said of one actuator in one flight."""
+    """The result for one actuator in one flight."""
 
     surface: str
     findings: Findings
@@ -83,7 +83,7 @@ class Judged:
 
 
 def flight(number: int, aircraft: int, *, rate_hz: float, mode: str = "takeoff", **given: object) -> Flight:
-    """Return flight ``number`` of an aircraft whose actuators are its own."""
+    """Return flight ``number`` of an aircraft with individual actuators."""
     kind = DriftingFlight if "drift" in given else Flight
     return kind(
         seed=_SEED + 100_000 * aircraft + number,
@@ -100,7 +100,7 @@ def added(fault: str, severity: float) -> dict[str, tuple[Condition, ...]]:
 
 
 def quantities(record: ActuatorRecord, actuator: Actuator, tier: str) -> tuple[Array, Array]:
-    """Return times and V1…V12 as a tier's telemetry gives them.
+    """Return times and V1…V12 as reported by a tier's telemetry.
 
     ``instrumented`` all twelve as float32; ``without load`` the same but V11 and V12; ``esc-signed`` V1 in
     pulses, V4 and V5 as float32, V7 in whole rev/min, and what follows from them.
@@ -122,7 +122,7 @@ def quantities(record: ActuatorRecord, actuator: Actuator, tier: str) -> tuple[A
 
 
 def measured(tier: str, count: int) -> NDArray[np.bool_] | None:
-    """Return which of V1…V12 the tier's telemetry carries and which follow from them, shape (count, 12)."""
+    """Return which of V1…V12 are measured, not derived, with the tier's telemetry, shape (count, 12)."""
     if tier != "esc-signed":
         return None
     return np.tile(np.isin(KEYS, ("V1", "V4", "V5", "V7")), (count, 1))
@@ -159,7 +159,7 @@ def judge(
 def fly_all(
     tasks: list[Task], consumer: Callable[[str, FlightRecord], T], workers: int
 ) -> Iterator[tuple[str, T]]:
-    """Fly and judge on all workers, with a progress bar."""
+    """Simulate and judge flights on all workers, with a progress bar."""
     from rich.progress import track
 
     yield from track(consume(tasks, consumer, workers), total=len(tasks), description=f"{len(tasks)} flights")

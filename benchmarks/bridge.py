@@ -1,4 +1,4 @@
-"""What the servo bridge costs on the link: ``python -m benchmarks.bridge``.
+"""Link load of the servo bridge: ``python -m benchmarks.bridge``.
 
 Runs ``bridge/servo_bridge.lua`` for 20 s against a stand-in of the autopilot whose servos report everything
 at 200 Hz, packs what it sends as MAVLink 2, and counts the bytes. A serial radio of 57.6 kbit/s carries
@@ -14,7 +14,7 @@ ALL, CURRENT_AND_SPEED = 63, 24
 
 
 def cost(servos: int, rate_hz: float, send: int) -> tuple[float, float]:
-    """Return bytes per second and the rate that each servo reaches, without a limit of the link."""
+    """Return bytes per second and the rate of each servo, on an unlimited link."""
     parameters = {"HUMS_RATE": rate_hz, "HUMS_LINK": 1e6, "HUMS_SEND": send}
 
     def report(now_ms: int) -> dict[int, Telemetry]:

@@ -1,4 +1,4 @@
-"""What each condition does, and what can show it: ``python benchmarks/conditions.py [--picture FILE.png]``.
+"""Effect and detectability of each condition: ``python benchmarks/conditions.py [--picture FILE.png]``.
 
 The elevator of the two-mass EMA flies 40 s of gusts, healthy and degraded, with the same commands.
 
@@ -89,7 +89,7 @@ def balance(time: Array, amperes: Array, speed: Array, load: list[Array]) -> flo
 
 
 def following(time: Array, command: Array, speed: Array) -> float:
-    """Speed per commanded speed, 1 where the shaft follows and 0 where it stands."""
+    """Speed divided by commanded speed: 1 if the shaft follows, 0 if it stands still."""
     wanted = np.interp(time - 0.05, time, np.gradient(command, time))
     return float(wanted @ speed / (wanted @ wanted))
 
@@ -135,7 +135,7 @@ def esc_signed(record: ActuatorRecord) -> Features:
 
 
 def esc_unsigned(record: ActuatorRecord) -> Features:
-    """Magnitudes; the motion's sign is the commanded one, the current's that which explains the voltage."""
+    """Magnitudes; the sign of the motion is the command's, that of the current follows from the voltage."""
     time, command, volts, amperes, speed = _esc(record)
     direction = np.sign(np.interp(time - 0.05, time, np.gradient(command, time)))
     volts, amperes = (np.abs(np.round(signal, 2)) for signal in (volts, amperes))
@@ -181,7 +181,7 @@ def features(fault: str, severity: float, seed: int, individual: int | None = No
 
 
 def smallest(fault: str, tier: str, *, baseline: bool) -> tuple[float, str]:
-    """Smallest severity that moves a feature by twice its healthy scatter, and the feature."""
+    """Smallest severity that shifts a feature by twice its healthy scatter, and the feature."""
     found, by = inf, ""
     severities = np.geomspace(0.01, 1.0, 13) * LARGEST.get(fault, 1.0)
     for name in features("friction", 0.0, SEEDS[0])[tier]:
@@ -211,7 +211,7 @@ def severity_table() -> Iterator[str]:
 
 
 def picture(path: Path) -> None:
-    """Traces of a telling quantity under each condition, and the shifts of all."""
+    """Plot an informative quantity under each condition, and the shifts of all quantities."""
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(4, 2, figsize=(11, 9), layout="constrained")

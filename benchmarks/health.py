@@ -1,4 +1,4 @@
-"""How right, early and sure the verdicts are: ``python benchmarks/health.py [SECTION…] [--scale 1.0]``.
+"""Accuracy, delay and certainty of verdicts: ``python benchmarks/health.py [SECTION…] [--scale 1.0]``.
 
 Sections: windows, flights, friction, early, alarms, growth, conditions, replay, bounds, cost; all if none is
 named.

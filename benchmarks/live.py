@@ -1,4 +1,4 @@
-"""What it costs to watch a flight: messages a second, share of a core, latency, memory.
+"""Cost of a live session: messages per second, processor load, latency, memory.
 
     python benchmarks/live.py [--hours 10] [--only throughput,share,memory]
 
@@ -136,10 +136,10 @@ def share(seconds: float) -> Iterator[Row]:
         resident = process.memory_info().rss
         live.terminate()
         live.wait()
-        told = [json.loads(line) for line in lines.read_text().splitlines()]
-        latency_ms = latencies(recording, told)
+        objects = [json.loads(line) for line in lines.read_text().splitlines()]
+        latency_ms = latencies(recording, objects)
     cpu = (used.user + used.system - before.user - before.system) / elapsed
-    link = told[-1]["link"]
+    link = objects[-1]["link"]
     yield ("8 actuators at 100 Hz: share of a core", f"{cpu:.1%} over {elapsed:.0f} s", "≤ 5 %")
     p50, p99 = np.percentile(latency_ms, [50, 99])
     yield (
@@ -155,8 +155,8 @@ def share(seconds: float) -> Iterator[Row]:
     )
 
 
-def latencies(recording: Path, told: list[dict[str, object]]) -> np.ndarray:
-    """Return of each window the time from the datagram that completed it to its line, ms."""
+def latencies(recording: Path, objects: list[dict[str, object]]) -> np.ndarray:
+    """Return, for each window, the time from the datagram that completed it to its line, ms."""
     log = read_log(recording, messages=["DEBUG_FLOAT_ARRAY"])
     table = log.tables["DEBUG_FLOAT_ARRAY"]
     first_us = log.span[0] if log.span else 0
@@ -165,7 +165,7 @@ def latencies(recording: Path, told: list[dict[str, object]]) -> np.ndarray:
     out = []
     for servo, actuator in enumerate(actuator_names(), start=1):
         rows = np.flatnonzero(table["array_id"] == servo)
-        for line in told:
+        for line in objects:
             if line["event"] == "window" and line["actuator"] == actuator:
                 k = int(np.searchsorted(flight_s[rows], line["end_s"]))
                 if k < rows.size:
@@ -192,7 +192,7 @@ def write_profile(folder: Path) -> str:
 
 
 def twice(message: Any) -> list[Any]:
-    """Return what an aircraft with eight actuators sends: the telemetry of four, twice."""
+    """Return the telemetry of an aircraft with eight actuators: that of four, twice."""
     name = message.get_type()
     if name == "DEBUG_FLOAT_ARRAY":
         return [
@@ -253,7 +253,7 @@ CLOCKS = {350: (10, 8, 1), 36: (10, 4, 1), 30: (10, 4, 1000)}
 
 
 def shift(piece: Piece, by_us: int) -> Piece:
-    """Return the same datagram, sent and received later; the CRC is made anew."""
+    """Return the same datagram with later times of sending and reception, and a new CRC."""
     data = piece.data
     place = CLOCKS.get(data[7] | data[8] << 8 | data[9] << 16)
     if place is not None and by_us:

@@ -1,4 +1,4 @@
-"""What the packaged networks know: accuracy, abstention and calibration on flights they never saw.
+"""Accuracy, abstention and calibration of the packaged networks on unseen flights.
 
     python benchmarks/networks.py [--flights 4] [--part modes|population|faults|selection|cost]
 
@@ -79,7 +79,7 @@ def fleet(
 
 
 class Tally:
-    """Windows of several flights: what was said, what was so."""
+    """Windows of several flights: predictions and truth."""
 
     def __init__(self, model: Model) -> None:
         uncalibrated = model.card.model_copy(update={"calibration": None})
@@ -113,7 +113,7 @@ class Tally:
 
     @property
     def abstained(self) -> str:
-        """Of the windows with twenty moving samples, and in brackets those with fewer."""
+        """Values for windows with at least twenty moving samples; in brackets, for those with fewer."""
         working = self.windows - self.still
         kept = len(self.share)
         return f"{percent(max(working - kept, 0) / max(working, 1))} ({percent(self.still / self.windows)})"
@@ -207,7 +207,7 @@ def faults(models: dict[str, Model], flights: int) -> Table:
 
 
 def selection(models: dict[str, Model], flights: int) -> Table:
-    """Train in other ways on as many flights; samples and windows right in each mode, by the bare share."""
+    """Train variants on as many flights; print correct samples and windows in each mode, uncalibrated."""
     rows = table("model", "trained on", *CYCLOGRAMS)
     for name, packaged in models.items():
         shipped = TELEMETRY[name]

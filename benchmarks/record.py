@@ -1,4 +1,4 @@
-"""How long a recording takes to write and to open, how large it is, and what memory that needs.
+"""Recordings: time to write and to open, size, and memory.
 
     python benchmarks/record.py
 
@@ -77,7 +77,7 @@ def flight(seconds: int, actuators: int, rate: int) -> Iterator[list[Event]]:
 
 
 def write(case: str, path: Path) -> None:
-    """Write one recording and print what it took; in a process of its own, so that memory is its own."""
+    """Write one recording and print its cost, in a separate process with its own memory."""
     from mavhums.show import Recorder
 
     seconds, actuators, rate, *_ = CASES[case]
@@ -104,9 +104,9 @@ def write(case: str, path: Path) -> None:
 
 
 def show(path: Path, patience_s: float = 120.0) -> tuple[float, float]:
-    """Return how long the viewer takes from opening the file to a picture at rest, s, and its memory, MB.
+    """Return the time from opening the file to a stable picture, s, and the viewer's memory, MB.
 
-    The pictures that only confirm the rest are not counted.
+    Further pictures, which only confirm stability, do not count.
     """
     import rerun_cli
     from rerun.experimental import ViewerClient

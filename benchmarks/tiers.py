@@ -1,4 +1,4 @@
-"""What each telemetry tier can tell: the paper's eight conditions at several rates.
+"""Detection by each telemetry tier: the paper's eight conditions at several rates.
 
     python benchmarks/tiers.py
 

@@ -1,9 +1,9 @@
-"""Training of many small networks: fifty at once against scikit-learn's, and the subset searches.
+"""Training of many small networks: fifty at once compared with scikit-learn's, and the subset searches.
 
     python benchmarks/train.py [--quick] [--solver lbfgs] [--inputs 4] [--part subsets]
 
 All on the paper's split: 20,000 training samples of the study's cyclogram, 60,000 test samples.
-Quick takes a tenth of the samples and of the networks, and is no benchmark.
+``--quick`` uses a tenth of the samples and networks and is not a benchmark.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Whether the flights left can be believed: ``python benchmarks/trend.py [--quick]``.
+"""Accuracy of the predicted flights left: ``python benchmarks/trend.py [--quick]``.
 
 Synthetic histories of one indicator: a line, a standard deviation of 0.008 N·m between flights, of normal
 or heavy tails, and measurement errors of 0.0014 to 0.0036 N·m. Counts how often flights left are told, and
@@ -53,7 +53,7 @@ def one_odd(rng: np.random.Generator, n: int) -> Array:
 
 
 def following(rng: np.random.Generator, n: int) -> Array:
-    """Weather that lasts: each flight is half like the one before."""
+    """Persistent weather: the effect of a flight has an autocorrelation of one half."""
     scatter = rng.standard_normal(n)
     for k in range(1, n):
         scatter[k] = 0.5 * scatter[k - 1] + np.sqrt(0.75) * scatter[k]
@@ -78,7 +78,7 @@ def fitted(rng: np.random.Generator, n: int, wear: Array, tails: str, limit: flo
 
 
 def coverage(histories: int) -> Table:
-    """Wear has used up a part of the margin to the limit; the truth is when the line meets it."""
+    """Wear has used a part of the margin to the limit; the truth is where the line reaches it."""
     table = titled("Flights left", "scatter between flights", "flights", "wear, N·m", "told", "truth inside")
     for tails in TAILS:
         for n in (8, 20, 60):
@@ -95,7 +95,7 @@ def coverage(histories: int) -> Table:
 
 
 def weak(histories: int) -> Table:
-    """The limit lies as far ahead as the flights reach back, so only the slope decides."""
+    """The limit is as far ahead as the span of the flights, so only the slope decides."""
     table = titled("Slopes hardly to be told", "slope over its error", "flights", "told", "truth inside")
     for ratio in (2.0, 4.0, 8.0):
         for n in (8, 20, 60):
@@ -110,7 +110,7 @@ def weak(histories: int) -> Table:
 
 
 def flat(histories: int) -> Table:
-    """Without growth; the limit lies 0.02 N·m above, so that nothing else forbids an answer, or as usual."""
+    """No growth; the limit is 0.02 N·m above, so that no other rule prevents an answer, or as usual."""
     table = titled("No growth", "scatter between flights", "flights", "told", "at any look", "usual limit")
     for tails in TAILS:
         for n in (8, 20, 60):
@@ -125,7 +125,7 @@ def flat(histories: int) -> Table:
 
 
 def ever(rng: np.random.Generator, n: int, tails: str, histories: int, limit: float) -> str:
-    """Return how many histories are told flights left when asked after every flight."""
+    """Return the number of histories that get a prediction when tested after every flight."""
     false = 0
     for _ in range(histories):
         errors = 0.002 * rng.uniform(0.7, 1.8, n)
@@ -137,7 +137,7 @@ def ever(rng: np.random.Generator, n: int, tails: str, histories: int, limit: fl
 
 
 def wrong_model(histories: int) -> Table:
-    """What is no straight line, 0.4 N·m of wear in all; no answer is the right one."""
+    """Courses other than a straight line, 0.4 N·m of wear in total; the correct result is no prediction."""
     table = titled("No straight line", "wear", "flights", "told")
     for name, shape in (
         ("a step in the middle", lambda x: x > 0.5),

@@ -1,4 +1,4 @@
-"""The whole way of the data: fly, log, judge, record, and hold the verdicts against the truth.
+"""The complete data flow: simulate, log, judge, record, and compare the verdicts with the truth.
 
     python examples/demo.py demo
 
@@ -108,7 +108,7 @@ def _write(path: Path, assessments: dict[str, Assessment]) -> None:
 
 
 def _viewer() -> str:
-    """Return how to call the viewer from here."""
+    """Return the command that starts the viewer."""
     beside = Path(sys.executable).with_name("rerun")
     return os.path.relpath(beside) if beside.exists() else "rerun"
 

@@ -21,7 +21,7 @@ IDLE_S = 30.0
 
 
 def main(port: int, airframe: str | None = None) -> None:
-    """Follow what arrives at a UDP port."""
+    """Process the datagrams of a UDP port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.bind(("", port))
         link.settimeout(IDLE_S)
@@ -46,7 +46,7 @@ def follow(
 
 
 def frames(datagram: bytes) -> Iterator[bytes]:
-    """Cut a datagram into its MAVLink 1 and 2 frames; what begins with neither is one piece."""
+    """Divide a datagram into its MAVLink 1 and 2 frames; other bytes are one piece."""
     while len(datagram) > 2:
         size = len(datagram)
         if datagram[0] == 0xFE:

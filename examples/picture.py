@@ -1,4 +1,4 @@
-"""Draw a recording into a picture, without a screen: for a report, a web page, or a test.
+"""Render a recording to a picture, without a screen: for a report, a web page, or a test.
 
     python examples/picture.py flight.rrd flight.png
 
@@ -24,16 +24,16 @@ def draw(source: str | Path, *, settle_s: float = 0.0, patience_s: float = 120.0
     source
         A recording, a log that an importer knows, or the URL of a live flight.
     settle_s
-        How long to look at it at least: a viewer greets with messages that go away in six seconds.
+        Minimum display time: the viewer shows start messages for six seconds.
     patience_s
-        How long to wait until two pictures are alike, which is when all is drawn.
+        Maximum time until two consecutive pictures are equal, that is, until rendering is complete.
 
     Raises
     ------
     RuntimeError
         If a view reports an error.
     TimeoutError
-        If the picture does not come to rest.
+        If the picture does not become stable.
     """
     import rerun_cli
     from rerun.experimental import ViewerClient
@@ -66,7 +66,7 @@ def draw(source: str | Path, *, settle_s: float = 0.0, patience_s: float = 120.0
 
 
 def alike(one: bytes, other: bytes) -> bool:
-    """Return whether two pictures are the same but for what flickers: less than a fiftieth of the pixels."""
+    """Return whether two pictures are equal except for flicker in less than a fiftieth of the pixels."""
     import numpy as np
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""Make the pictures of recordings that the documentation shows.
+"""Render the pictures of recordings for the documentation.
 
     python examples/pictures.py demo docs/recordings
 
@@ -99,7 +99,7 @@ def _ten_hours(demo: Path, picture: Path) -> None:
 
 
 def write_ten_hours(path: Path, hour_s: float = HOUR_S) -> None:
-    """Write a flight of ten hours in gusts, in the seventh of which the elevator begins to bind.
+    """Write a flight of ten hours in gusts; in the seventh hour the elevator's friction starts to grow.
 
     An hour is six minutes ten times over: simulating them all would take minutes and sixteen gigabytes.
     """
@@ -131,7 +131,7 @@ def write_ten_hours(path: Path, hour_s: float = HOUR_S) -> None:
 
 
 def _live(demo: Path, picture: Path) -> None:
-    """Draw a flight in the middle, as a viewer sees it that has followed it."""
+    """Render a flight in progress, as a live viewer shows it."""
     engine = Engine(EngineOptions(models=[default_model()], vehicle_states=True))
     with LiveViewer("serve", recording_id="live") as viewer:
         blocks = list(read_blocks(demo / "friction-growing.tlog", size=4096))
@@ -144,7 +144,7 @@ def _live(demo: Path, picture: Path) -> None:
 
 
 def _imported(demo: Path, picture: Path) -> None:
-    """Draw what ``rerun friction-growing.tlog`` opens; the importer must be on the PATH."""
+    """Render the view of ``rerun friction-growing.tlog``; the importer must be on the PATH."""
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     save(demo / "friction-growing.tlog", picture)
 

@@ -1,4 +1,4 @@
-"""Take V1–V12 of a log's actuators into pandas, and plot command and angle.
+"""Load V1–V12 of a log's actuators into pandas, and plot command and angle.
 
     python examples/quantities_to_pandas.py flight.tlog quantities.png [AIRFRAME]
 

@@ -1,4 +1,4 @@
-"""Draw the two views of a recording that give the answer, in a width at which a page shows them legibly.
+"""Render the two views of a recording with the result, legible at the width of a page.
 
     python examples/readme_picture.py flight.rrd picture.png
 
@@ -65,7 +65,7 @@ def view(recording: Path, title: str, window: str, patience_s: float = 60.0) -> 
 
 
 def _shots(client: ViewerClient, title: str) -> Iterator[Image.Image]:
-    """Yield every view of this title that is in sight; tabs behind others are not."""
+    """Yield every visible view of this title; hidden tabs are not visible."""
     for one in client.get_state().views:
         if one.name == title:
             with suppress(ConnectionError):

@@ -34,7 +34,7 @@ def flights(seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     values, labels, groups = [], [], []
     for seed in range(FLIGHTS):
         for label, friction in FRICTION_NM.items():
-            # Both conditions fly the same cyclogram, so that the command cannot tell them apart.
+            # Both conditions use the same cyclogram, so the command does not distinguish them.
             flight = Flight(seed=seed, duration_s=seconds, friction_nm={"elevator": (friction, friction)})
             flown = fly(flight).actuators["elevator"].values[::5]
             values.append(flown)

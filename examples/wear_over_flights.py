@@ -1,4 +1,4 @@
-"""An aircraft whose elevator wears with each flight: judge every log, keep what was found, see the trend.
+"""An aircraft whose elevator wears with each flight: judge every log, keep the results, show the trend.
 
     python examples/wear_over_flights.py FOLDER [FLIGHTS]
 
@@ -27,7 +27,7 @@ START_NM, WEAR_NM = 0.225, 0.015
 
 
 def main(folder: str, flights: int = 20) -> TrendReport:
-    """Fly, judge and keep each flight as a maintainer would after landing; print and return the trend."""
+    """Simulate and judge each flight and keep its results; print and return the trend."""
     logs, kept = Path(folder, "logs"), Path(folder, "flights")
     logs.mkdir(parents=True, exist_ok=True)
     kept.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""From messages to the paper's quantities V1–V12 of each actuator; it does not judge."""
+"""Converts messages to the paper's quantities V1–V12 of each actuator, without judging them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The loops of :mod:`mavhums.actuator.align`: rows of several sources in, settled samples out.
+"""Compiled loops of :mod:`mavhums.actuator.align`: convert rows of several sources to final samples.
 
-The rows of all sources lie in one set of arrays, times, frames and values: those of source k from
+Three arrays (times, frames and values) hold the rows of all sources: those of source k from
 ``bounds[k]`` to ``bounds[k + 1]``, increasing in time and in frame.
 """
 
@@ -23,7 +23,7 @@ Rows = tuple[Integers, Integers, Floats]
 
 @kernel
 def _first(values: Integers, start: int, end: int, least: int) -> int:
-    """Return the first place from ``start`` on whose value is at least ``least``, else ``end``."""
+    """Return the first index from ``start`` on whose value is at least ``least``, else ``end``."""
     while start < end:
         middle = (start + end) // 2
         if values[middle] < least:
@@ -45,11 +45,11 @@ def _merge(
     oldest_us: int,
     keep_us: int,
 ) -> tuple[Rows, Integers, Flags]:
-    """Join old and new rows; return them, their bounds, and which new rows were taken.
+    """Join old and new rows; return them, their bounds, and the mask of accepted new rows.
 
-    Of the old rows what stands before ``needed_us`` is left out, but for the last of each source,
-    and what stands ``keep_us`` before both ``oldest_us`` and the source's latest; of the new ones
-    what is not later than all before, which ``late`` counts. ``latest_us`` is carried on.
+    Old rows are dropped if they are earlier than ``needed_us`` (except the last of each source), or
+    ``keep_us`` earlier than both ``oldest_us`` and the source's latest row. New rows are dropped, and
+    counted in ``late``, if they are not later than all earlier ones. ``latest_us`` is updated.
     """
     time, frame, values = rows
     new_time, new_frame, new_values = new
@@ -96,7 +96,7 @@ def _enlist(
     end: int,
     latest_due_us: int,
 ) -> Integers:
-    """Append to what is due, (n, 3), the clock's new rows of frames from ``start`` to before ``end``."""
+    """Append the clock's new rows with ``start`` ≤ frame < ``end`` to the pending samples, (n, 3)."""
     time, frame, _ = new
     chosen = np.zeros(time.size, dtype=np.bool_)
     for row in range(new_bounds[clock], new_bounds[clock + 1]):
@@ -123,12 +123,13 @@ def take(
     reach_us: int,
     keep_us: int,
 ) -> tuple[Rows, Integers, Integers]:
-    """Join old and new rows; return them, their bounds, and what is due: (n, 3), time, frame, source.
+    """Join old and new rows; return them, their bounds, and the pending samples.
 
-    Due are the new rows of the clock: ``reigns`` are, (n, 2), a source and the frame from which on
-    it is the clock. Old rows that nobody can ask for any more are left out: what stands ``reach_us``
-    before all that is or will be due, or ``keep_us`` before that and the source's latest.
-    ``latest_us`` is carried on; ``late`` counts what is not later than all before it.
+    A pending sample, a row of (n, 3), is time, frame and source of a new row of the clock. ``reigns``,
+    (n, 2), lists sources, and the frame from which on each is the clock. Old rows that no sample can
+    need are dropped: those ``reach_us`` earlier than all pending and future samples, or ``keep_us``
+    earlier than these and the source's latest row. ``latest_us`` is updated; ``late`` counts rows
+    that are not later than all earlier ones.
     """
     oldest_us = due[0, 0] if len(due) else NEVER
     needed_us = min(oldest_us, latest_due_us) - reach_us
@@ -156,10 +157,10 @@ def limits(
     known_from_us: int,
     final: bool,
 ) -> Integers:
-    """Return of each sample that is settled the frame from which on nothing counts for it.
+    """Return, for each sample that is final, the first frame that it no longer uses.
 
-    The samples that are due, (n, 3), are settled in their order, all of them if ``final``; the frame
-    is 0 where a sample came more than ``keep_us`` behind a source, so that nothing counts at all.
+    Pending samples, (n, 3), become final in order, all of them if ``final``. The frame is 0 for a
+    sample that arrived more than ``keep_us`` behind a source; it then uses no values at all.
     """
     time, frame, values = rows
     count = len(due)
@@ -204,9 +205,9 @@ def combine(
     keep_us: int,
     span_us: int,
 ) -> tuple[Floats, NDArray[np.int8]]:
-    """Return the value of each quantity at each time, of the first source in ``order`` that has it.
+    """Return each quantity at each time, from the first source in ``order`` that has it.
 
-    From messages before frames ``limit`` (n,); shapes (n, 12). Also which source that was, −1 for none.
+    Only messages before frames ``limit`` (n,) are used. Values and sources (−1 for none) are (n, 12) each.
     """
     time, frame, values = rows
     columns = values.shape[1]

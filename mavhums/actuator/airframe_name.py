@@ -1,4 +1,4 @@
-"""Read from the log by which profile a vehicle wants to be judged."""
+"""Reads the name of a vehicle's airframe profile from the log."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""Bring an actuator's sources onto one sample clock.
+"""Alignment of an actuator's sources to one sample clock.
 
-The clock is the times of the source that carries V5, else V7, else V3, else V1; the other
-quantities are interpolated to it. What a sample holds depends on the order of the log alone, however
-it was cut into blocks. A sample is settled by the message with which every source that could add to
-it has reached its time; at the latest by the first clock sample that lies ``SETTLE_S`` later, and
-where the clock fell silent by whatever lies three seconds later. Only what came until then counts.
-A sample that comes more than three seconds behind another source is settled without any value.
-In the first three seconds nobody knows what sources there are, and ``SETTLE_S`` is waited for.
+The clock is given by the times of the source that carries V5, else V7, else V3, else V1; the other
+quantities are interpolated to it. Samples depend only on the order of messages in the log, not on
+its division into blocks. A sample becomes final when every source that could contribute to it has
+reached its time, at the latest with the first clock sample ``SETTLE_S`` later or, if the clock
+stops, with any message three seconds later. Later messages do not change it. A sample that arrives
+more than three seconds behind another source becomes final without values. In the first three
+seconds, when the sources are not yet known, every sample waits for ``SETTLE_S``.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ class Aligned(NamedTuple):
     utc_us, values
         Shapes (n,) and (n, 12); NaN where no source gives a quantity.
     origin
-        Which source each value is from, as an index into ``Aligner.sources``; −1 where none.
+        Source of each value, as an index into ``Aligner.sources``; −1 for none.
     command_rate
-        Rate of V1 as it was ``lag`` earlier, °/s, shape (n,); NaN where V1 is not known.
+        Rate of V1 at a time ``lag`` earlier, °/s, shape (n,); NaN if V1 is unknown.
     tier
-        Of the source whose times these are.
+        Tier of the source that is the clock.
     signed
-        Whether its values have their sign.
+        Whether the values of this source are signed.
     """
 
     utc_us: NDArray[np.int64]
@@ -58,7 +58,7 @@ class Aligned(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """A source of an actuator's values: the message, its tier, the field behind each quantity."""
+    """A source of an actuator's values: the message, its tier, and the field of each quantity."""
 
     source: str
     tier: str
@@ -72,14 +72,14 @@ class Aligner:
     Parameters
     ----------
     trust
-        Names of the tiers, the best first: where several sources give a quantity, the best is taken.
+        Names of the tiers, best first: if several sources give a quantity, the best one is used.
     lag_s
-        By how much the shaft follows the command.
+        Delay of the shaft behind the command.
 
     Attributes
     ----------
     sources
-        Those seen so far, in the order of their appearance.
+        The sources so far, in order of first appearance.
     """
 
     def __init__(self, trust: Sequence[str], lag_s: float) -> None:
@@ -104,18 +104,18 @@ class Aligner:
 
     @property
     def late(self) -> int:
-        """How many values came out of order, or twice, and were left out."""
+        """Number of out-of-order or repeated values, which are ignored."""
         return int(self._late.sum())
 
     @property
     def kept(self) -> int:
-        """How many values of all sources are kept."""
+        """Number of buffered values of all sources."""
         return self._rows[0].size
 
     def feed(self, readings: Sequence[Reading], *, final: bool = False) -> list[Aligned]:
-        """Take new readings, at most one of a source, and return the samples that they settle.
+        """Add new readings, at most one per source, and return the samples that become final.
 
-        ``final`` settles what is left.
+        With ``final``, all remaining samples become final.
         """
         if readings:
             self._take(readings)
@@ -132,7 +132,7 @@ class Aligner:
         ]
 
     def _take(self, readings: Sequence[Reading]) -> None:
-        """Add readings to the rows of their sources, and the clock's to the samples that are due."""
+        """Add readings to the rows of their sources, and the clock's rows to the pending samples."""
         reigns = [(self._clock, -1)]
         new: dict[int, Reading] = {}
         for reading in sorted(readings, key=lambda reading: int(reading.frame[0])):
@@ -158,7 +158,7 @@ class Aligner:
             self._latest_due_us = int(self._due[-1, 0])
 
     def _introduce(self, reading: Reading) -> int:
-        """Add a source, and return its place; it is the new clock if it is a better one."""
+        """Add a source, and return its index; it becomes the clock if it is better than the current one."""
         k = self._places[reading.source] = len(self.sources)
         if k == 0:
             self._known_from_us = int(reading.utc_us[0]) + _KEEP_US
@@ -191,9 +191,9 @@ class Aligner:
     def _combine(
         self, time_us: NDArray[np.int64], limit: NDArray[np.int64], *, signed: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-        """Return the best source's value of each quantity at each time, and which source that was.
+        """Return the best source's value of each quantity at each time, and that source.
 
-        Magnitudes are not mixed among signed values.
+        Magnitudes and signed values are not mixed.
         """
         by_trust = self._by_trust[signed]
         return combine(time_us, limit, by_trust, self._rows, self._bounds, _KEEP_US, _MAX_SPAN_US)

@@ -1,8 +1,8 @@
 """Quantities that follow from others through the actuator's constants (paper, section 4).
 
-A magnitude gets its sign first: of the speed from the command, of the current from the voltage
-equation |U| = |R·I + k_t·ω|, which tells a current that drives the motion from one that opposes it.
-An ESC at the supply bus tells the motor's power and no more.
+Signs of magnitudes are derived first: the sign of the speed from the command, the sign of the current
+from the voltage equation |U| = |R·I + k_t·ω|, which distinguishes a driving current from an opposing
+one. An ESC at the supply bus gives only the motor's power.
 """
 
 from __future__ import annotations
@@ -113,8 +113,8 @@ class Deriver:
         misfit = np.minimum(driving, opposing)
         allowed = _MISFIT_V + _MISFIT_SHARE * np.maximum(back_emf, drop)
         along = np.where(driving <= opposing, 1.0, -1.0) * np.sign(values[:, _V7])
-        told = (misfit <= allowed) & (back_emf > ema.resistance * _STEP_A)
-        values[:, _V5] *= np.where(told, along, np.nan)
+        accepted = (misfit <= allowed) & (back_emf > ema.resistance * _STEP_A)
+        values[:, _V5] *= np.where(accepted, along, np.nan)
         volts = ema.resistance * values[:, _V5] + ema.torque_constant * values[:, _V7] * _RAD_S
         values[:, _V4] *= np.sign(volts)
         self.derived["V5"] = "magnitude from {V5}, sign from the voltage equation"

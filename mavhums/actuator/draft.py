@@ -1,4 +1,4 @@
-"""Draft an airframe profile from a log's parameters; what no log can tell is left to be filled in."""
+"""Draft of an airframe profile from a log's parameters; the user fills in what logs do not contain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the engine reports of an actuator's samples and profile. Times are flight times in seconds."""
+"""Engine events about actuators: samples, and the profile in use. Times are flight times, s."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class AirframeNamed:
-    """The profile by which a vehicle, every one if None, is judged from here on."""
+    """The profile in use from here on for a vehicle (for all vehicles if None)."""
 
     time_s: float
     vehicle: int | None

@@ -1,4 +1,4 @@
-"""Whether a message has the fields that a profile maps."""
+"""Check that messages have the fields that a profile maps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["FieldMistake", "field_mistake"]
 
 
 class FieldMistake(NamedTuple):
-    """What is wrong with a mapping: the key that it is about, the problem and the remedy."""
+    """An error in a mapping: the key, the problem and the remedy."""
 
     key: str
     problem: str
@@ -20,7 +20,7 @@ class FieldMistake(NamedTuple):
 
 
 def field_mistake(message: str, field: str, where: Mapping[str, str | int]) -> FieldMistake | None:
-    """Return what is wrong with a mapping, by the MAVLink dialect; None if nothing is.
+    """Check a mapping against the MAVLink dialect; return its error, or None.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Map message fields to V1–V12 of each actuator, and say where each came from.
+"""Mapping of message fields to V1–V12 of each actuator, with the provenance of each quantity.
 
 Sources are read, aligned on one clock and completed: :mod:`~mavhums.actuator.sources`,
 :mod:`~mavhums.actuator.align`, :mod:`~mavhums.actuator.derive`.
@@ -156,14 +156,14 @@ class Mapper:
         return track.tier or None if track else None
 
     def late(self, vehicle: int, actuator: Actuator) -> int:
-        """Return how many values came out of order, or twice, and were left out."""
+        """Return the number of out-of-order or repeated values, which are ignored."""
         track = self._tracks.get((vehicle, actuator.name))
         return track.aligner.late if track else 0
 
     def implausible(self, vehicle: int, actuator: Actuator) -> dict[str, tuple[int, int]]:
-        """Return by quantity how many values no such actuator can have, and of how many.
+        """Return, by quantity, the number of implausible values and the number of all values.
 
-        They count as not measured.
+        Implausible values, which no such actuator can have, count as not measured.
         """
         track = self._tracks.get((vehicle, actuator.name))
         if track is None or not track.gate.refused.any():
@@ -172,9 +172,9 @@ class Mapper:
         return {key: (refused, told) for key, refused, told in counts if refused}
 
     def provenance(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
-        """Return where each quantity came from.
+        """Return the provenance of each quantity.
 
-        That is the message field that gave it most often, or how it was derived.
+        It is the message field that gave the quantity most often, or its derivation.
         """
         track = self._tracks.get((vehicle, actuator.name))
         if track is None:

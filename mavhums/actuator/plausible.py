@@ -1,9 +1,9 @@
-"""What no actuator of a profile can do: such values count as not measured.
+"""Plausibility bounds of an actuator: values beyond them count as not measured.
 
-The bounds are the physics of the profile, with a margin of three for sensors, faults and data sheets: the
-travel; the supply's voltage U, at the motor's terminals; the stall current U/R; the no-load speed U/k_t;
-the torques and powers that follow. Where the profile leaves a constant open, the bound is what nothing on
-an unmanned aircraft reaches.
+The bounds follow from the profile, with a factor of three for sensors, faults and data sheets: the travel;
+the supply voltage U, at the motor's terminals; the stall current U/R; the no-load speed U/k_t; and the
+resulting torques and powers. If the profile lacks a constant, the bound is a value that no unmanned aircraft
+reaches.
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ def bounds(actuator: Actuator) -> Array:
 
 
 class Gate:
-    """Takes out of one actuator's readings what it cannot have done, and counts it.
+    """Removes implausible values from one actuator's readings, and counts them.
 
     Attributes
     ----------
     told, refused
-        How many values of each quantity came, and how many of them were taken out, shape (12,).
+        Number of values of each quantity, and number of removed ones, shape (12,).
     """
 
     def __init__(self, actuator: Actuator) -> None:
@@ -86,9 +86,9 @@ class Gate:
         self._bounds = bounds(actuator)
 
     def admit(self, values: Array) -> Array:
-        """Return V1…V12, shape (n, 12), with NaN for what the actuator cannot have done.
+        """Return V1…V12, shape (n, 12), with NaN for implausible values.
 
-        NaN says that a quantity was not measured; infinity is a value, and one that nothing has.
+        NaN means that a quantity was not measured; infinity is a value, and implausible.
         """
         size = np.abs(values)
         told = ~np.isnan(values)

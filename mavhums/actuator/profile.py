@@ -1,4 +1,4 @@
-"""Airframe profiles: which servo moves which surface, what EMA it is, and where its limits lie."""
+"""Airframe profiles: servos and their surfaces, EMA constants, and limits."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ FILL_IN = "fill in the constants from the EMA's data sheet and the friction limi
 
 
 class ProfileError(MavhumsError):
-    """An airframe profile is missing or does not say what it must."""
+    """An airframe profile is missing, incomplete or invalid."""
 
 
 class Ema(Contract):
@@ -52,21 +52,21 @@ class Ema(Contract):
     gear_ratio
         Rotor turns per output shaft turn.
     torque_constant
-        Of the motor, N·m/A; equals the back-EMF constant in V·s/rad.
+        Torque constant of the motor, N·m/A; equals the back-EMF constant in V·s/rad.
     resistance
-        Of the stator winding, Ω.
+        Resistance of the stator winding, Ω.
     inertia
-        Of rotor and gear, referred to the rotor, kg·m².
+        Inertia of rotor and gear, referred to the rotor, kg·m².
     torque_uncertainty
         Relative 95 % uncertainty of the torque scale; it widens every friction interval.
     inertia_uncertainty
-        Relative 95 % uncertainty of the inertia; the surface's belongs to it.
+        Relative 95 % uncertainty of the inertia; it must cover the inertia of the surface.
     viscous, viscous_uncertainty
         Viscous drag at the output shaft and its 95 % uncertainty, N·m·s/rad.
     stiffness
-        Of the gear, at the output shaft, N·m/rad; None if it is not known.
+        Stiffness of the gear, at the output shaft, N·m/rad; None if unknown.
     supply_voltage
-        Of the healthy supply, V; None if its sag need not be told.
+        Voltage of the healthy supply, V; None disables the detection of supply sag.
     """
 
     gear_ratio: _Positive
@@ -82,16 +82,16 @@ class Ema(Contract):
 
 
 class Limits(Contract):
-    """From where on the actuator is degraded, or an emergency.
+    """Limits of the fault indicators: degraded and emergency.
 
     Attributes
     ----------
     normal, emergency
         Coulomb friction at the output shaft, N·m: normal up to one value, an emergency from another.
     resistance_gain, torque_constant_loss
-        Of the data sheet's, as a share. Copper gains 0.39 % of its resistance a kelvin.
+        Changes relative to the data sheet, as fractions. Copper gains 0.39 % of resistance per kelvin.
     backlash_deg, sensor_bias_deg
-        At the output shaft; None if the type's own is not known.
+        Values at the output shaft, °; None if the type's own value is not known.
     supply_sag_v
         Voltage lost on the actuator's supply.
     """
@@ -112,14 +112,14 @@ class Limits(Contract):
 
 
 class FieldMapping(Contract):
-    """Which message field is a quantity: value = field · scale + offset, in the quantity's unit.
+    """Mapping of a message field to a quantity: value = field · scale + offset, in the quantity's unit.
 
     Attributes
     ----------
     message
         MAVLink message, for example NAMED_VALUE_FLOAT.
     field
-        Of the message; ``rpm[2]`` is an element of an array.
+        Field of the message; ``rpm[2]`` is an element of an array.
     where
         Values that other fields must have, for example ``{ name = "S1Pos" }``.
     """
@@ -152,7 +152,7 @@ class Actuator(Contract):
     esc_side
         Whether that ESC, or the servo itself, measures at the motor's terminals or at the supply bus.
     electronics_a
-        What the electronics draw from the bus beside the motor.
+        Current that the electronics draw from the bus in addition to the motor, A.
     travel_deg, pwm_us
         Deflection at the smallest and the largest pulse; the pulses at the least, the zero and the
         largest deflection.
@@ -160,9 +160,9 @@ class Actuator(Contract):
     moving_speed_deg_s
         Output speed above which the actuator counts as moving.
     response_lag_s
-        By how much the shaft follows the command.
+        Delay of the shaft behind the command, s.
     min_rate_hz
-        A quantity that comes less often is shown but is no evidence.
+        Minimum rate, Hz; a quantity with a lower rate is shown but not used as evidence.
     ema, limits
         None in a draft: the actuator's quantities are shown, but it is not judged.
     identified
@@ -274,7 +274,7 @@ _SECTIONS: dict[Place, tuple[str, ...]] = {
 
 
 def packaged_airframes() -> list[str]:
-    """Return the names of the profiles that ship with mavhums.
+    """Return the names of the packaged profiles.
 
     Examples
     --------
@@ -288,7 +288,7 @@ def packaged_airframes() -> list[str]:
 
 
 def load_airframe(name_or_path: str | Path) -> Airframe:
-    """Load a profile that ships with mavhums, by name, or one of the user's own, by path.
+    """Load a packaged profile by name, or a user's profile by path.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Say what is wrong with an airframe profile: the line, the place, and how to mend it."""
+"""Error messages for airframe profiles: the line, the key, the problem and the remedy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _EXAMPLE = "write it as in the packaged profile paper.toml"
 
 
 def explain_syntax(path: str, text: str, message: str) -> tuple[str, str]:
-    """Return problem and remedy of a text that is not TOML, from what tomllib says of it.
+    """Return problem and remedy for a text that is not TOML, from tomllib's message.
 
     Examples
     --------
@@ -40,18 +40,18 @@ def explain_syntax(path: str, text: str, message: str) -> tuple[str, str]:
 def explain_values(
     path: str, text: str, error: ValidationError, sections: Mapping[Place, tuple[str, ...]]
 ) -> tuple[str, str]:
-    """Return problem and remedy of a profile's gravest mistake.
+    """Return problem and remedy for a profile's most important error.
 
     Parameters
     ----------
     path, text
-        Of the profile.
+        Path and text of the profile.
     error
-        From its validation.
+        Error of its validation.
     sections
-        The keys of each section, by its place without indices and quantities.
+        The keys of each section, by its path without indices and quantities.
     """
-    # A misspelt key is also missing under its right name; the misspelling is the cause.
+    # A misspelt key is also missing under its correct name; the misspelling is the cause.
     mistakes = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     first = mistakes[0]
     place = _place(first)
@@ -65,23 +65,23 @@ def explain_values(
 
 
 def _follows(mistake: ErrorDetails, first: ErrorDetails) -> bool:
-    """Return whether a key is missing only because it is misspelt, or a list short by what is wrong in it."""
+    """Return whether an error is a consequence: of a misspelt key, or of an error inside a list."""
     misspelt = first["type"] == "extra_forbidden" and mistake["type"] == "missing"
     encloses = first["loc"][: len(mistake["loc"])] == mistake["loc"]
     return encloses or (misspelt and mistake["loc"][:-1] == first["loc"][:-1])
 
 
 def _place(mistake: ErrorDetails) -> Place:
-    """Return the place in the TOML text that a mistake is about."""
-    told: dict[str, Any] = mistake.get("ctx", {})
-    if "place" in told:
-        return tuple(told["place"])
+    """Return the path in the TOML text of an error."""
+    context: dict[str, Any] = mistake.get("ctx", {})
+    if "place" in context:
+        return tuple(context["place"])
     place = tuple(part for part in mistake["loc"] if part != "[key]")
-    return (*place, told["key"]) if "key" in told else place
+    return (*place, context["key"]) if "key" in context else place
 
 
 def _in_words(place: Place) -> str:
-    """Write a place as TOML does, an actuator by its number from 1."""
+    """Format a path in TOML notation, with actuators numbered from 1."""
     words = ""
     for part in place:
         words += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if words else part

@@ -1,4 +1,4 @@
-"""What one source tells of one actuator, before sources are brought together."""
+"""Values of one actuator from one source, before alignment with other sources."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ __all__ = ["Reading", "blank"]
 
 
 class Reading(NamedTuple):
-    """New values from one source: a message, and which of its instances.
+    """New values from one source: an instance of a message.
 
     Attributes
     ----------
     source
-        As verdicts quote it, for example ``DEBUG_FLOAT_ARRAY[EMA,3]``.
+        Name of the source in verdicts, for example ``DEBUG_FLOAT_ARRAY[EMA,3]``.
     tier
         Name of the telemetry tier.
     fields
-        Message field behind each quantity that the source can give, by key.
+        Message field of each quantity that the source can give, by key.
     frame
         Positions of the messages in the log, shape (n,), increasing.
     utc_us
         Times, microseconds of UTC, shape (n,).
     values
-        V1…V12, shape (n, 12), NaN where not given.
+        V1…V12, shape (n, 12); NaN for quantities that are not given.
     signed
-        Whether the values have their sign; if not, they are magnitudes.
+        Whether the values are signed; otherwise they are magnitudes.
     """
 
     vehicle: int
@@ -47,7 +47,7 @@ class Reading(NamedTuple):
 
 
 def blank(columns: Sequence[int], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return V1…V12 of shape (n, 12), NaN but for the given columns, whose values are (n, k)."""
+    """Return V1…V12, shape (n, 12), with the values (n, k) in the given columns and NaN elsewhere."""
     out = np.full((len(values), len(KEYS)), np.nan)
     out[:, columns] = values
     return out

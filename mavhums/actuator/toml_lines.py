@@ -1,4 +1,4 @@
-"""Tell on which line of a TOML text each table and key stands; tomllib does not say."""
+"""Line numbers of the tables and keys of a TOML text, which tomllib does not provide."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Place = tuple[str | int, ...]
 def lines(text: str) -> dict[Place, int]:
     """Return the line, from 1, of every table and key of a valid TOML text.
 
-    A place is the path to a value, with the index of an element of an array of tables. What lies
-    inside an inline table or an array that is written as a value is on the line where that begins.
+    A place is the path to a value, with indices for elements of arrays of tables. Values inside an
+    inline table or array have the line where that begins.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def lines(text: str) -> dict[Place, int]:
 
 
 def line_of(place: Place, known: dict[Place, int]) -> int | None:
-    """Return the line of a place, else that of what encloses it; None if nothing does.
+    """Return the line of a place, else the line of its nearest known parent; None if there is none.
 
     Examples
     --------
@@ -48,7 +48,7 @@ def line_of(place: Place, known: dict[Place, int]) -> int | None:
 
 
 def _statements(text: str) -> Iterator[tuple[int, str, dict[str, object]]]:
-    """Yield each header and each key with its value: its line, its text and what that means.
+    """Yield line, text and parsed value of each table header and each key.
 
     A statement ends with the first line that makes it valid TOML.
     """
@@ -67,7 +67,7 @@ def _statements(text: str) -> Iterator[tuple[int, str, dict[str, object]]]:
 
 
 def _table(header: dict[str, object], sizes: Counter[Place]) -> Place:
-    """Return the place of the table that a header opens, and count it if it is an array's element."""
+    """Return the place of the table that a header opens, and count it if it is an array element."""
     place: Place = ()
     inner: object = header
     while inner:

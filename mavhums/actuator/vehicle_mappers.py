@@ -1,4 +1,4 @@
-"""Every vehicle of a log, each mapped by its own airframe profile."""
+"""Mapping of all vehicles in a log, each with its own airframe profile."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def warm_up() -> int:
         nonlocal compiled
         compiled += 1
 
-    compiling.ask_to_be_told(count)
+    compiling.on_compile(count)
     stamper = Stamper(load_dialect())
     engine = Engine(Options(airframe="paper").resolved())
     for time_us, frame in _frames():

@@ -42,4 +42,4 @@ def announce_compiling() -> None:
         if sys.stderr.isatty():
             click.echo(f"\r  {count} loops", nl=False, err=True)
 
-    compiling.ask_to_be_told(tell)
+    compiling.on_compile(tell)

@@ -1,1 +1,1 @@
-"""What every room may use: errors, quantities, compiled kernels, files that appear whole."""
+"""Shared basics: errors, quantities, compiled kernels, atomic files."""

@@ -1,23 +1,23 @@
-"""Who is told that inner loops are being compiled, which happens once after an installation.
+"""Notification of kernel compilation, which happens once after an installation.
 
-Imports nothing heavy, so that the command line can ask to be told before anything is loaded.
+This module imports nothing heavy, so that the command line can register before it loads anything.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["ask_to_be_told", "tell"]
+__all__ = ["notify", "on_compile"]
 
 _listeners: list[Callable[[], None]] = []
 
 
-def ask_to_be_told(listener: Callable[[], None]) -> None:
-    """Let a listener be called whenever a loop begins to be compiled that is not kept on disk."""
+def on_compile(listener: Callable[[], None]) -> None:
+    """Register a listener that is called when the compilation of an uncached kernel begins."""
     _listeners.append(listener)
 
 
-def tell() -> None:
-    """Tell the listeners that a loop is about to be compiled."""
+def notify() -> None:
+    """Notify the listeners that a compilation begins."""
     for listener in _listeners:
         listener()

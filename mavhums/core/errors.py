@@ -8,7 +8,7 @@ __all__ = ["ExitCode", "MavhumsError", "MissingExtraError", "UnreadableLogError"
 
 
 class ExitCode(IntEnum):
-    """Exit codes of ``mavhums analyse``; where several apply, the first of this order is taken.
+    """Exit codes of ``mavhums analyse``; if several apply, the first in this order is used.
 
     2, 11, 10, 1, 12, 3, 0.
     """
@@ -23,7 +23,7 @@ class ExitCode(IntEnum):
 
 
 class MavhumsError(Exception):
-    """What went wrong, in one line, and how to mend it.
+    """A problem in one line, and its remedy.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class UnreadableLogError(MavhumsError):
 
 
 class MissingExtraError(MavhumsError):
-    """A feature needs packages that the base install leaves out."""
+    """A feature needs packages that are not part of the base install."""
 
     def __init__(self, feature: str, extra: str) -> None:
         super().__init__(f"{feature} needs an optional package", f"pip install 'mavhums[{extra}]'")

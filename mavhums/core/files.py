@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ __all__ = ["WholeFile", "written_whole"]
 
 
 class WholeFile:
-    """A file that is written beside its place, and put there once it is complete.
+    """A temporary file that replaces its target when it is complete.
 
-    A regular file is replaced by rename and keeps its permissions; a symbolic link stays, and the file
-    that it names is replaced. A device, a FIFO or a socket is never replaced: the complete content is
-    copied into it.
+    A regular file is replaced by rename and keeps its permissions. A symbolic link is kept, and its target
+    is replaced. A device, a FIFO or a socket is never replaced: the complete content is copied into it.
 
     Parameters
     ----------
@@ -31,7 +30,7 @@ class WholeFile:
     Attributes
     ----------
     temporary
-        Where to write it until then; a new path, at which there is nothing yet.
+        Path for writing; a new path, without a file.
 
     Raises
     ------
@@ -50,12 +49,12 @@ class WholeFile:
             self.temporary = self._path.with_name(f".{self._path.name[:200]}.{token_hex(4)}.part")
 
     def publish(self) -> None:
-        """Put the complete file in its place.
+        """Move the complete file to its target.
 
         Raises
         ------
         OSError
-            If that fails; what was there before is then still there, unless it was no regular file.
+            If that fails; a regular target file is then unchanged.
         """
         if self._through:
             with self.temporary.open("rb") as source, self._path.open("wb") as target:
@@ -66,7 +65,7 @@ class WholeFile:
         self.temporary.replace(self._path)
 
     def discard(self) -> None:
-        """Remove what is left of the temporary file; nothing after :meth:`publish`."""
+        """Remove the temporary file; no effect after :meth:`publish`."""
         self.temporary.unlink(missing_ok=True)
         if self._through:
             shutil.rmtree(self.temporary.parent, ignore_errors=True)
@@ -79,14 +78,14 @@ def written_whole(
     error: type[MavhumsError] = MavhumsError,
     remedy: str = "choose another place",
 ) -> Iterator[Path]:
-    """Give the path of a temporary file, and put it at ``path`` if all goes well (:class:`WholeFile`).
+    """Yield the path of a temporary file, and move it to ``path`` on success (:class:`WholeFile`).
 
     Parameters
     ----------
     path
         Where the file shall appear.
     error, remedy
-        What is raised if it cannot be written.
+        Type and remedy of the error if it cannot be written.
 
     Raises
     ------
@@ -105,7 +104,7 @@ def written_whole(
 
 
 def _mode(path: Path) -> int | None:
-    """Return type and permissions of what a path leads to; None where there is nothing yet."""
+    """Return type and permissions of the file at a path; None if there is none."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:

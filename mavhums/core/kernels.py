@@ -1,7 +1,7 @@
-"""How kernels are compiled: the inner loops that run once a byte or once a sample.
+"""Compilation of kernels: the inner loops that run once per byte or per sample.
 
-What is kept on disk is renewed when the kernel's own module changes, not when one does that it
-inlines: after editing such a module remove the ``__pycache__`` beside it.
+The cache on disk is renewed when the kernel's own module changes, but not when a module changes whose
+functions it inlines: after editing such a module, remove the ``__pycache__`` beside it.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def kernel(function: Function) -> Function:
-    """Compile at the first call, keep the result on disk, and release the GIL while it runs."""
+    """Compile at the first call, cache the result on disk, and release the GIL during execution."""
     return cast(Function, numba.njit(cache=True, nogil=True)(function))
 
 
 def inlined(function: Function) -> Function:
-    """Compile into every caller: for what runs once a frame, where a call would cost as much."""
+    """Inline into every caller: for functions called once per frame, where a call would be expensive."""
     return cast(Function, numba.njit(cache=True, nogil=True, inline="always")(function))
 
 
-class _Teller(event.Listener):
-    """Passes on that numba compiles, which it does not where the result is on disk."""
+class _CompileListener(event.Listener):
+    """Reports compilations by numba; a cached kernel is not compiled."""
 
     def on_start(self, event: event.Event) -> None:
-        compiling.tell()
+        compiling.notify()
 
     def on_end(self, event: event.Event) -> None:
-        """Do nothing: what matters is that it takes a while."""
+        """Do nothing: only the start is reported."""
 
 
-event.register("numba:compile", _Teller())  # type: ignore[no-untyped-call]
+event.register("numba:compile", _CompileListener())  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""Exports of a room that are imported at their first use, so that ``--help`` stays instant."""
+"""Lazy exports of a package: names are imported on first use, so that ``--help`` is fast."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["lazy_exports"]
 def lazy_exports(
     package: str, homes: Mapping[str, str], *, missing: Mapping[str, tuple[str, str]] | None = None
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return ``__getattr__`` and ``__dir__`` of a package whose names live in modules below it.
+    """Return ``__getattr__`` and ``__dir__`` of a package that exports names of its submodules.
 
     Parameters
     ----------
@@ -24,8 +24,8 @@ def lazy_exports(
     homes
         Module of each name, relative to the package.
     missing
-        What the user lacks where an optional distribution is not installed: the feature and the extra that
-        brings it, by the distribution's import name.
+        Feature and extra for the error message if an optional distribution is not installed, by the
+        distribution's import name.
 
     Examples
     --------

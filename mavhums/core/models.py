@@ -1,4 +1,4 @@
-"""Bases of the typed objects that mavhums reads from files and writes as JSON."""
+"""Base classes of the typed objects that mavhums reads from files and writes as JSON."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["Contract", "Frozen"]
 
 
 class Frozen(BaseModel):
-    """An immutable object that refuses fields it does not know."""
+    """An immutable object that rejects unknown fields."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -1,7 +1,7 @@
-"""Read a compressed or archived file as the file in it, block by block, without unpacking it to disk.
+"""Reading of compressed or archived files, block by block, without unpacking to disk.
 
-What a file is, its first bytes tell, not its name. A member of a zip archive is named by the archive's
-path and its own: ``flights.zip/2026-05-01/flight.ulg``.
+The first bytes determine the type of a file, not its name. The path of a member of a zip archive is the
+archive's path and its own: ``flights.zip/2026-05-01/flight.ulg``.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _MOST_LAYERS: Final = 3
 _FREE: Final = 1 << 30
 _RATIO: Final = 200
 _ZSTD_WINDOW: Final = 1 << 27
-_MEMBERS_TOLD: Final = 10
+_MEMBERS_NAMED: Final = 10
 
 
 class Unpacked:
-    """A file that is read from its begin to its end.
+    """A file that is read sequentially.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Unpacked:
         return data
 
     def unpack(self) -> None:
-        """Look through what the first bytes say is compressed."""
+        """Decompress the file if its first bytes identify a compressed format."""
         for _ in range(_MOST_LAYERS):
             with _translated(self._path):
                 head = self._source.peek(len(_ZSTD))
@@ -83,7 +83,7 @@ class Unpacked:
             self._source = io.BufferedReader(cast(Any, inner))
 
     def enter(self, archive: zipfile.ZipFile, member: str | None) -> None:
-        """Go on with a member of the archive, its only one if None."""
+        """Continue with a member of the archive, or with its only one if None."""
         with _translated(self._path):
             chosen = _chosen(self._path, archive, member)
             self._source = io.BufferedReader(archive.open(chosen))
@@ -129,7 +129,7 @@ def opened(path: Path) -> Iterator[Unpacked]:
 
 
 class _Counted(io.RawIOBase):
-    """Counts what is read of a file."""
+    """Counts the bytes read from a file."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self.count = 0
@@ -182,7 +182,7 @@ class _Frames(io.RawIOBase):
 
 
 def _located(path: Path) -> tuple[Path, str | None]:
-    """Return the file that a path leads to, and the path of a member in it."""
+    """Return the file of a path, and the path of a member in it."""
     if not path.exists():
         for parent in path.parents:
             if parent.is_file():
@@ -191,7 +191,7 @@ def _located(path: Path) -> tuple[Path, str | None]:
 
 
 def _chosen(path: Path, archive: zipfile.ZipFile, member: str | None) -> zipfile.ZipInfo:
-    """Return the member that is named, or the only one; what macOS adds does not count."""
+    """Return the named member, or the only one; macOS metadata do not count."""
     members = [
         info
         for info in archive.infolist()
@@ -204,11 +204,11 @@ def _chosen(path: Path, archive: zipfile.ZipFile, member: str | None) -> zipfile
         raise UnreadableLogError(f"{path}: the archive holds no file", "name one that holds a log")
     if member is None and len(names) == 1:
         return members[0]
-    told = ", ".join(names[:_MEMBERS_TOLD]) + (", …" if len(names) > _MEMBERS_TOLD else "")
+    given = ", ".join(names[:_MEMBERS_NAMED]) + (", …" if len(names) > _MEMBERS_NAMED else "")
     if member is None:
         remedy = f"name one, for example {path}/{names[0]}"
-        raise UnreadableLogError(f"{path}: the archive holds {len(names)} files: {told}", remedy)
-    raise UnreadableLogError(f"{path}: the archive has no such member", f"it holds {told}")
+        raise UnreadableLogError(f"{path}: the archive holds {len(names)} files: {given}", remedy)
+    raise UnreadableLogError(f"{path}: the archive has no such member", f"it holds {given}")
 
 
 def _zstd(file: IO[bytes]) -> Any:
@@ -221,7 +221,7 @@ def _zstd(file: IO[bytes]) -> Any:
 
 @contextmanager
 def _translated(path: Path) -> Iterator[None]:
-    """Raise what a library has against the packed data as an error that a user can act on."""
+    """Convert a library's errors about packed data to errors with a remedy."""
     damaged: list[type[Exception]] = [EOFError, zlib.error, gzip.BadGzipFile, zipfile.BadZipFile]
     zstandard = sys.modules.get("zstandard")
     if zstandard is not None:

@@ -1,4 +1,4 @@
-"""The twelve quantities V1–V12 by which the paper describes an actuator's operation (section 5).
+"""The twelve quantities V1–V12 that describe an actuator's operation (paper, section 5).
 
 Their order is the same everywhere: in arrays of shape ``(n, 12)``, in tables, in the
 ``data`` field of the instrumented tier and in model files.

@@ -1,4 +1,4 @@
-"""Write a table piece by piece, as CSV or Parquet."""
+"""Incremental writers of tables, as CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _TIME = "%Y-%m-%dT%H:%M:%S.%fZ"
 
 
 class TableWriter(ABC):
-    """Writes frames of the same columns to one file; used as a context.
+    """A context manager that writes frames with the same columns to one file.
 
     Parameters
     ----------
     path
-        Of the file.
+        Path of the file.
 
     Attributes
     ----------
@@ -112,14 +112,14 @@ class _ParquetWriter(TableWriter):
 
 
 def writer_for(output: Path) -> Callable[[Path], TableWriter]:
-    """Return what writes the kind of file that the ending of ``output`` names.
+    """Return the writer class for the file extension of ``output``.
 
     Raises
     ------
     MavhumsError
-        If it names none.
+        If the extension is not supported.
     MissingExtraError
-        If it is Parquet and pyarrow is not installed.
+        If the format is Parquet and pyarrow is not installed.
     """
     match output.suffix.lower():
         case ".csv":
@@ -131,4 +131,6 @@ def writer_for(output: Path) -> Callable[[Path], TableWriter]:
                 raise MissingExtraError("writing Parquet", "arrow") from error
             return _ParquetWriter
         case _:
-            raise MavhumsError(f"{output}: not a kind of table that is known", "end it in .parquet or .csv")
+            raise MavhumsError(
+                f"{output}: not a supported table format", "use the extension .parquet or .csv"
+            )

@@ -1,4 +1,4 @@
-"""Text from outside, made harmless for a terminal, a viewer or a spreadsheet."""
+"""Sanitising of external text for a terminal, a viewer or a spreadsheet."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "＝", "＋", "－", "＠")
 
 
 def printable(text: str) -> str:
-    r"""Return a text from outside without what a terminal or a viewer would obey.
+    r"""Return an external text without control sequences for a terminal or a viewer.
 
     Examples
     --------
@@ -19,7 +19,7 @@ def printable(text: str) -> str:
 
 
 def no_formula(text: str) -> str:
-    """Return a text that a spreadsheet shows and does not compute: an apostrophe goes before a formula.
+    """Return a text that a spreadsheet displays and does not evaluate: a formula gets an apostrophe.
 
     Examples
     --------

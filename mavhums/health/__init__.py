@@ -1,4 +1,4 @@
-"""From quantities to evidence, and from evidence to a verdict; it does not draw."""
+"""Health monitoring: converts quantities to evidence, and evidence to a verdict."""
 
 from __future__ import annotations
 

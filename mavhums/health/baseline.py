@@ -1,7 +1,7 @@
-"""An actuator's own baseline: what its indicators were in the flights before.
+"""An actuator's own baseline: its indicators in earlier flights.
 
-Individuals differ far more than one actuator does from flight to flight, so a change against
-the own baseline shows wear long before a limit for all of a type does.
+Individual actuators differ far more than one actuator differs from flight to flight. A change from
+the actuator's own baseline therefore reveals wear long before a limit for the type does.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ Array = NDArray[np.float64]
 class Baseline:
     """One indicator of one actuator over its reference flights.
 
-    Flights are measured unequally well: an hour of gusts tells more of the friction than one of cruise, and a
-    take-off more than both. So each counts by its certainty, as in a meta-analysis with random effects.
+    The measurement error differs between flights: an hour in gusts gives a better estimate of friction than
+    an hour of cruise, and a take-off a better one than both. Flights are weighted by their certainty, as in a
+    random-effects meta-analysis.
 
     Attributes
     ----------
     mean, error
-        Of the flights' values, each weighted with its certainty, and the standard error of that.
+        Mean of the flights' values, weighted by certainty, and its standard error.
     flights, between
         Number of flights, and the standard deviation of their true values; see
         :func:`mavhums.health.random_effects.population`.
@@ -61,11 +62,11 @@ class Baseline:
 
     @property
     def flight_variance(self) -> float:
-        """Of another flight's true value about the mean: between flights, and of the mean itself."""
+        """Variance of another flight's true value about the mean: between flights, plus the mean's own."""
         return self.between**2 + self.error**2
 
     def prediction(self) -> Interval:
-        """Return the 95 % interval in which the value measured in another flight lies."""
+        """Return the 95 % prediction interval of the value measured in another flight."""
         half = float(stdtrit(self.flights - 1, 0.975)) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
         return Interval(estimate=self.mean, low=self.mean - half, high=self.mean + half)
 
@@ -94,7 +95,7 @@ class Baseline:
 
 
 def _errors(windows: Array, scatter: Array) -> Array:
-    """Return the standard errors of flights' values; few windows know their own scatter badly."""
+    """Return the standard errors of flights' values; with few windows the scatter is uncertain."""
     freedom = np.maximum(windows - 1, _LEAST_FREEDOM)
     errors: Array = scatter * np.sqrt(freedom / (freedom - 2) / windows)
     return errors
@@ -104,4 +105,4 @@ Baselines = Mapping[tuple[int, str, str], Baseline]
 """Baselines by vehicle, actuator and fault."""
 
 BaselineSource = Baselines | Callable[[str, datetime | None], Baselines]
-"""Baselines, or what gives them of an airframe for a flight that begins at a time, None if not known."""
+"""Baselines, or a function of airframe and start of the flight (None if unknown) that returns them."""

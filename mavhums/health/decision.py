@@ -1,10 +1,11 @@
-"""The sequential decision: from a quantity's windows to the condition that it shows.
+"""The sequential decision: converts a quantity's windows to its condition.
 
-A window says *normal* unless its whole interval lies above the normal limit, *emergency* when the interval
-reaches the emergency limit, and *degraded* between them; where the interval holds both limits it says
-nothing. With an allowed false-alarm probability α for a window of 10 s, that interval is left with √α to
-either side. The condition changes when windows in a row agree: as many as two windows that share no sample,
-or five if even the interval that is left with α would say so. Windows that say nothing change nothing.
+A window indicates *normal* unless its whole interval lies above the normal limit, *emergency* if the interval
+reaches the emergency limit, and *degraded* in between; if the interval contains both limits, the window is
+inconclusive. α is the allowed false-alarm probability of a 10 s window; the interval has the tail probability
+√α on either side. The condition changes when consecutive windows agree: over the length of two windows that
+share no sample, or five windows if even the interval with tail probability α agrees. Inconclusive windows
+change nothing.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ __all__ = [
 CONFIRM = 5
 LASTING = 20
 FALSE_ALARMS = 1.0
-"""How many false alarms 100 hours of an actuator may bring, by default."""
+"""Default number of allowed false alarms per actuator and 100 hours."""
 
 _CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
 _WINDOWS_OF_100_H = 36_000.0
@@ -39,21 +40,21 @@ Array = NDArray[np.float64]
 
 
 def tail_of(false_alarms: float) -> float:
-    """Return the probability with which one window of 10 s may alarm, given the alarms per 100 hours."""
+    """Return the allowed false-alarm probability of one 10 s window, given the alarms per 100 hours."""
     return false_alarms / _WINDOWS_OF_100_H
 
 
 def half_width(estimates: Estimates, *, tail: float | Array) -> Array:
-    """Return half the width of intervals that are left to either side with this probability, shape (k,).
+    """Return half the width of intervals with this tail probability on either side, shape (k,).
 
-    Few degrees of freedom make heavy tails. Several tails, of more dimensions, give as many.
+    Few degrees of freedom make heavy tails. Several tails broadcast against the estimates.
     """
     width: Array = stdtrit(estimates.freedom, 1.0 - tail) * estimates.error
     return width
 
 
 def bounds(levels: Levels) -> tuple[float, float]:
-    """Return the limits as numbers: NaN where nothing is normal, infinity where nothing is an emergency."""
+    """Return the limits as numbers: NaN for no normal limit, infinity for no emergency limit."""
     normal, emergency = levels
     return np.nan if normal is None else normal, np.inf if emergency is None else emergency
 
@@ -72,15 +73,15 @@ def shown_by(low: Array, high: Array, normal: float | Array, emergency: float | 
 
 
 class Decision:
-    """Follows one quantity of one actuator through the flight.
+    """Tracks the condition of one quantity of one actuator through the flight.
 
     Attributes
     ----------
     condition
-        What the quantity shows now.
+        The current condition.
     since_s
-        Flight time since which it does: the middle of the first window that showed it; for the first
-        condition of a flight that window's start.
+        Flight time of its onset: the middle of the first window that indicated it; for the first
+        condition of a flight, that window's start.
     """
 
     def __init__(self, levels: Levels) -> None:
@@ -92,9 +93,9 @@ class Decision:
         self._first_s = 0.0
 
     def settle(self, shown: int, start_s: float) -> bool:
-        """Take the severity that the whole flight shows; return whether it decides.
+        """Process the severity of the whole flight; return whether it decides the condition.
 
-        It does where no run of windows could, and where it is a fault and they were normal.
+        It decides if no run of windows did, or if it is a fault and the windows were normal.
         """
         if shown < 0 or SEVERITY[self.condition] > 0 or _CONDITIONS[shown] == self.condition:
             return False
@@ -102,9 +103,9 @@ class Decision:
         return True
 
     def feed(self, shown: int, start_s: float, end_s: float, *, sure: bool = True) -> bool:
-        """Take the severity that one window shows, and return whether it changes the condition.
+        """Process the severity of one window, and return whether it changes the condition.
 
-        ``sure`` tells whether the wider interval says the same.
+        ``sure`` is True if the wider interval gives the same severity.
         """
         if shown < 0:
             return False

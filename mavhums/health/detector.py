@@ -1,7 +1,7 @@
-"""What a detector is: one fault, the quantity that shows it, and the limits of that quantity.
+"""The interface of detectors: one fault, the quantity that indicates it, and its limits.
 
-A detector is one module in :mod:`mavhums.health.detectors` with a class named ``Detector``; it is found
-there. Every detector passes the same battery of checks, ``tests/health/test_detectors.py``.
+A detector is a module in :mod:`mavhums.health.detectors` with a class named ``Detector``; it is discovered
+automatically. Every detector passes the same battery of checks, ``tests/health/test_detectors.py``.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ Array = NDArray[np.float64]
 
 
 class Levels(NamedTuple):
-    """Values of the quantity up to which it is normal, and from which it is an emergency; None: never."""
+    """The quantity's upper limit for normal and lower limit for an emergency; None if there is none."""
 
     normal: float | None = None
     emergency: float | None = None
 
 
 class Estimates(NamedTuple):
-    """A quantity in k windows; arrays of shape (k,), NaN where a window cannot show it.
+    """Estimates of a quantity in k windows; arrays of shape (k,), NaN for windows without evidence.
 
     Attributes
     ----------
@@ -55,22 +55,22 @@ class Estimates(NamedTuple):
         return cls(np.where(shown, value, np.nan), error, freedom)
 
     def at(self, which: NDArray[np.bool_] | int) -> Estimates:
-        """Return some of the windows, or of estimates of several quantities, shape (d, k), those of one."""
+        """Return a subset of the windows, or one quantity of estimates of shape (d, k)."""
         return Estimates(*(array[which] for array in self))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What some new slots show of an actuator.
+    """Data of new slots of an actuator, the input of detectors.
 
     Attributes
     ----------
     slots
         The samples.
     motion
-        How they move; None where the profile lacks the constants that tell.
+        Motion at the samples; None if the profile lacks the constants for it.
     windows, flight
-        By equation, the fits of the windows that end with each slot, and those of all slots so far.
+        By equation, the fits of the windows that end with each slot, and of all slots so far.
     """
 
     slots: Slots
@@ -80,20 +80,20 @@ class Seen:
 
 
 class Detector(Protocol):
-    """Looks for one fault in one actuator.
+    """Detects one fault of one actuator.
 
     Attributes
     ----------
     fault, quantity, unit
-        What it looks for, and what shows it.
+        The fault, and the quantity that indicates it.
     equations
-        Of :mod:`mavhums.health.equations`, that it reads.
+        Names of the equations in :mod:`mavhums.health.equations` that it reads.
     two_sided
         Whether the quantity is normal near zero and not below a value.
     levels
         Limits of the quantity.
     inspect
-        What the maintainer should inspect.
+        The parts that maintenance should inspect.
     """
 
     fault: ClassVar[str]
@@ -105,12 +105,12 @@ class Detector(Protocol):
     levels: Levels
 
     def __init__(self, actuator: Actuator) -> None:
-        """Look at this actuator."""
+        """Create the detector for this actuator."""
         ...
 
     @staticmethod
     def suits(actuator: Actuator) -> bool:
-        """Return whether the profile says enough of the actuator."""
+        """Return whether the profile has the data that the detector needs."""
         ...
 
     def feed(self, seen: Seen) -> Estimates:
@@ -118,16 +118,16 @@ class Detector(Protocol):
         ...
 
     def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:
-        """Return the quantity over the whole flight, as one window; None if it has no such meaning."""
+        """Return the quantity over the whole flight, as one window; None if it is not defined."""
         ...
 
     def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
-        """Return the quantity by which a finished flight may be judged; None if only its windows count."""
+        """Return the quantity that judges a finished flight; None if only windows count."""
         ...
 
 
 class EquationDetector:
-    """A detector that reads its quantity from the fits of equations, of windows and of the flight alike."""
+    """A detector that reads its quantity from fits of equations, for windows and whole flights alike."""
 
     equations: ClassVar[tuple[str, ...]]
     two_sided: ClassVar[bool] = False
@@ -149,11 +149,11 @@ class EquationDetector:
         return self.read(flight, flight)
 
     def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
-        """Return the quantity by which a finished flight may be judged: that of all of it."""
+        """Return the quantity that judges a finished flight: the one over the whole flight."""
         return self.overall(flight)
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
-        """Return the quantity that the fits show, given those of the flight so far."""
+        """Return the quantity from the fits, given the fits of the flight so far."""
         raise NotImplementedError
 
 
@@ -167,7 +167,7 @@ def _discovered() -> tuple[type[Detector], ...]:
 
 
 def to_inspect(fault: str) -> str | None:
-    """Return what a maintainer should inspect for a fault; None if no detector looks for it.
+    """Return the parts to inspect for a fault; None if no detector covers it.
 
     Examples
     --------
@@ -179,7 +179,7 @@ def to_inspect(fault: str) -> str | None:
 
 
 def detectors_for(actuator: Actuator) -> list[Detector]:
-    """Return a detector for every fault that can be looked for in this actuator.
+    """Return the detectors of all faults that are detectable with this actuator's profile.
 
     Examples
     --------

@@ -1,11 +1,11 @@
-"""A change against the actuator's own baseline, found as soon as the evidence of several windows suffices.
+"""Sequential detection of a change from the actuator's own baseline.
 
-Each window that does not overlap the one before adds its estimate. For the last 1, 2, 3, 5, 8 … of them the
-mean, weighted with the windows' certainty, is compared with the baseline: a generalised likelihood ratio
+Non-overlapping windows add their estimates. The mean of the last 1, 2, 3, 5, 8 … windows, weighted by
+certainty, is compared with the baseline: a generalised likelihood ratio
 (D. Siegmund, E. S. Venkatraman, "Using the generalized likelihood ratio statistic for sequential
 detection of a change-point", Annals of Statistics 23, 1995), studentised, because the scatter is
-heavy-tailed and never known beforehand. When the flight is over all of it is looked at once more. Half of
-the alarms allowed are for the looks in flight, half for the last one.
+heavy-tailed and not known in advance. At the end, the whole flight is tested once more. Half of the
+allowed false alarms are for the tests in flight, half for the last test.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from mavhums.health.windows import WINDOW_SLOTS
 __all__ = ["Drift", "Shift"]
 
 _SPANS = (1, 2, 3, 5, 8, 13, 21, 34)
-_LOOKS = 4.0  # as many independent looks as the overlapping spans are worth
+_LOOKS = 4.0  # effective number of independent tests of the overlapping spans
 _FREEDOM = WINDOW_SLOTS - 1.0
 
 Array = NDArray[np.float64]
 
 
 class Shift(NamedTuple):
-    """How far the last windows lie from the baseline.
+    """Deviation of the last windows from the baseline.
 
     Attributes
     ----------
     value, error
-        The quantity less its baseline, and the standard error of that.
+        The quantity minus its baseline, and the standard error of the difference.
     ratio
-        Of the shift to what chance alone would reach at the false-alarm rate; an alarm from 1 on.
+        Shift divided by its threshold at the false-alarm rate; an alarm from 1 on.
     since_s
-        Start of the windows that show it.
+        Start of the first of these windows.
     """
 
     value: float
@@ -50,14 +50,14 @@ class Shift(NamedTuple):
 
 
 class Drift:
-    """Follows one quantity of one actuator against its baseline.
+    """Compares one quantity of one actuator with its baseline through the flight.
 
     Parameters
     ----------
     baseline
-        Of the same quantity and actuator.
+        Baseline of the same quantity and actuator.
     two_sided
-        Whether a fall alarms like a rise.
+        Whether a decrease alarms like an increase.
     false_alarms
         Alarms per 100 hours.
 
@@ -85,16 +85,16 @@ class Drift:
         self._windows: deque[_Window] = deque(maxlen=_SPANS[-1])
 
     def feed(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
-        """Take a window that does not overlap the one before; return the shift that shows most."""
+        """Add a window that does not overlap the previous one; return the most significant shift."""
         self._windows.append(_Window(value - self.baseline.mean, error, freedom, start_s))
         tail = self._tail / _LOOKS
         shifts = [self._over(span, tail) for span in _SPANS if span <= len(self._windows)]
         return self._heed(max(shifts, key=lambda shift: shift.ratio))
 
     def conclude(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
-        """Look once more, at the estimate of the whole flight or at its windows together.
+        """Test once more, with the estimate of the whole flight or with all its windows.
 
-        The one that is known better counts: errors that all flights share belong to no window's.
+        The more certain of the two counts; a window's error excludes errors that all flights share.
         """
         count = max(len(self._windows), 1)
         tail = self._tail * count
@@ -117,7 +117,7 @@ class Drift:
         return self._shift(shift, own, freedom, float(starts_s[0]), tail)
 
     def _shift(self, shift: float, own: float, own_freedom: float, since_s: float, tail: float) -> Shift:
-        """Return a shift of which the own variance is known, against what chance reaches with this tail."""
+        """Return a shift of known variance, relative to its threshold for this tail probability."""
         flight = self.baseline.flight_variance
         error = float(np.sqrt(own + flight))
         freedom = _satterthwaite(own, own_freedom, flight, self.baseline.certainty)
@@ -126,7 +126,7 @@ class Drift:
 
 
 class _Window(NamedTuple):
-    """A window's estimate less the baseline, its standard error, the freedom of that, and its start."""
+    """A window's estimate minus the baseline, its standard error, degrees of freedom, and start."""
 
     value: float
     error: float

@@ -1,4 +1,4 @@
-"""Episodes of one condition in a flight, as evidence quotes them."""
+"""Episodes of one condition in a flight, for the evidence."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_EPISODES = 100
 
 @dataclass(slots=True)
 class Episode:
-    """An unbroken stay in one condition; ``peak`` is the highest value estimated in it."""
+    """A continuous period in one condition; ``peak`` is its highest estimate."""
 
     condition: Condition
     start_s: float
@@ -25,9 +25,9 @@ class Episode:
 
 
 class Episodes:
-    """Collects the episodes of one quantity, in memory that does not grow with the flight.
+    """Collects the episodes of one quantity, in bounded memory.
 
-    Of more than a hundred episodes the first and the latest fifty are kept.
+    If there are more than a hundred episodes, the first fifty and the last fifty are kept.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Episodes:
         return iter(self._episodes)
 
     def begin(self, episode: Episode) -> None:
-        """Start an episode, and end the one before where this one starts."""
+        """Start an episode, and end the previous one at its start."""
         if self._episodes:
             self._episodes[-1].end_s = episode.start_s
         if len(self._episodes) == _MOST_EPISODES:
@@ -54,13 +54,13 @@ class Episodes:
         self._episodes.append(episode)
 
     def begin_decided(self, condition: Condition, since_s: float, end_s: float, value: float) -> None:
-        """Start the episode that a window's decision opens; windows that led to it count towards its peak."""
+        """Start the episode of a window's decision; windows that led to it count towards its peak."""
         self._open_peak = max(self._open_peak, value)
         self.begin(Episode(condition, since_s, end_s, self._open_peak))
         self._open_peak = -np.inf
 
     def extend(self, value: float, end_s: float, *, agrees: bool) -> None:
-        """Extend the present episode by a window.
+        """Extend the current episode by a window.
 
         The value of a window that does not agree with the episode counts towards the peak of the next
         window that agrees, or of the next episode.

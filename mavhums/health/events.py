@@ -1,4 +1,4 @@
-"""What the engine reports of an actuator's health. Times are flight times in seconds."""
+"""Engine events about an actuator's health. Times are flight times, s."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["ConditionChanged", "Indication", "Window"]
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """What ten seconds of one actuator show.
+    """Results of one ten-second window of one actuator.
 
-    ``friction_nm`` and ``p_emergency`` are None where the window does not carry the evidence,
-    and ``condition`` is what the actuator is held to be at the window's end.
+    ``friction_nm`` and ``p_emergency`` are None if the window has no evidence for them;
+    ``condition`` is the actuator's condition at the window's end.
     """
 
     vehicle: int
@@ -33,7 +33,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class ConditionChanged:
-    """An actuator's condition changed; ``since_s`` is where it did, ``time_s`` when it was certain.
+    """An actuator's condition changed at ``since_s``; it was decided at ``time_s``.
 
     ``fault`` is what changed it, and ``finding`` says it in a few words for an alert, where the fault's name
     does not.
@@ -52,9 +52,9 @@ class ConditionChanged:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Indication:
-    """The quantity that shows a fault, in the windows that end at ``end_s``; arrays of shape (n,).
+    """A fault indicator in the windows that end at ``end_s``; arrays of shape (n,).
 
-    ``low`` and ``high`` bound the 95 % interval. Windows that cannot show it are left out.
+    ``low`` and ``high`` bound the 95 % interval. Windows without evidence are omitted.
     """
 
     vehicle: int

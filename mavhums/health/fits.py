@@ -1,4 +1,4 @@
-"""Fit the equations to an actuator's slots: in each window, over the flight so far, and over all of it."""
+"""Fits of the equations to an actuator's slots: per window, over the flight so far, and in total."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ def _equation(name: str) -> ModuleType:
 
 
 class Fits:
-    """The fits of some equations for one actuator, in memory that does not grow.
+    """The fits of several equations for one actuator, in bounded memory.
 
-    It keeps one row of sums, which holds every equation's: of each slot of the window, of the flight, and of
-    the flight in up to 32 equal parts.
+    A row of sums holds the sums of every equation. Rows are kept for each slot of the window, for the flight,
+    and for up to 32 equal parts of the flight.
 
     Parameters
     ----------
     actuator
-        With the constants that the equations take.
+        The actuator, with the constants that the equations use.
     names
-        Of the equations.
+        Names of the equations.
     """
 
     def __init__(self, actuator: Actuator, names: Collection[str]) -> None:
@@ -55,7 +55,7 @@ class Fits:
         self._slots = 0
 
     def feed(self, slots: Slots, motion: Motion) -> tuple[dict[str, Fit], dict[str, Fit]]:
-        """Return the fits of the windows that end with each slot, and of all slots until then."""
+        """Return the fits of the windows that end with each slot, and of all slots up to it."""
         sums = np.empty((slots.index.size, self._flight.size))
         for name, equation in self._equations.items():
             X, y, usable = equation.terms(self._actuator, motion)
@@ -67,7 +67,7 @@ class Fits:
         return self._fit(self._windows.feed(slots.index, sums)), self._fit(flight[1:, None])
 
     def whole(self) -> dict[str, Fit]:
-        """Return the fits of the whole flight so far, each one window."""
+        """Return the fits of the whole flight so far, each as one window."""
         return self._fit(self._groups[None].copy())
 
     def _fit(self, sums: Array) -> dict[str, Fit]:

@@ -1,4 +1,4 @@
-"""One detector followed through a flight: its decision, its drift from the baseline, its episodes."""
+"""Tracking of one detector through a flight: decision, drift from the baseline, episodes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class Latest(NamedTuple):
-    """The estimate of the last window that showed the quantity."""
+    """The estimate of the last window with evidence."""
 
     value: float
     error: float
@@ -34,7 +34,7 @@ class Latest(NamedTuple):
 
 
 class Change(NamedTuple):
-    """What an indicator is held to show from the k-th of some windows on, and since when."""
+    """An indicator's new condition from the k-th window on, and its onset."""
 
     window: int
     condition: Condition
@@ -43,14 +43,14 @@ class Change(NamedTuple):
 
 
 class IndicatorTracker:
-    """Follows one detector of one actuator through a flight.
+    """Tracks one detector of one actuator through a flight.
 
     Parameters
     ----------
     detector
-        Whose estimates are followed.
+        The detector.
     baseline
-        Of the same quantity in the actuator's flights before; None if there is none.
+        Baseline of the same quantity from the actuator's earlier flights; None if there is none.
     window_s
         Length of a window.
     false_alarms
@@ -61,15 +61,15 @@ class IndicatorTracker:
     detector
         As given.
     decision, drift
-        Against the limits, and against the baseline; None without a baseline.
+        Comparison with the limits, and with the baseline (None without a baseline).
     episodes
-        Stays in one condition, by the limits.
+        Episodes of one condition according to the limits.
     variance
-        Of the windows that do not overlap.
+        Variance over non-overlapping windows.
     latest
         The latest estimate; None before the first.
     concluded
-        95 % interval of the whole flight's estimate, if that decided; else None.
+        95 % interval of the whole flight's estimate if that decided, else None.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class IndicatorTracker:
 
     @property
     def condition(self) -> Condition:
-        """What the quantity shows: against its limits, or at least that it left its baseline."""
+        """Condition according to the limits, or at least degraded after a shift from the baseline."""
         drifted = self.drift is not None and self.drift.alarm is not None
         if drifted and SEVERITY[self.decision.condition] < SEVERITY["degraded"]:
             return "degraded"
@@ -103,14 +103,14 @@ class IndicatorTracker:
 
     @property
     def since_s(self) -> float | None:
-        """Flight time since which it does."""
+        """Flight time of the onset of the condition."""
         alarm = self.drift.alarm if self.drift else None
         times = [self.decision.since_s] if self.condition == self.decision.condition else []
         times += [alarm.since_s] if alarm and self.condition == "degraded" else []
         return min((time for time in times if time is not None), default=None)
 
     def feed(self, look: Look, end_s: Array) -> list[Change]:
-        """Take what the windows that end at ``end_s`` show, shape (k,); return the changes."""
+        """Process the windows that end at ``end_s``, shape (k,); return the changes."""
         at = np.flatnonzero(np.isfinite(look.own.value))
         if not at.size:
             return []
@@ -136,9 +136,9 @@ class IndicatorTracker:
         return changes
 
     def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> Change | None:
-        """Judge by the whole flight, which may show what no run of windows could; return the change.
+        """Judge by the whole flight, which may have evidence that no run of windows has; return the change.
 
-        It is one look more against the limits and one against the baseline, as another window would be.
+        It counts as one more test against the limits and one against the baseline, like another window.
         """
         before = self.condition
         self._conclude_drift(self.detector.overall(flight), start_s)
@@ -169,21 +169,21 @@ class IndicatorTracker:
         self.episodes.begin(Episode(self.decision.condition, start_s, end_s, float(size[0])))
 
     def _shown(self, shown: int, value: float) -> int:
-        """Let a window that only fails to show a fault not end one: its estimate must be normal, too."""
+        """Prevent a merely inconclusive window from ending a fault: its estimate must be normal, too."""
         normal = self.detector.levels.normal
         faulty = SEVERITY[self.decision.condition] > SEVERITY["normal"]
         doubtful = shown == SEVERITY["normal"] and normal is not None and value > normal
         return SEVERITY["undecided"] if faulty and doubtful else shown
 
     def _feed_separate(self, value: float, error: float, freedom: float, end_s: float) -> None:
-        """Take a window that does not overlap the one before."""
+        """Process a window that does not overlap the previous one."""
         self.next_due_s = end_s + self.window_s
         self.variance.add(value)
         if self.drift is not None:
             self.drift.feed(value, error, freedom, end_s - self.window_s)
 
     def rule(self, condition: Condition) -> str:
-        """Return in words why the quantity makes the condition what it is."""
+        """Return the reason for the condition as text."""
         if condition != self.decision.condition and self.drift is not None and self.drift.alarm:
             return drift_rule(self.detector, self.drift.baseline, self.drift.alarm, self.false_alarms)
         return limit_rule(self.detector, condition, self.false_alarms)

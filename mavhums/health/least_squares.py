@@ -1,11 +1,11 @@
-"""Least squares on sums: what follows from any sum of slots.
+"""Least squares on sums of slots, with priors and jackknife errors.
 
-Coefficients have priors, which the actuator's data sheet gives: a term that a window does not show
-stays at what is known of it, instead of taking its noise to the others.
+Coefficients have priors from the actuator's data sheet: a coefficient without evidence in a window
+stays at its prior, and its noise does not affect the others.
 
 The standard error of a coefficient is the larger of two: the delete-one jackknife over the window's
-slots (R. G. Miller, "The jackknife: a review", Biometrika 61, 1974), which takes the correlation of
-the residuals within a slot as it is, and that of independent residuals.
+slots (R. G. Miller, "The jackknife: a review", Biometrika 61, 1974), which allows for correlated
+residuals within a slot, and the standard error for independent residuals.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """What is known of p coefficients: means and standard deviations, infinite where nothing is."""
+    """Prior of p coefficients: means and standard deviations, infinite for unknown ones."""
 
     mean: Array
     deviation: Array
@@ -44,7 +44,7 @@ class Coefficient(NamedTuple):
 
 
 class Fit:
-    """The coefficients of windows, each of S slots.
+    """Fitted coefficients of W windows of S slots each.
 
     Parameters
     ----------
@@ -62,24 +62,24 @@ class Fit:
         self._places = {term: place for place, term in enumerate(terms)}
 
     def __getitem__(self, term: str) -> Coefficient:
-        """Return the coefficient of a term, and its standard error."""
+        """Return the coefficient of a term and its standard error."""
         place = self._places[term]
         return Coefficient(self.coefficients[:, place], self.errors[:, place])
 
     @cached_property
     def count(self) -> Array:
-        """Samples in each window, shape (W,)."""
+        """Number of samples in each window, shape (W,)."""
         count: Array = self._sums[:, :, 0].sum(axis=1)
         return count
 
     @cached_property
     def filled(self) -> NDArray[np.int64]:
-        """Slots with samples in each window, shape (W,)."""
+        """Number of slots with samples in each window, shape (W,)."""
         return np.asarray(np.count_nonzero(self._sums[:, :, 0], axis=1))
 
     @property
     def spread(self) -> NDArray[np.bool_]:
-        """Whether they are enough for the errors to mean something, shape (W,)."""
+        """Whether a window has enough of them for meaningful errors, shape (W,)."""
         return self.filled >= _MIN_SLOTS
 
     @property
@@ -90,7 +90,7 @@ class Fit:
 
     @property
     def coefficients(self) -> Array:
-        """Shape (W, p)."""
+        """The coefficients, shape (W, p)."""
         return self._solution[0]
 
     @property
@@ -100,11 +100,11 @@ class Fit:
 
     @property
     def variance(self) -> Array:
-        """Of a residual, shape (W,)."""
+        """Variance of a residual, shape (W,)."""
         return self._solution[2]
 
     def both_ways(self, term: str, constant: str) -> NDArray[np.int64]:
-        """Return in how many slots a term of ±1 had its rarer sign, shape (W,).
+        """Return the number of slots in which a term of ±1 had its rarer sign, shape (W,).
 
         ``constant`` is the term that is 1 in every sample.
         """
@@ -118,9 +118,9 @@ class Fit:
     def corrected(self, term: str, *, noisy: str) -> Coefficient:
         """Return the coefficient of a term, and a standard error that allows for noise in a ``noisy`` term.
 
-        Noise in a term pulls its coefficient towards zero, and the others with it: what is true of its own
-        lies between what is seen and 1/r² of that, r being the term's partial correlation with the left
-        side. The middle is returned, and errors that hold either end.
+        Noise in a term biases its coefficient towards zero, and the others with it. The true coefficient
+        lies between the estimate and 1/r² times the estimate, where r is the term's partial correlation
+        with the left side. The midpoint is returned, with an error that covers both ends.
         """
         coefficients, errors, variance, inverse = self._solution
         noise, place = self._places[noisy], self._places[term]

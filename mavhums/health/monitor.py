@@ -1,4 +1,4 @@
-"""One actuator's health through a flight: samples in, windows and changes out, a verdict at the end."""
+"""Health monitoring of one actuator through a flight, from samples to windows, changes and findings."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What a flight showed of one actuator.
+    """Results of a flight for one actuator.
 
-    ``network`` is the one that ``p_emergency`` is of, and ``last_s`` the flight time of the last sample.
+    ``network`` is the network that gave ``p_emergency``; ``last_s`` is the flight time of the last sample.
     """
 
     condition: Condition
@@ -60,22 +60,22 @@ class Findings:
 class Monitor:
     """Judges one actuator of one vehicle.
 
-    Of more than a hundred stays in one condition the first and the latest fifty are evidence.
+    If there are more than a hundred episodes, the evidence has the first fifty and the last fifty.
 
     Parameters
     ----------
     vehicle
         System id.
     actuator
-        From the airframe profile; what it leaves open cannot be judged.
+        Actuator of the airframe profile; missing constants limit what can be judged.
     networks
-        Whose votes are shown beside the physics, the one that wants the most quantities first.
+        Networks whose votes are shown beside the physics; the one with the most inputs comes first.
     baselines
-        By fault, of the actuator's flights before.
+        Baselines from the actuator's earlier flights, by fault.
     window_s
         Length of a window; each slides by a tenth of it.
     false_alarms
-        How many false alarms 100 hours of the actuator may bring.
+        Allowed number of false alarms per 100 hours.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class Monitor:
             yield from self._judge(self._cut())
 
     def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
-        """Judge what is left, and by the whole flight what its windows were too poor for."""
+        """Process the remaining samples, and judge by the whole flight what its windows left undecided."""
         if self._waiting:
             yield from self._judge(self._cut())
         yield from self._judge(self._cutter.finish())
@@ -168,7 +168,7 @@ class Monitor:
 
     @property
     def worst(self) -> Condition:
-        """The worst condition that the actuator was held to be in."""
+        """The actuator's worst condition so far."""
         return self._worst
 
     def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> Findings:
@@ -207,7 +207,7 @@ class Monitor:
         )
 
     def _cut(self) -> Slots | None:
-        """Give the cutter what waits, all at once: a live block alone is worth no arrays."""
+        """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
         time_s, *quantities = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
         self._waiting.clear()
         return self._cutter.feed(time_s, widen(*quantities))
@@ -240,7 +240,7 @@ class Monitor:
             yield from changed
 
     def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array]:
-        """Count what moved, and the networks' votes; return the windows' moving fractions and ballots."""
+        """Count moving samples and the networks' votes; return the windows' moving fractions and ballots."""
         counts = np.zeros((slots.index.size, 2))
         counts[:, 0] = slots.count()
         ballots = np.zeros((slots.index.size, VOTE_COLUMNS))
@@ -264,7 +264,7 @@ class Monitor:
             )
 
     def _changed(self, changes: list[tuple[str, Change]], end_s: float) -> Iterator[ConditionChanged]:
-        """Take what detectors say anew; tell if that changes what the actuator is held to be."""
+        """Process the detectors' changes; report a change of the actuator's condition."""
         for fault, change in changes:
             self._shown[fault] = change
             before, self._condition = self._condition, self._gravest()
@@ -303,7 +303,7 @@ class Monitor:
         )
 
     def _gravest(self) -> Condition:
-        """Return the gravest condition that a detector shows; normal only if the friction is."""
+        """Return the most severe condition of all detectors; normal only if the friction is normal."""
         gravest: Condition = max(
             (change.condition for change in self._shown.values()), key=SEVERITY.__getitem__
         )
@@ -312,11 +312,11 @@ class Monitor:
         return self._shown["friction"].condition if "friction" in self._shown else "undecided"
 
     def _jammed(self) -> bool:
-        """Return whether the shaft was held, where no balance of torques or angles holds."""
+        """Return whether the shaft is jammed, in which case no torque or angle balance holds."""
         return "jam" in self._shown and self._shown["jam"].condition == "emergency"
 
     def _deciding(self) -> Collection[str]:
-        """Return the faults that can make the condition what it is: only the friction makes it normal."""
+        """Return the faults that can determine the condition; only friction can make it normal."""
         return {"friction"} if self._condition == "normal" else self._shown.keys()
 
     def _network_evidence(self) -> Iterator[Evidence]:
@@ -336,7 +336,7 @@ class Monitor:
 
 
 def _intervals(look: Look) -> dict[int, Interval]:
-    """Return the 95 % intervals of the windows that show the quantity, by window."""
+    """Return the 95 % intervals of the windows with evidence, by window."""
     value, half = look.own.value, look.half
     low, high = value - half, value + half
     return {

@@ -1,4 +1,4 @@
-"""Which samples show the actuator in motion: a standing actuator shows no friction."""
+"""Detection of motion: only samples in motion are evidence of friction."""
 
 from __future__ import annotations
 
@@ -14,32 +14,33 @@ from mavhums.health.slots import APART, BUS, GUARD_S, Slots
 __all__ = ["Motion", "lasting", "motion"]
 
 _PERIODS = 2.5
-_LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; how they round must not decide
+_LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; rounding must not affect the comparison
 _V7 = column("V7")
 
 Array = NDArray[np.float64]
 
 
 class Motion(NamedTuple):
-    """How the output shaft moves at each judged sample of some slots; arrays of shape (n,).
+    """Motion of the output shaft at each judged sample of the slots; arrays of shape (n,).
 
     Attributes
     ----------
     moving
-        Whether the rotor turns the same way and fast enough from :data:`~mavhums.health.slots.GUARD_S`
-        before the sample until as long after it, and the samples come often enough to be evidence.
-        At a reversal the shaft first takes up the gear's play, and sticks.
+        Whether the rotor turns in one direction and fast enough from :data:`~mavhums.health.slots.GUARD_S`
+        before the sample until as long after it, and the sample rate is high enough for evidence. (At a
+        reversal the shaft first moves through the gear's play, and sticks.)
     speed, acceleration
-        Output shaft, rad/s and rad/s², the latter from central differences; NaN without neighbours.
+        Speed of the output shaft, rad/s, and acceleration, rad/s², from central differences; NaN without
+        neighbours.
     speed_around
-        Mean of the speeds before and after, rad/s. Where the command comes in steps, a sample's own speed
-        goes with the phase of its step, and so does its current.
+        Mean of the speeds before and after, rad/s. With a stepwise command, a sample's own speed and
+        current depend on the phase of the step.
     values
         V1…V12, shape (n, 12).
     bus_v
-        Voltage of the supply bus, V; NaN where the log does not carry it.
+        Voltage of the supply bus, V; NaN if the log does not carry it.
     apart
-        Whether V2 and V3 were measured each by a sensor of its own.
+        Whether separate sensors measured V2 and V3.
     """
 
     moving: NDArray[np.bool_]

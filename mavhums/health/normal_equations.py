@@ -1,7 +1,7 @@
-"""The normal equations of least squares, compiled: what samples add to them, and their solutions.
+"""Compiled normal equations of least squares: sums over samples, and solutions.
 
-A row of sums holds, for p terms: the number of samples, y², X·y and the upper triangle of X·Xᵀ row by row;
-so it has m = 2 + p + p·(p + 1)/2 numbers.
+A row of sums contains, for p terms, the number of samples, y², X·y and the upper triangle of X·Xᵀ row by row:
+m = 2 + p + p·(p + 1)/2 numbers.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def sums_of_slots(X: Array, y: Array, usable: NDArray[np.bool_], start: NDArray[
     X, y
         Terms, shape (n, p), and the left side, shape (n,).
     usable
-        Samples that count, shape (n,); the others add nothing, whatever they hold.
+        Mask of the samples that count, shape (n,); the others may have any value.
     start
-        Where each slot begins among the samples, shape (k,); the last one ends with them.
+        Index of the first sample of each slot, shape (k,); the last slot ends with the samples.
     """
     n, p = X.shape
     out = np.zeros((len(start), 2 + p + p * (p + 1) // 2))
@@ -72,13 +72,13 @@ def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Arr
     sums
         Shape (W, S, m).
     mean, deviation
-        What is known of the coefficients, shape (p,); a deviation is infinite where nothing is.
+        Prior of the coefficients, shape (p,); the deviation of an unknown one is infinite.
 
     Returns
     -------
     tuple of NDArray
         Coefficients, shape (W, p); their standard errors, shape (W, p); the variance of a residual,
-        shape (W,); the inverse of the normal matrix, the prior's part in it, shape (W, p, p).
+        shape (W,); the inverse of the normal matrix with the prior, shape (W, p, p).
     """
     W, S, m = sums.shape
     p = len(mean)
@@ -123,7 +123,7 @@ def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Arr
 
 @kernel
 def _posterior(total: Array, weights: Array, mean: Array, factor: Array, out: Array) -> None:
-    """Write the coefficients that a row of sums gives, each held to its mean by its weight."""
+    """Write the coefficients of a row of sums, each drawn to its prior mean by its weight."""
     p = len(mean)
     column = 2 + p
     for j in range(p):
@@ -147,7 +147,7 @@ def _posterior(total: Array, weights: Array, mean: Array, factor: Array, out: Ar
 
 @kernel
 def _substitute(factor: Array, right: Array, out: Array) -> None:
-    """Solve for one right side by a matrix's lower Cholesky factor."""
+    """Solve for one right side with a matrix's lower Cholesky factor."""
     p = len(right)
     for j in range(p):
         out[j] = right[j]

@@ -1,6 +1,6 @@
-"""All detectors of an actuator side by side: what their windows show, worked out for all at once.
+"""Evaluation of the windows of all detectors of an actuator, vectorised over detectors.
 
-Each quantity has one window a second, too few to be worth arrays of their own.
+Each quantity has only one window per second, too few for efficient arrays of its own.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ Array = NDArray[np.float64]
 
 
 class Look(NamedTuple):
-    """What k windows show of one quantity; arrays of shape (k,).
+    """Evaluation of one quantity in k windows; arrays of shape (k,).
 
     Attributes
     ----------
     own, steadied
-        The estimates, with the errors of each window by itself, and steadied by those before.
+        The estimates, with each window's own error, and with the error pooled over earlier windows.
     half
         Half the width of each window's own 95 % interval.
     severity, sure
-        What each shows by the interval that is left with √α, -1 for nothing, and whether it would with α.
+        Severity by the interval with tail probability √α, -1 if inconclusive; and whether the interval
+        with tail probability α agrees.
     """
 
     own: Estimates
@@ -42,12 +43,12 @@ class Look(NamedTuple):
 
 
 class Panel:
-    """Holds the windows of some quantities against their limits.
+    """Compares the windows of several quantities with their limits.
 
     Parameters
     ----------
     detectors
-        Whose quantities they are.
+        Detectors of the quantities.
     false_alarms
         Alarms per 100 hours.
     """
@@ -60,7 +61,7 @@ class Panel:
         self._errors = PooledErrors()
 
     def feed(self, estimates: Sequence[Estimates], windows: NDArray[np.bool_]) -> list[Look]:
-        """Return what each detector's estimates show in those of their windows that count, shape (k,)."""
+        """Evaluate each detector's estimates in the selected windows, shape (k,)."""
         own = Estimates(*(np.array(arrays)[:, windows] for arrays in zip(*estimates, strict=True)))
         steadied = self._errors.feed(own)
         size = np.where(self._two_sided, np.abs(own.value), own.value)

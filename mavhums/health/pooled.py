@@ -1,7 +1,7 @@
-"""Standard errors steadied by those of the flight so far.
+"""Standard errors pooled with those of the flight so far.
 
-The error of one window is itself uncertain: it rests on ten slots, and its tails are heavy. Together with the
-windows before it is not; where it is the larger of the two it stands, for the air may have become rougher.
+The error of one window is uncertain, because it rests on ten slots; its tails are heavy. The error pooled
+over earlier windows is more certain. The larger of the two is used, because the air may have become rougher.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ Array = NDArray[np.float64]
 
 
 class PooledErrors:
-    """Pools the errors of each quantity's windows as they come."""
+    """Pools the errors of each quantity's windows incrementally."""
 
     def __init__(self) -> None:
         self._sum: Array = np.zeros(1)
         self._count: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
 
     def feed(self, estimates: Estimates) -> Estimates:
-        """Return the estimates with steadier errors, and the degrees of freedom that this gives them.
+        """Return the estimates with pooled errors and the resulting degrees of freedom.
 
-        Several quantities may lie in one, shape (d, k).
+        Estimates of several quantities have the shape (d, k).
         """
         shown = np.isfinite(estimates.value)
         if not shown.size:

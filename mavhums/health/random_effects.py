@@ -1,4 +1,4 @@
-"""Least squares of flights that differ by more than their errors of measurement.
+"""Random-effects least squares, for flights that differ by more than their measurement errors.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""In words: why a quantity makes an actuator's condition what it is."""
+"""Reasons for an actuator's condition, as text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["drift_rule", "limit_rule"]
 
 
 def limit_rule(detector: Detector, condition: Condition, false_alarms: float) -> str:
-    """Return why the limits make the condition what it is."""
+    """Return the reason for a condition according to the limits."""
     normal, emergency = (_value(detector, level) for level in detector.levels)
     sure = f"with {_alarms(false_alarms)}"
     return {
@@ -23,7 +23,7 @@ def limit_rule(detector: Detector, condition: Condition, false_alarms: float) ->
 
 
 def drift_rule(detector: Detector, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
-    """Return how the quantity left the actuator's own baseline."""
+    """Return the reason for a condition according to the baseline: the shift from it."""
     return (
         f"degraded: {detector.quantity} {_value(detector, shift.value, '+')} from its own baseline of "
         f"{_value(detector, baseline.mean)} over {baseline.flights} flights, "

@@ -1,4 +1,4 @@
-"""The standard deviation of numbers that come one by one (B. P. Welford, Technometrics 4, 1962)."""
+"""Online standard deviation (B. P. Welford, Technometrics 4, 1962)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["RunningVariance"]
 
 
 class RunningVariance:
-    """Counts numbers and keeps the sum of their squared distances from the mean.
+    """Updates count, mean and sum of squared deviations with each number.
 
     Examples
     --------
@@ -24,7 +24,7 @@ class RunningVariance:
         self._mean = self._squares = 0.0
 
     def add(self, number: float) -> None:
-        """Take one more number."""
+        """Add a number."""
         self.count += 1
         before = number - self._mean
         self._mean += before / self.count
@@ -32,5 +32,5 @@ class RunningVariance:
 
     @property
     def deviation(self) -> float | None:
-        """Standard deviation; None of fewer than two numbers."""
+        """Standard deviation; None for fewer than two numbers."""
         return sqrt(self._squares / (self.count - 1)) if self.count > 1 else None

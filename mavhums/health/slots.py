@@ -1,8 +1,8 @@
-"""Cut an actuator's samples into slots of equal length, however they arrive.
+"""Division of an actuator's samples into slots of equal length, independent of block boundaries.
 
-A sample counts in the slot in which it is confirmed: in which the first sample comes that is later by
-at least :data:`GUARD_S`. So its neighbours are known when it is judged, and what a slot holds depends
-on the samples and their order alone, never on how the log was cut into blocks.
+A sample belongs to the slot in which it is confirmed, that is, in which the first sample arrives that
+is at least :data:`GUARD_S` later. Its neighbours are then known, and the content of a slot depends
+only on the samples and their order, not on the division of the log into blocks.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slots:
-    """The samples of some slots, with neighbours on either side.
+    """The samples of several slots, with neighbours on either side.
 
     Attributes
     ----------
     index
         Slot k covers flight times from ``index[k]`` to ``index[k] + 1`` slot lengths; increasing,
-        shape (k,). A slot in which nothing was confirmed is left out.
+        shape (k,). Slots without confirmed samples are omitted.
     start
-        Where each slot begins among the judged samples, shape (k,).
+        Index of each slot's first judged sample, shape (k,).
     judged
-        Which of the samples these slots judge; the others are neighbours.
+        Mask of the samples that belong to the slots; the others are neighbours.
     time_s, values
         Shapes (n,) and (n, 17), increasing in time; the columns are those of :func:`widen`.
     """
@@ -65,7 +65,7 @@ class Slots:
         return total
 
     def count(self) -> NDArray[np.int64]:
-        """Return how many samples each slot judges, shape (k,)."""
+        """Return the number of judged samples of each slot, shape (k,)."""
         return np.diff(self.start, append=self.judged.stop - self.judged.start)
 
 
@@ -108,7 +108,7 @@ def widen(
 
 
 class SlotCutter:
-    """Collects samples and returns slots once nothing more is expected for them.
+    """Collects samples and returns slots that are complete.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class SlotCutter:
     Attributes
     ----------
     late
-        Number of samples that came after their slot was closed; they are left out.
+        Number of samples that arrived after their slot was closed; they are ignored.
     latest_s
         Flight time of the latest sample; minus infinity before the first.
     """
@@ -154,11 +154,11 @@ class SlotCutter:
         return self._close(horizon)
 
     def finish(self) -> Slots | None:
-        """Return what is left, the last slot possibly not full."""
+        """Return the remaining slots; the last one may be incomplete."""
         return self._close(np.inf)
 
     def _begin(self, time_s: Array) -> Array:
-        """Return where the slots of flight times begin."""
+        """Return the start of the slot of each flight time."""
         begin: Array = np.floor(time_s / self._slot_s) * self._slot_s
         return begin
 

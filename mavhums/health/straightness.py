@@ -1,4 +1,4 @@
-"""Whether flights scatter about a straight line, or about something that must not be extrapolated as one."""
+"""Test of whether flights follow a straight line, which may be extrapolated, or another course."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Array = NDArray[np.float64]
 
 
 def departure(numbers: Array, values: Array, weights: Array) -> str | None:
-    """Return in words how flights depart from their line by weighted least squares; None if they do not.
+    """Describe how flights depart from their weighted least-squares line; None if they do not.
 
-    They do where one step between two levels is twenty times as likely as the line; where a square term is
-    significant at 1 %; and where the residuals follow their neighbours, by their lag-one autocorrelation, at
-    0.5 %.
+    They depart from it if one step between two levels is twenty times as likely as the line, if a square
+    term is significant at 1 %, or if the lag-one autocorrelation of the residuals is significant at 0.5 %.
 
     Parameters
     ----------
     numbers, values, weights
-        Of the flights, in the order of time, shape (n,), n ≥ 4; weights are inverse variances.
+        Numbers, values and weights of the flights in time order, shape (n,), n ≥ 4; weights are inverse
+        variances.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def _residuals(at: Array, values: Array, root: Array, degree: int) -> Array:
 
 
 def _best_step(values: Array, weights: Array) -> float:
-    """Return the least weighted sum of squares about two levels, each of at least two flights."""
+    """Return the smallest weighted sum of squares about two levels, each of at least two flights."""
     values = values - values.mean()
     first = slice(_LEAST - 1, len(values) - _LEAST)
     before, moment = np.cumsum(weights), np.cumsum(weights * values)

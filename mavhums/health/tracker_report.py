@@ -1,4 +1,4 @@
-"""What a tracker found, as the report's contracts have it."""
+"""Conversion of a tracker's results to the report's contracts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["evidence_of", "indicator_of", "suspect_of"]
 
 
 def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
-    """Return the episodes that the limits tell, and the shift from the baseline if it alarmed."""
+    """Return the episodes according to the limits, and the shift from the baseline if it alarmed."""
     detector, levels = tracker.detector, tracker.detector.levels
     found = [
         Evidence(
@@ -48,7 +48,7 @@ def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
 
 
 def suspect_of(tracker: IndicatorTracker) -> Suspect | None:
-    """Name the fault, with the probability that the quantity lies beyond its limit or its baseline."""
+    """Return the suspected fault, with the probability that its quantity exceeds limit or baseline."""
     if SEVERITY[tracker.condition] < SEVERITY["degraded"] or tracker.latest is None:
         return None
     value, error, freedom = tracker.latest
@@ -63,7 +63,7 @@ def suspect_of(tracker: IndicatorTracker) -> Suspect | None:
 
 
 def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indicator | None:
-    """Return the quantity over the whole flight; None if the flight does not show it."""
+    """Return the quantity over the whole flight; None if the flight has no evidence for it."""
     overall = tracker.detector.overall(flight)
     if overall is None or not np.isfinite(overall.value[0]) or not tracker.variance.count:
         return None

@@ -1,19 +1,19 @@
-"""Wear over flights: a straight line through one indicator, and when it will reach a limit.
+"""Wear over flights: a straight line through one indicator, and the flights left to its limit.
 
-A flight's value is the line, plus what differs between flights (temperature, load), plus the flight's
-own measurement error. The variance between flights is estimated by Paule and Mandel's equation, the
-line by least squares weighted with both, and its intervals are those of Knapp and Hartung, Student's t
-with n − 2 degrees of freedom, widened where neighbouring flights are alike, by their lag-one
-autocorrelation ρ: (1 + ρ)/(1 − ρ) in variance. The flights left are inverse regression, Fieller's interval
-of where the line meets the limit; it is bounded because the slope must be significant.
+A flight's value is the sum of the line, an effect of the flight (temperature, load) and the flight's
+measurement error. Paule and Mandel's equation estimates the variance between flights; least squares
+weighted with both variances estimates the line. Its intervals are those of Knapp and Hartung, Student's t
+with n − 2 degrees of freedom; if neighbouring flights are correlated, their lag-one autocorrelation ρ
+increases the variance by (1 + ρ)/(1 − ρ). The number of flights left is an inverse regression: Fieller's
+interval of the line's intersection with the limit, which is bounded because the slope must be significant.
 
-One flight in ten, and at least one, may lie far off the line of the others, by the t-test of its deleted
-residual with Bonferroni's correction; it is left out and named.
+One flight in ten, and at least one, may be an outlier from the line of the others, by the t-test of its
+deleted residual with Bonferroni's correction; it is excluded and reported.
 
-The flights left are told only where the slope is above zero with 99.5 % confidence, stricter than the
-interval because the question is asked again after every flight; where nothing speaks against a straight
-line; and where the interval begins within three times the span of the flights. A repair is no straight line:
-it is for the user to name its date.
+The flights left are reported only if the slope is above zero with 99.5 % confidence (stricter than the
+interval, because the test is repeated after every flight), if the flights do not depart from a straight
+line, and if the interval begins within three times the span of the flights. A repair breaks the straight
+line: the user must give its date.
 
 References
 ----------
@@ -40,10 +40,10 @@ from mavhums.report.assessment import Interval
 __all__ = ["MIN_FLIGHTS", "REACH", "Trend", "fit_trend"]
 
 MIN_FLIGHTS = 8
-"""Fewer flights make no trend."""
+"""Minimum number of flights for a trend."""
 
 REACH = 3.0
-"""How many times as far ahead as the flights reach back the nearest end of the interval may lie."""
+"""Largest distance of the interval's near end, as a multiple of the span of the flights."""
 
 _SURE = 0.995
 _OUTLYING = 0.01
@@ -61,17 +61,17 @@ class Trend:
     level
         The line at the last flight.
     per_flight
-        Its slope.
+        Slope of the line per flight.
     between
-        Standard deviation between flights, beyond what they are measured with.
+        Standard deviation between flights, without measurement errors.
     flights
-        That the line was fitted to.
+        Number of flights that the line was fitted to.
     left_out
-        Places of the flights that lie too far off it, in the order of time.
+        Indices of the outliers, in time order.
     flights_left
-        After the last one, until the line reaches the emergency limit; None where the flights do not tell.
+        Flights after the last one until the line reaches the emergency limit; None if not known.
     reason
-        Why they do not.
+        Reason if ``flights_left`` is not known.
     """
 
     level: Interval
@@ -85,7 +85,7 @@ class Trend:
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """Level at the last flight and slope, their covariance, and by how much that was widened."""
+    """Level at the last flight and slope, their covariance, and the factor that widened it."""
 
     level: float
     slope: float
@@ -98,19 +98,19 @@ class _Line:
 
 
 def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | None) -> Trend | None:
-    """Fit a line to an indicator over flights; None of fewer than ``MIN_FLIGHTS``.
+    """Fit a line to an indicator over flights; None for fewer than ``MIN_FLIGHTS``.
 
     Parameters
     ----------
     numbers
-        Of the flights, increasing, shape (n,); gaps are flights that could not be judged.
+        Flight numbers, increasing, shape (n,); gaps are flights without a judgement.
     values
-        The indicator's, shape (n,), in any unit.
+        Values of the indicator, shape (n,), in any unit.
     errors
-        Standard errors of measurement, shape (n,), in the same unit; errors that all flights share do not
-        belong here.
+        Standard errors of measurement, shape (n,), in the same unit, without errors that all flights
+        share.
     emergency
-        Limit that the indicator grows to; None where there is none.
+        Emergency limit of the indicator; None if there is none.
 
     Examples
     --------
@@ -141,7 +141,7 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
 
 
 def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[NDArray[np.bool_], _Line]:
-    """Leave out the flight farthest off the line of the others, if it is too far, up to one in ten."""
+    """Exclude outliers: repeatedly the flight farthest from the line of the others, up to one in ten."""
     kept = np.ones(len(values), dtype=np.bool_)
     line = _fit(numbers, values, errors, numbers[-1])
     for _ in range(max(1, len(values) // 10)):
@@ -180,7 +180,7 @@ def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
 
 
 def _widening(residuals: Array) -> float:
-    """Return by how much the variance grows because neighbouring flights are alike; 1 if they are not."""
+    """Return the variance inflation from correlated neighbouring flights; 1 if they are uncorrelated."""
     total = float(residuals @ residuals)
     alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
     alike = min(max(alike, 0.0), _MOST_ALIKE)
@@ -188,7 +188,7 @@ def _widening(residuals: Array) -> float:
 
 
 def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> Interval | str:
-    """Return the remaining useful life in flights, or the reason why there is none."""
+    """Return the remaining useful life in flights, or the reason why it is not known."""
     if emergency is not None and line.level >= emergency:
         return "the emergency limit is reached"
     slope_error = float(stdtrit(line.freedom, _SURE)) * sqrt(line.covariance[1, 1])

@@ -1,4 +1,4 @@
-"""Put an actuator's findings into a verdict; where there are none, say why and what to do."""
+"""Conversion of an actuator's findings to a verdict, or to a reason and a remedy if there are none."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def unjudged_actuator(
 def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
     if tier is None:
         return f"the log carries no telemetry of servo {actuator.servo}"
-    if tier.name.startswith("esc") and actuator.esc is None:
+    if tier.from_esc and actuator.esc is None:
         return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
     return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
 
@@ -182,7 +182,7 @@ def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[st
 
 
 def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
-    """Say that most values of some quantities cannot be this actuator's, if it is so."""
+    """Return reason and remedy if most values of a quantity are implausible for this actuator."""
     shares = {key: refused / told for key, (refused, told) in implausible.items()}
     worst = [key for key, share in shares.items() if share > _MOSTLY]
     if not worst:
@@ -195,7 +195,7 @@ def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | Non
 
 
 def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
-    """Return the verdict on a vehicle beyond those that are judged at once."""
+    """Return the verdict on a vehicle beyond the maximum number of judged vehicles."""
     return Verdict(
         vehicle=vehicle,
         actuator=ALL,

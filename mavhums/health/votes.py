@@ -1,8 +1,8 @@
-"""The networks' evidence: the votes of a window's moving samples, and the probability they amount to.
+"""The networks' evidence: votes of a window's moving samples, and the resulting probability.
 
-The network that an actuator gets is the first whose quantities its samples carry. Votes are
-counted apart for the two directions of motion, because a load that a network does not know helps
-in one direction as much as it hinders in the other.
+The first network whose input quantities the samples carry is used. Votes are counted separately for
+the two directions of motion, because a load that is unknown to a network assists in one direction as
+much as it opposes in the other.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ Counts = NDArray[np.int64]
 
 
 class Classifier(Protocol):
-    """What is needed of a network."""
+    """The interface of a network."""
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The quantities that it reads."""
+        """The network's input quantities."""
         ...
 
     def votes(self, values: NDArray[np.float64]) -> NDArray[np.int8]:
-        """Return 1 for an emergency, 0 for none, -1 outside its experience; V1…V12 (n, 12) to (n,)."""
+        """Return 1 for an emergency, 0 for none, -1 outside the training range; V1…V12 (n, 12) to (n,)."""
         ...
 
     def probability(self, share: float) -> float:
@@ -42,7 +42,7 @@ class Classifier(Protocol):
 
 
 class Ballot(NamedTuple):
-    """Columns of what :func:`count_votes` returns for each slot."""
+    """Columns of the rows that :func:`count_votes` returns."""
 
     network: int = 0  # which of the networks voted; -1 for none
     moving: int = 1
@@ -52,11 +52,11 @@ class Ballot(NamedTuple):
 
 _BALLOT = Ballot()
 VOTE_COLUMNS = 6
-"""How many numbers :func:`count_votes` returns for a slot."""
+"""Number of columns that :func:`count_votes` returns."""
 
 
 class Outcome(NamedTuple):
-    """A window's probability of an emergency, and which of the networks says so."""
+    """A window's probability of an emergency, and the network that gave it."""
 
     p_emergency: float
     network: int
@@ -65,25 +65,25 @@ class Outcome(NamedTuple):
 def count_votes(
     networks: Sequence[Classifier], moving: NDArray[np.float64], bounds: ArrayLike, gear_ratio: float
 ) -> Counts:
-    """Let the networks vote on the moving samples of one slot or of several.
+    """Count the networks' votes on the moving samples of one or several slots.
 
     Parameters
     ----------
     networks
-        The one that wants the most quantities first. A slot is given to the first whose
+        Networks; the one with the most inputs comes first. A slot uses the first network whose
         quantities at least half of its samples carry.
     moving
-        V1…V12 of the slots' moving samples, one slot after another, shape (n, 12).
+        V1…V12 of the slots' moving samples, concatenated, shape (n, 12).
     bounds
-        Where each slot begins in ``moving``, and where the last one ends, shape (slots + 1,).
+        Start of each slot in ``moving``, and end of the last one, shape (slots + 1,).
     gear_ratio
-        Of the actuator: a V3 that is exactly V2 divided by it was not measured.
+        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured.
 
     Returns
     -------
     NDArray
         Shape (slots, 6); the columns are those of :class:`Ballot`. A slot's row does not depend on
-        the slots that it is given together with.
+        the other slots of the call.
     """
     edges = np.asarray(bounds, dtype=np.int64)
     sizes = np.diff(edges)
@@ -111,11 +111,11 @@ def count_votes(
 
 
 def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
-    """Return the probability of an emergency in a window; None where the networks abstain.
+    """Return the probability of an emergency in a window; None if the networks abstain.
 
-    They abstain on fewer than twenty votes, on fewer than five in either direction, and where more
-    than half of the moving samples lie outside their experience. Where slots were given to several
-    networks, the one that cast the most votes decides, of equals the first.
+    They abstain with fewer than twenty votes, with fewer than five in either direction, and if more
+    than half of the moving samples lie outside their training range. If the slots used several
+    networks, the one with the most votes decides; ties go to the first.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
 
 
 def _sums(flags: NDArray[np.bool_], edges: NDArray[np.int64]) -> Counts:
-    """Return how many flags are set between each edge and the next; (n, …) to (len(edges) − 1, …)."""
+    """Return the number of flags set between consecutive edges; (n, …) to (len(edges) − 1, …)."""
     running = np.zeros((len(flags) + 1, *flags.shape[1:]), dtype=np.int64)
     np.cumsum(flags, axis=0, out=running[1:])
     return running[edges[1:]] - running[edges[:-1]]

@@ -1,4 +1,4 @@
-"""Slide a window over an actuator's slots: the sums of its last S slots, whenever one is complete."""
+"""Sliding window over an actuator's slots: the sums of the last S slots, for each complete slot."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Array = NDArray[np.float64]
 
 
 class Windows:
-    """Keeps the sums of the last slots.
+    """Buffers the sums of the last slots.
 
     Parameters
     ----------
     columns
         Number m of sums of a slot.
     slots
-        Slots of a window, S.
+        Number of slots in a window, S.
     empty
-        What a slot without samples holds.
+        Value of the sums of a slot without samples.
     """
 
     def __init__(self, columns: int, slots: int = WINDOW_SLOTS, empty: float = 0.0) -> None:
@@ -38,7 +38,7 @@ class Windows:
         Parameters
         ----------
         index, sums
-            Increasing slot numbers, shape (k,), and their sums, shape (k, m); those left out are empty.
+            Increasing slot numbers, shape (k,), and their sums, shape (k, m); omitted slots are empty.
 
         Returns
         -------
@@ -47,7 +47,7 @@ class Windows:
         """
         last = int(index[0]) - 1 if self._last is None else self._last
         steps = index - np.concatenate([[last], index[:-1]])
-        ahead = np.minimum(steps, self._slots + 1).cumsum()  # a clock's jump takes no memory
+        ahead = np.minimum(steps, self._slots + 1).cumsum()  # a jump of the clock must not take memory
         dense = np.full((self._slots + int(ahead[-1]), self._columns), self._empty)
         dense[: self._slots] = self._kept
         dense[self._slots + ahead - 1] = sums

@@ -1,1 +1,1 @@
-"""Flights over time: an aircraft's earlier flights, and what they tell of the next."""
+"""Flights over time: an aircraft's earlier flights, its baselines and its trends."""

@@ -1,6 +1,6 @@
-"""A folder of assessments, as ``mavhums analyse --json`` writes them: one in a file, or several.
+"""A folder of assessments in the format of ``mavhums analyse --json``: one or several per file.
 
-Subfolders are not read: two aircraft with the same system id, and most have 1, would be taken for one.
+Subfolders are not read, because most aircraft have system id 1 and would be mixed up.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _AGAIN = "analyse its log again"
 
 
 def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> Path:
-    """Write an assessment into a folder of flights, whole or not at all, and return its file.
+    """Write an assessment into a folder of flights atomically, and return its path.
 
-    The file is named after the log and its hash, so that two logs never share one; the same log
-    judged again replaces its assessment.
+    The file name consists of the log's name and hash, so two logs never share a file; a new
+    assessment of a log replaces the old one.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> P
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        problem = f"{folder}: cannot be made a folder of flights: {_words(error)}"
+        problem = f"{folder}: cannot be used as a folder of flights: {_words(error)}"
         raise MavhumsError(problem, "name another with --history") from error
     with written_whole(path) as temporary:
         temporary.write_text(assessment.to_json() + "\n", encoding="utf-8")
@@ -57,26 +57,26 @@ def read_history(
 ) -> FlightHistory:
     """Read the assessments in a folder's ``*.json`` files.
 
-    Other files and subfolders are left alone; JSON that is no assessment, and assessments of logs without
-    a date, are noticed.
+    Other files and subfolders are ignored. JSON that is not an assessment, and assessments of logs
+    without a date, are skipped with a notice.
 
     Parameters
     ----------
     folder
-        Of one aircraft, or of a fleet in which each has a system id of its own.
+        Folder of one aircraft, or of a fleet whose aircraft have different system ids.
     progress
-        Called with the number of files read, and how many there are.
+        Called with the number of files read and the total.
 
     Raises
     ------
     MavhumsError
-        If there is no such folder. Files in it that cannot be read are among the ``errors`` instead.
+        If the folder does not exist. Files that cannot be read are reported in ``errors`` instead.
     """
     folder = Path(folder)
     try:
         paths = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".json")
     except OSError as error:
-        remedy = f"judge a first flight into it: mavhums analyse LOG --history {folder} --keep"
+        remedy = f"analyse a first flight into it: mavhums analyse LOG --history {folder} --keep"
         raise MavhumsError(f"{folder}: {_words(error)}", remedy) from error
     flights: list[PastFlight] = []
     errors: list[MavhumsError] = []
@@ -101,11 +101,11 @@ def read_history(
 
 
 class _ForeignError(MavhumsError):
-    """A JSON file that is none of ours."""
+    """A JSON file that is not an assessment."""
 
 
 def _read(path: Path) -> Iterator[PastFlight | MavhumsError]:
-    """Yield each assessment of a file, or what is wrong with it."""
+    """Yield each assessment of a file, or the error in it."""
     try:
         written = path.stat().st_mtime
         items = _items(path)
@@ -129,7 +129,7 @@ def _read(path: Path) -> Iterator[PastFlight | MavhumsError]:
 
 
 def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
-    """Return the assessments in a file, unchecked, each with its place in it."""
+    """Return the unvalidated assessments in a file, each with its location in the JSON."""
     content = _json(path)
     schema = content.get("schema") if isinstance(content, dict) else None
     if not isinstance(schema, str) or not schema.startswith(_FAMILY):
@@ -146,7 +146,7 @@ def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
 
 def _json(path: Path) -> Any:
     if not path.is_file() or path.stat().st_size > _LARGEST_FILE:
-        raise MavhumsError(f"{path}: no file that could be an assessment", "take it out of the folder")
+        raise MavhumsError(f"{path}: not a regular file of an assessment's size", "take it out of the folder")
     data = path.read_bytes()
     try:
         return from_json(data.decode(json.detect_encoding(data)), allow_inf_nan=False)
@@ -156,7 +156,7 @@ def _json(path: Path) -> Any:
 
 
 def _hold_plausible(assessment: Assessment, path: Path) -> None:
-    """Refuse numbers that nothing measured can have, before statistics are made of them."""
+    """Reject implausibly large numbers before they enter statistics."""
     for verdict in assessment.verdicts:
         for shown in verdict.indicators:
             value = shown.value

@@ -1,4 +1,4 @@
-"""The flights before, and each actuator's own baseline out of them."""
+"""Earlier flights of an aircraft, and each actuator's baseline from them."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["REFERENCE_FLIGHTS", "FlightHistory", "PastFlight", "Since", "Undated
 _SOUND = ("normal", "unchanged", "learning")
 
 Since = Mapping[str | None, datetime]
-"""Dates from which flights count, by actuator, as after a repair; None for those that are not named."""
+"""Dates from which flights count, by actuator, for example after a repair; None applies to all others."""
 
 
 class UndatedError(MavhumsError):
-    """A log without a date has no place among the flights."""
+    """A log has no date, so its flight cannot be ordered in time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +31,9 @@ class PastFlight:
     Attributes
     ----------
     start, end
-        Of its log, UTC.
+        Start and end of its log, UTC.
     file, written
-        Where the assessment lies, and when it was written there, seconds since 1970.
+        Path of the assessment, and its time of modification, seconds since 1970.
     """
 
     assessment: Assessment
@@ -46,20 +46,20 @@ class PastFlight:
     def of(
         cls, assessment: Assessment, file: Path | None = None, written: float = float("inf")
     ) -> PastFlight:
-        """Take an assessment's place in time from its log.
+        """Create the past flight of an assessment, with the times of its log.
 
         Raises
         ------
         UndatedError
-            If the log says none.
+            If the log has no date.
         MavhumsError
-            If what it says is no time.
+            If the date or the duration is invalid.
         """
         log = assessment.log
         if log.start_utc is None:
             remedy = "record with a ground station that knows the time"
             raise UndatedError(
-                f"{file or log.path}: its log has no date, so no place among the flights", remedy
+                f"{file or log.path}: its log has no date, so it cannot be ordered among the flights", remedy
             )
         try:
             start = datetime.fromisoformat(log.start_utc)
@@ -72,7 +72,7 @@ class PastFlight:
             raise MavhumsError(problem, "analyse its log again") from error
 
     def counts(self, actuator: str, since: Since | None) -> bool:
-        """Whether it began on or after the date from which the actuator's flights count."""
+        """Whether the flight began on or after the date from which the actuator's flights count."""
         dates = since or {}
         date = dates.get(actuator, dates.get(None))
         return date is None or self.start >= date
@@ -80,16 +80,16 @@ class PastFlight:
 
 @dataclass(frozen=True, slots=True)
 class FlightHistory:
-    """The flights of one aircraft, or of a fleet in which each has a system id of its own.
+    """The flights of one aircraft, or of a fleet whose aircraft have different system ids.
 
     Attributes
     ----------
     flights
-        In the order of time, each log once for each airframe profile.
+        Flights in time order; each log appears once per airframe profile.
     errors
-        What could not be read of the folder; the rest was.
+        Files of the folder that could not be read.
     notices
-        What was left out without a loss.
+        Files that were ignored without loss of data.
     """
 
     flights: tuple[PastFlight, ...] = ()
@@ -102,19 +102,19 @@ class FlightHistory:
     def baselines(
         self, airframe: str | None, before: datetime | None, since: Since | None = None
     ) -> Baselines:
-        """Return what each actuator's indicators were in its reference flights.
+        """Return the baseline of each actuator's indicators, from its reference flights.
 
-        Those are the first 20 that show the indicator, in which the actuator was judged normal and nothing
-        was suspected. They stay the same however long it flies: a baseline that moved along would learn
-        the wear.
+        Reference flights are the first 20 with the indicator in which the actuator was normal and no
+        fault was suspected. They never change: a moving baseline would absorb the wear.
 
         Parameters
         ----------
         airframe
-            Name of the profile; a flight judged by another was of another aircraft, or by other limits.
+            Name of the profile; flights judged with another profile do not count, because their aircraft
+            or limits differ.
         before
-            When the flight begins that is to be judged. Only those that ended by then count: neither that
-            flight itself, judged before, nor later ones. None, where that is not known, for no baseline.
+            Start of the flight under evaluation. Only flights that ended by then count: neither an earlier
+            assessment of that flight, nor later flights. None (unknown start) gives no baseline.
         since
             Dates from which flights count.
         """
@@ -162,7 +162,7 @@ class FlightHistory:
 
 
 def _judged_by(flight: PastFlight, airframe: str | None) -> bool:
-    """Whether a flight's vehicles, or one of several, were judged by a profile."""
+    """Whether at least one of a flight's vehicles was judged with a profile."""
     judged = flight.assessment.airframe
     return judged == airframe or airframe in (judged or "").split(", ")
 
@@ -173,7 +173,7 @@ def _healthy(verdict: Verdict) -> bool:
 
 
 def _once(flights: Iterable[PastFlight]) -> tuple[PastFlight, ...]:
-    """Keep the assessment written last of each log and airframe, in the order of time."""
+    """Keep the newest assessment of each log and airframe, in time order."""
     once: dict[tuple[str | None, ...], PastFlight] = {}
     for flight in sorted(flights, key=lambda flight: (flight.written, str(flight.file))):
         log = flight.assessment.log

@@ -28,7 +28,7 @@ _NORMAL_95 = 1.96
 
 @dataclass(frozen=True, slots=True)
 class _Flown:
-    """One flight of one actuator; ``number`` counts them from 1, judged or not."""
+    """One flight of one actuator; ``number`` counts all its flights from 1."""
 
     number: int
     flight: PastFlight
@@ -52,14 +52,14 @@ def trend(
     folder
         As for :func:`mavhums.history.files.read_history`.
     actuators, faults
-        Which; all if none is named.
+        Names to include; all if empty.
     since
-        Dates from which flights count, by actuator; None as the name of all others.
+        Dates from which flights count, by actuator; the key None applies to all others.
 
     Returns
     -------
     DataFrame
-        A row per flight and indicator, in the order of actuators and of time: ``vehicle``, ``actuator``,
+        A row per flight and indicator, sorted by actuator and time: ``vehicle``, ``actuator``,
         ``airframe``, ``fault``, ``quantity``, ``unit``, ``flight`` (from 1), ``start_utc``, ``log``,
         ``estimate`` with its 95 % interval ``low`` and ``high``, ``condition``, and the limits ``limit``
         (degraded) and ``emergency``, NaN where there is none.
@@ -114,7 +114,7 @@ def trend_report(
 def _by_actuator(
     history: FlightHistory, actuators: Collection[str], since: Since | None
 ) -> dict[tuple[int, str, str | None], list[_Flown]]:
-    """Return the flights of each actuator, in the order of time."""
+    """Return the flights of each actuator in time order."""
     found: dict[tuple[int, str, str | None], list[_Flown]] = {}
     for flight in history.flights:
         for verdict in flight.assessment.verdicts:
@@ -173,7 +173,7 @@ def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe:
 
 
 def _error(one: Indicator) -> float:
-    """Return the standard error of what differs from flight to flight; the torque scale does not."""
+    """Return the standard error of the flight-to-flight part, which excludes the torque scale."""
     if one.scatter is not None:
         return one.scatter / sqrt(one.windows)
     return (one.value.high - one.value.low) / (2 * _NORMAL_95)
@@ -187,7 +187,7 @@ def _change(newest: Indicator, expected: Interval | None) -> Interval | None:
 
 
 def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
-    """Put first what is worst now, then what has the fewest flights left, then what is nearest its limit."""
+    """Sort by worst condition, then fewest remaining flights, then smallest distance to the limit."""
     left = one.flights_left.low if one.flights_left else float("inf")
     share = one.points[-1].value.estimate / one.emergency if one.emergency else 0.0
     return -URGENCY[one.condition], left, -share, one.vehicle, one.actuator

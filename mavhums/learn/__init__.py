@@ -1,7 +1,7 @@
 """Learning: feature ranking and selection, the network, its training and its model file.
 
-Nothing is imported before it is used: a computer on board that only loads a model and asks it
-needs neither scikit-learn nor torch.
+Submodules are imported on first use: an onboard computer that only runs a trained model needs
+neither scikit-learn nor torch.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the estimators that need classes have in common."""
+"""Base classes of the estimators that need class labels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Classified", "SupportSelector", "TwoClasses"]
 
 
 class Classified(BaseEstimator):
-    """An estimator that cannot be fitted without the samples' classes."""
+    """An estimator whose ``fit`` requires the samples' classes."""
 
     def _checked(self, X: ArrayLike, y: ArrayLike, **wanted: Any) -> tuple[NDArray[np.float64], NDArray[Any]]:
         """Return samples (n, k) and classes (n,); ``wanted`` goes to ``validate_data``.
@@ -26,21 +26,21 @@ class Classified(BaseEstimator):
         Raises
         ------
         ValueError
-            If they are not finite numbers and classes.
+            If the samples are not finite numbers, or the targets are not classes.
         """
         values, target = validate_data(self, X, y, dtype=np.float64, **wanted)
         check_classification_targets(target)
         return values, target
 
     def __sklearn_tags__(self) -> Any:
-        """Say that the classes are needed."""
+        """Declare that the target is required."""
         tags = super().__sklearn_tags__()
         tags.target_tags.required = True
         return tags
 
 
 class SupportSelector(SelectorMixin, Classified):
-    """A selector whose ``fit`` leaves the features that stay in ``support_``, shape (n_features,)."""
+    """A selector whose ``fit`` stores the mask of kept features in ``support_``, shape (n_features,)."""
 
     support_: NDArray[np.bool_]
 
@@ -50,18 +50,18 @@ class SupportSelector(SelectorMixin, Classified):
 
 
 class TwoClasses(ClassifierMixin, Classified):
-    """A classifier of two classes, which ``fit`` leaves in ``classes_``."""
+    """A classifier of two classes, which ``fit`` stores in ``classes_``."""
 
     classes_: NDArray[Any]
     weight_decay: float
 
     def _coded(self, X: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-        """Return samples (n, k) and the place of each one's class in ``classes_``, shape (n,).
+        """Return samples (n, k) and the index of each sample's class in ``classes_``, shape (n,).
 
         Raises
         ------
         ValueError
-            If they are not finite numbers and two classes.
+            If the samples are not finite numbers, or the classes are not two.
         """
         values, target = self._checked(X, y)
         self.classes_, codes = two_classes(target)
@@ -79,7 +79,7 @@ class TwoClasses(ClassifierMixin, Classified):
             raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
 
     def __sklearn_tags__(self) -> Any:
-        """Say that two classes are known."""
+        """Declare a binary classifier."""
         tags = super().__sklearn_tags__()
         tags.classifier_tags.multi_class = False
         return tags

@@ -1,4 +1,4 @@
-"""Checks of estimators' parameters, and of their classes; every estimator calls them in ``fit``."""
+"""Checks of estimators' parameters and of their target classes; every ``fit`` calls them."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def check_choice(estimator: object, name: str, choices: Sequence[str]) -> None:
 
 
 def two_classes(target: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.intp]]:
-    """Return the two classes, and the place of each sample's, shape (n_samples,).
+    """Return the two classes, and the index of each sample's class, shape (n_samples,).
 
     Raises
     ------
     ValueError
-        If there are more or fewer.
+        If the target does not hold exactly two classes.
     """
     if type_of_target(target) != "binary":
         message = "Only binary classification is supported. The type of the target is "

@@ -1,4 +1,4 @@
-"""Train many networks at once, a part of them per core; imported only when something is trained."""
+"""Training of many networks at once, divided over the cores; imported only for training."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ Optimiser = Literal["lbfgs", "adam"]
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """The networks of a batch in its order; arrays of shape (B,).
+    """The trained networks of a batch, in the batch's order; arrays of shape (B,).
 
     Attributes
     ----------
     loss
-        Mean cross-entropy over the samples trained on.
+        Mean cross-entropy over the training samples.
     iterations
-        Of L-BFGS, or passes of Adam.
+        Iterations of L-BFGS, or epochs of Adam.
     validation_loss, validation_accuracy
-        On the validation samples; NaN without any.
+        Loss and accuracy on the validation samples; NaN without validation samples.
     """
 
     networks: tuple[TanhNetwork, ...]
@@ -63,23 +63,26 @@ def train_batch(
     Parameters
     ----------
     batch
-        The networks: hidden neurons, features seen, seeds.
+        The networks: hidden neurons, input features, seeds.
     samples, validation
-        Features, shape (n, k), and whether each is an emergency, shape (n,). Features are scaled
-        by the range of the samples whose weight is not zero.
+        Features, shape (n, k), and whether each sample is an emergency, shape (n,). Features are
+        scaled by the range of the samples with nonzero weight.
     weight
-        Of each sample, not negative, shape (n,).
+        Weight of each sample, not negative, shape (n,).
     optimiser, max_iter, weight_decay
-        L-BFGS takes all samples in each iteration; Adam mini-batches, an iteration being one pass.
+        L-BFGS uses all samples in each iteration; Adam uses mini-batches, and its iteration is one
+        epoch.
     patience
-        Iterations without a smaller validation loss after which a network stops, and its best
-        weights are taken; None to train to the end whatever the validation says.
+        Early stopping: a network stops after this many iterations without a smaller validation
+        loss, and its best weights are restored; None disables early stopping.
     precision
-        Of the tensor program; single is twice as fast, double repeats to the last digits.
+        Floating-point precision of training; single is twice as fast, double is reproducible to
+        the last digits.
     device
-        ``"cpu"``, a device of torch, or ``"auto"``: a GPU where there is one.
+        ``"cpu"``, another torch device, or ``"auto"``: a GPU if one is available.
     n_jobs
-        Threads, each with networks of its own, as in joblib. The result does not depend on it.
+        Number of threads, as in joblib; each trains its own networks. The result does not depend
+        on it.
     """
     used = samples[0] if weight is None else samples[0][weight > 0]
     minimum, maximum = used.min(axis=0), used.max(axis=0)
@@ -91,19 +94,19 @@ def train_batch(
         return Data.of(scaled, part[1], weights, device=where, dtype=dtype)
 
     data = data_of(samples, weight)
-    looked_at = None if validation is None else data_of(validation)
-    stops_by = None if patience is None else looked_at
+    held_out = None if validation is None else data_of(validation)
+    stopping_data = None if patience is None else held_out
     solve = lbfgs if optimiser == "lbfgs" else adam
 
     def train_part(networks: NDArray[np.int64]) -> tuple[list[TanhNetwork], list[list[float]]]:
         problem = Problem(batch.part(networks.tolist()), data, weight_decay)
-        solution = solve(problem, max_iter=max_iter, validation=stops_by, patience=patience or max_iter)
+        solution = solve(problem, max_iter=max_iter, validation=stopping_data, patience=patience or max_iter)
         figures = [problem.loss(solution.weights, data), solution.iterations]
-        if looked_at is not None:
-            logits = problem.logits(solution.weights, looked_at)
+        if held_out is not None:
+            logits = problem.logits(solution.weights, held_out)
             figures += [
-                problem.loss(solution.weights, looked_at),
-                (logits * looked_at.sign > 0).double().mean(1),
+                problem.loss(solution.weights, held_out),
+                (logits * held_out.sign > 0).double().mean(1),
             ]
         return problem.networks(solution.weights, minimum, maximum), [part.tolist() for part in figures]
 

@@ -1,9 +1,10 @@
-"""Many small tanh networks as one tensor program; imported only when something is trained.
+"""Many small tanh networks computed as one tensor program; imported only for training.
 
-The networks share the samples and differ in their weights, their numbers of hidden neurons and
-the features they may see; what a network lacks is masked out. The two outputs of a network enter
-its decision by their difference alone, and under weight decay the optimum has opposite weights,
-so the difference is what is trained: d = v·tanh(W x + b) + c, w2 = (v/2, -v/2), b2 = (c/2, -c/2).
+The networks share the samples. They differ in their weights, numbers of hidden neurons and input
+features; masks remove the neurons and features that a network does not have. A network's decision
+depends only on the difference of its two outputs, and weight decay makes their optimal weights
+opposite. Training therefore fits the difference: d = v·tanh(W x + b) + c, w2 = (v/2, -v/2),
+b2 = (c/2, -c/2).
 """
 
 from __future__ import annotations
@@ -20,23 +21,23 @@ from mavhums.learn.inference import TanhNetwork
 __all__ = ["Batch", "Data", "Problem"]
 
 _BLOCK = 1 << 19
-"""Hidden activations that are held at once, so that they stay in the processor's cache."""
+"""Number of hidden activations computed at once; they fit into the processor's cache."""
 
 Tensor = torch.Tensor
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Samples as the tensor program wants them.
+    """Samples in the form that the tensor program uses.
 
     Attributes
     ----------
     features
-        On the unit interval, with a column of ones for the bias, shape (n, k + 1).
+        Features on the unit interval and a column of ones for the bias, shape (n, k + 1).
     sign
         1 for an emergency, -1 otherwise, shape (n,).
     weight
-        Of each sample, shape (n,), of sum 1.
+        Weight of each sample, shape (n,); the sum is 1.
     """
 
     features: Tensor
@@ -53,7 +54,7 @@ class Data:
         device: str = "cpu",
         dtype: torch.dtype = torch.float32,
     ) -> Data:
-        """Take scaled features of shape (n, k), classes and weights of shape (n,)."""
+        """Convert scaled features of shape (n, k), and classes and weights of shape (n,)."""
         weight = np.ones(len(scaled)) if weight is None else weight
         columns = np.column_stack([scaled, np.ones(len(scaled))])
         parts = (columns, np.where(emergency, 1.0, -1.0), weight / weight.sum())
@@ -63,23 +64,23 @@ class Data:
         return len(self.sign)
 
     def rows(self, rows: Tensor | slice) -> Data:
-        """Return some of the samples, their weights again of sum 1."""
+        """Return a subset of the samples, with their weights normalised to sum 1."""
         weight = self.weight[rows]
         return Data(self.features[rows], self.sign[rows], weight / weight.sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What distinguishes the networks of a batch.
+    """The networks of a batch: hidden neurons, input features and seeds.
 
     Attributes
     ----------
     hidden
         Hidden neurons of each network, length B.
     subsets
-        Which features each network sees, shape (B, k).
+        Mask of each network's input features, shape (B, k).
     seeds
-        Of each network's initial weights, length B.
+        Seed of each network's initial weights, length B.
     """
 
     hidden: Sequence[int]
@@ -90,13 +91,13 @@ class Batch:
         return len(self.hidden)
 
     def part(self, networks: Sequence[int]) -> Batch:
-        """Return some of the networks."""
+        """Return a subset of the networks."""
         hidden, seeds = ([values[i] for i in networks] for values in (self.hidden, self.seeds))
         return Batch(hidden, self.subsets[list(networks)], seeds)
 
 
 class Problem:
-    """Loss and gradient of every network of a batch, as functions of a matrix of their weights.
+    """Loss and gradient of every network of a batch, as functions of the matrix of weights.
 
     Row i of the matrix, of shape (B, h·(k + 1) + h + 1), holds W with its bias column, v and c of
     network i; h is the largest number of hidden neurons.
@@ -106,7 +107,7 @@ class Problem:
     batch
         The networks.
     data
-        What they are trained on.
+        The training samples.
     weight_decay
         Half of it times the sum of squared weights, biases excepted, is added to the mean loss.
     """
@@ -124,7 +125,7 @@ class Problem:
         self.penalty = torch.cat([penalty.flatten(), halved, torch.zeros(1)]).to(data.features)
 
     def initial(self) -> Tensor:
-        """Draw Glorot's uniform weights, each network from its own seed, whatever its neighbours."""
+        """Draw Glorot's uniform weights; each network uses its own seed, independent of the batch."""
         weights = torch.zeros_like(self.mask)
         for row, (hidden, seed) in enumerate(zip(self.batch.hidden, self.batch.seeds, strict=True)):
             draw = torch.Generator().manual_seed(int(seed))
@@ -148,9 +149,9 @@ class Problem:
         weights
             Rows of the networks, shape (R, …).
         networks
-            Which rows of the batch they are, shape (R,).
+            Indices of these networks in the batch, shape (R,).
         data
-            Other samples than those of the problem, such as a mini-batch.
+            Samples that replace those of the problem, such as a mini-batch.
         """
         data = data or self.data
         w1, v, c = self._split(weights)
@@ -185,7 +186,7 @@ class Problem:
     def networks(
         self, weights: Tensor, minimum: NDArray[np.float64], maximum: NDArray[np.float64]
     ) -> list[TanhNetwork]:
-        """Return each network in plain numpy, over all k features."""
+        """Return each network as a numpy-only network with all k features as inputs."""
         w1, v, c = (part.cpu().numpy().astype(np.float64) for part in self._split(weights))
         return [
             TanhNetwork(

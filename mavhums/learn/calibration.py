@@ -1,4 +1,4 @@
-"""From a share of votes to a probability, and how far it can be trusted as one."""
+"""Calibration: converts a share of votes to a probability, and scores such probabilities."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def calibrate(share: ArrayLike, event: ArrayLike) -> Calibration:
     Parameters
     ----------
     share
-        Of each window's votes, within [0, 1], shape (n,).
+        Share of votes for the event in each window, within [0, 1], shape (n,).
     event
-        Whether the event was so in that window, shape (n,).
+        Whether the event occurred in that window, shape (n,).
 
     Raises
     ------
     ValueError
-        If not both outcomes are among the windows.
+        If the windows do not contain both outcomes.
 
     References
     ----------
@@ -48,7 +48,7 @@ def calibrate(share: ArrayLike, event: ArrayLike) -> Calibration:
 
 
 def brier_score(probability: ArrayLike, event: ArrayLike) -> float:
-    """Return the mean squared difference of probability and outcome: 0 is perfect, 0.25 a coin's.
+    """Return the mean squared difference of probability and outcome: 0 is perfect, 0.25 is a coin toss.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def brier_score(probability: ArrayLike, event: ArrayLike) -> float:
 
 
 def expected_calibration_error(probability: ArrayLike, event: ArrayLike) -> float:
-    """Return by how much probabilities miss the frequencies: the mean over ten bins, weighed by their counts.
+    """Return the mean |probability − observed frequency| over ten bins, weighted by their counts.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The card of a model: what a network is for, and how it came to be."""
+"""The model card: a network's purpose, inputs, training conditions and metrics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _Text = Annotated[str, Field(min_length=1)]
 
 
 class Selection(Contract):
-    """What the two stages of feature selection found (paper, section 3, figure 15).
+    """Result of the two stages of feature selection (paper, section 3, figure 15).
 
     Attributes
     ----------
@@ -43,12 +43,12 @@ class Calibration(Contract):
     Attributes
     ----------
     slope, intercept
-        Of the log-odds over the share.
+        Coefficients of the log-odds as a linear function of the share.
     event
-        What is probable, in words.
+        Description of the event whose probability this is.
     metrics
-        Brier score and expected calibration error of the bare share and of the probability, on
-        flights that were neither trained on nor calibrated with; and how many windows there were.
+        Brier score and expected calibration error of the raw share and of the probability, on
+        flights used neither for training nor for calibration; and the number of windows.
     """
 
     slope: float
@@ -68,34 +68,34 @@ class Calibration(Contract):
 
 
 class Card(Contract):
-    """Everything about a model but its weights.
+    """All metadata of a model, without its weights.
 
     Attributes
     ----------
     format
         Version of the model file.
     name
-        Of the model, as verdicts quote it.
+        Name of the model, as verdicts quote it.
     airframe
-        Name of the profile whose actuators it was trained for; it meets no others.
+        Name of the profile whose actuators the model was trained for; it is applied to no others.
     features
-        Keys of the network's inputs, in their order.
+        Keys of the network's inputs, in order.
     tier
-        What telemetry the training data are as if from.
+        Telemetry tier of the training data.
     conditions
-        Of training: flights, friction levels, options; free, but JSON.
+        Training conditions: flights, friction levels, options; any JSON.
     metrics
-        Accuracies and other figures, by name.
+        Accuracies and other metrics, by name.
     calibration
-        Of the votes; None where they are taken as they are.
+        Calibration of the share of votes; None if the share is used uncalibrated.
     selection
-        Why these features.
+        Result of feature selection.
     seed
-        From which the training is repeatable.
+        Random seed; it makes training repeatable.
     command
-        That regenerates the file.
+        Command that regenerates the file.
     versions
-        Of the libraries that trained it, by name.
+        Versions of the libraries used for training, by name.
     """
 
     format: Literal["mavhums.model/1"] = FORMAT

@@ -1,4 +1,4 @@
-"""Features that the others explain by Algorithm 1, excluded by chi-square (paper, section 3, stage 2)."""
+"""Exclusion of features that Algorithm 1 explains by the others (paper, section 3, stage 2)."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ __all__ = ["Dependence", "RegressionRedundancyFilter"]
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """One excluded feature and what explains it.
+    """One excluded feature, and the features that explain it.
 
     Attributes
     ----------
     feature
         Column of the excluded feature.
     explained_by
-        The fewest columns found that still reach the threshold.
+        The smallest set of columns found whose R² still reaches the threshold.
     r2_all
-        R² with every feature that was still there.
+        R² of the regression on all features not yet excluded.
     model
-        The regression on ``explained_by``; its ``expression`` writes it down.
+        The regression on ``explained_by``; its ``expression`` is the formula.
     """
 
     feature: int
@@ -50,17 +50,18 @@ class Dependence:
 class RegressionRedundancyFilter(SupportSelector):
     """Exclude features that the remaining ones explain, the least informative first.
 
-    From the smallest chi-square upwards each feature is regressed, by Algorithm 1, on all features
-    that are still there; from the threshold of R² it is excluded. Of its regressors those that
-    are not needed to reach the threshold are then dropped one by one, the least missed first; the
-    feature and the rest are interdependent, and such sets that share a feature form a group.
+    Features are visited in ascending order of chi-square. Algorithm 1 regresses each feature on
+    all features not yet excluded, and excludes it if R² reaches the threshold. Backward
+    elimination then drops the regressors that are not needed to reach the threshold, the least
+    important first. The feature and the remaining regressors are interdependent; interdependent
+    sets that share a feature form a group.
 
     Parameters
     ----------
     threshold
         R² from which a feature is excluded, above 0 and at most 1.
     functions, order, tolerance
-        Of :class:`NonlinearRegression`.
+        Parameters of :class:`NonlinearRegression`.
     ranking
         The :class:`ChiSquareRanking` that orders the features; it is cloned. None means its defaults.
 
@@ -69,10 +70,10 @@ class RegressionRedundancyFilter(SupportSelector):
     dependences_
         The excluded features in the order of their exclusion, with their models.
     groups_
-        Columns of each group, ascending, the groups by their first column. A feature that no
-        dependence touches is a group of its own; a constant feature is in none.
+        Columns of each group, ascending; groups are sorted by first column. A feature without
+        dependences is a group of its own; a constant feature is in no group.
     support_
-        Which features stay, shape (n_features,). A constant feature does not.
+        Mask of the kept features, shape (n_features,). Constant features are not kept.
     ranking_
         The fitted ranking.
     n_features_in_
@@ -118,7 +119,7 @@ class RegressionRedundancyFilter(SupportSelector):
         self.ranking = ranking
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> RegressionRedundancyFilter:
-        """Find what is explained, and exclude it.
+        """Find the features that others explain, and exclude them.
 
         Parameters
         ----------
@@ -139,7 +140,7 @@ class RegressionRedundancyFilter(SupportSelector):
         values, target = self._checked(X, y, ensure_min_samples=2)
         varying = np.flatnonzero(np.ptp(values, axis=0) > 0).tolist()
         if not varying:
-            raise ValueError("every feature is constant, so none tells the classes apart")
+            raise ValueError("every feature is constant, so none distinguishes the classes")
         self.ranking_ = clone(self.ranking or ChiSquareRanking()).fit(values, target)
         functions = IDENTITY if self.functions is None else self.functions
         squares = _Squares(values, varying, functions, self.order, self.tolerance)
@@ -179,8 +180,8 @@ class RegressionRedundancyFilter(SupportSelector):
 class _Squares:
     """R² of any feature on any others, from one QR decomposition of all basis functions.
 
-    The triangular factor keeps every inner product of the columns, so that each regression is on
-    as many rows as there are columns, however many samples there were.
+    The triangular factor preserves every inner product of the columns, so each regression has as
+    many rows as columns, whatever the number of samples.
     """
 
     def __init__(
@@ -202,7 +203,7 @@ class _Squares:
         )
 
     def r2(self, feature: int, others: list[int]) -> float:
-        """Return R² of a feature on others."""
+        """Return R² of the regression of a feature on others."""
         allowed = set(others)
         used = [i for i, product in enumerate(self._products) if all(f in allowed for f, _ in product)]
         target = self._triangle[:, self._targets[feature]]

@@ -23,33 +23,33 @@ class TanhNetworkEnsemble(TwoClasses):
     """Many k-h-2 networks with tanh neurons for two classes, trained as one tensor program.
 
     The networks differ in their hidden neurons and initial weights. The ensemble's probability is
-    their mean, and their spread says how far the classification is a matter of luck. Labels are
-    coded as in the paper's table 3; features are scaled onto the unit interval.
+    the mean of theirs; their spread measures how much the result depends on the initial weights.
+    Labels are coded as in the paper's table 3; features are scaled onto the unit interval.
 
     Parameters
     ----------
     n_networks
-        How many; the paper trains 50.
+        Number of networks; the paper trains 50.
     hidden
-        Numbers of hidden neurons, gone through in turn.
+        Numbers of hidden neurons; the networks cycle through them.
     optimiser
         ``"lbfgs"``, on all samples, or ``"adam"``, on mini-batches of 200.
     weight_decay
         Half of it times the sum of squared weights, biases excepted, is added to the mean
         cross-entropy.
     max_iter
-        Most iterations of L-BFGS, or passes of Adam.
+        Maximum number of L-BFGS iterations, or of Adam epochs.
     patience
-        Iterations without a smaller loss on the validation samples given to :meth:`fit`, after
-        which a network stops; None to use them only for :attr:`best_`.
+        Early stopping: a network stops after this many iterations without a smaller loss on the
+        validation samples given to :meth:`fit`; None uses them only for :attr:`best_`.
     precision
         ``"single"`` is twice as fast as ``"double"``.
     device
-        ``"auto"`` (a GPU where there is one), ``"cpu"`` or another device of torch.
+        ``"auto"`` (a GPU if one is available), ``"cpu"`` or another torch device.
     n_jobs
-        Threads, as in joblib; the result does not depend on it.
+        Number of threads, as in joblib; the result does not depend on it.
     random_state
-        Seed, generator or None, of the initial weights.
+        Seed, generator or None, for the initial weights.
 
     Attributes
     ----------
@@ -58,11 +58,14 @@ class TanhNetworkEnsemble(TwoClasses):
     networks_
         The trained networks, numpy only.
     losses_, n_iter_
-        Mean cross-entropy over the training samples and iterations of each, shape (n_networks,).
+        Each network's mean cross-entropy over the training samples, and its number of iterations,
+        shape (n_networks,).
     validation_losses_, validation_accuracies_
-        Of each network, shape (n_networks,); NaN without validation samples.
+        Each network's validation loss and accuracy, shape (n_networks,); NaN without validation
+        samples.
     best_
-        The network with the smallest validation loss; without validation samples, training loss.
+        Index of the network with the smallest validation loss (without validation samples, with
+        the smallest training loss).
     n_features_in_
         Number of features seen by :meth:`fit`.
 
@@ -132,10 +135,10 @@ class TanhNetworkEnsemble(TwoClasses):
         y
             One of two classes for each sample, shape (n_samples,).
         sample_weight
-            Not negative, shape (n_samples,).
+            Sample weights, not negative, shape (n_samples,).
         validation
-            Samples of other flights, with their classes, that stop each network early and choose
-            the best; they are not trained on.
+            Samples of other flights and their classes, used for early stopping and for the choice
+            of the best network, not for training.
 
         Raises
         ------
@@ -199,7 +202,7 @@ class TanhNetworkEnsemble(TwoClasses):
         return deviation
 
     def member_scores(self, X: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-        """Return the accuracy of each network, winner takes all, shape (n_networks,)."""
+        """Return the accuracy of each network (winner takes all), shape (n_networks,)."""
         second = self._second(X) > 0.5
         scores: NDArray[np.float64] = (second == (np.asarray(y) == self.classes_[1])).mean(axis=1)
         return scores

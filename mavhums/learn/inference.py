@@ -1,4 +1,4 @@
-"""A trained network as plain numpy: an onboard computer needs neither scikit-learn nor torch."""
+"""Inference with a trained network in numpy alone, for onboard computers without torch."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from mavhums.learn.scaling import unit_interval
 __all__ = ["MARGIN", "Network", "TanhNetwork"]
 
 MARGIN = 0.1
-"""How far beyond the trained range a sample may lie, as a part of that range."""
+"""How far outside the training range a sample may lie, as a fraction of that range."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TanhNetwork:
     """A network with k inputs, one hidden layer of h tanh neurons, and two linear outputs.
 
-    The outputs are the binary neurons of the paper's table 3: the first wins for an emergency
-    (1, 0), the second for normal operation (0, 1).
+    The outputs are the binary neurons of the paper's table 3: the first is the larger for an
+    emergency (1, 0), the second for normal operation (0, 1).
 
     Attributes
     ----------
     minimum, maximum
-        Of each input in the training data, shape (k,); they scale it onto the unit interval.
+        Range of each input in the training data, shape (k,); scales inputs onto the unit interval.
     w1, b1
         Weights and biases of the hidden layer, shapes (k, h) and (h,).
     w2, b2
@@ -47,7 +47,7 @@ class TanhNetwork:
     b2: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        """Take read-only copies, and refuse what is not a network."""
+        """Store read-only copies of the arrays, and reject invalid ones."""
         inputs, hidden = np.shape(self.minimum)[:1], np.shape(self.b1)[:1]
         weights = {"w1": inputs + hidden, "b1": hidden, "w2": (*hidden, 2), "b2": (2,)}
         if 0 in inputs + hidden:
@@ -75,15 +75,15 @@ class TanhNetwork:
         return outputs
 
     def p_first(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the softmax of the first output, the emergency's, of shape (n,), each within [0, 1]."""
+        """Return the softmax of the first output (emergency), shape (n,), within [0, 1]."""
         outputs = self.outputs(features)
-        # The softmax of two is a logistic function, and in this form it cannot overflow.
+        # The softmax of two outputs is a logistic function; this form of it cannot overflow.
         return 0.5 + 0.5 * np.tanh((outputs[:, 0] - outputs[:, 1]) / 2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network(TanhNetwork):
-    """A network that knows which of the quantities V1–V12 are its inputs.
+    """A network whose inputs are named quantities out of V1–V12.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class Network(TanhNetwork):
     keys: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Refuse keys that do not name the inputs."""
+        """Reject keys that do not name the inputs."""
         super().__post_init__()
         object.__setattr__(self, "keys", tuple(self.keys))
         unknown = [key for key in self.keys if key not in KEYS]
@@ -130,8 +130,8 @@ class Network(TanhNetwork):
         Returns
         -------
         NDArray
-            Shape (n,), within [0, 1]; NaN where a quantity that is needed is not finite, or so large
-            that the sums overflow.
+            Shape (n,), within [0, 1]; NaN where an input quantity is not finite, or so large that
+            the sums overflow.
 
         Raises
         ------
@@ -145,20 +145,19 @@ class Network(TanhNetwork):
         return np.where(finite, probability, np.nan)
 
     def inside(self, values: ArrayLike, margin: float = MARGIN) -> NDArray[np.bool_]:
-        """Return which samples the network can judge.
+        """Return which samples lie inside the network's training range.
 
         Parameters
         ----------
         values
             V1…V12, shape (n, 12).
         margin
-            How far beyond the trained minimum and maximum counts as inside, as a part of their
-            distance.
+            How far outside the training range counts as inside, as a fraction of that range.
 
         Returns
         -------
         NDArray
-            Shape (n,): every quantity of ``keys`` is finite and within the widened range.
+            Shape (n,): True if every quantity of ``keys`` is finite and within the widened range.
         """
         features = self._features(values)
         low, high = self._envelope(margin)
@@ -207,7 +206,7 @@ class Network(TanhNetwork):
 
     @cached_property
     def _in_units(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
-        """Weights, biases and difference of the outputs for inputs that are not scaled."""
+        """Weights, biases, and output difference and threshold for unscaled inputs."""
         half = self.maximum / 2 - self.minimum / 2
         weights = np.ascontiguousarray((self.w1 / np.where(half > 0, 2 * half, 1.0)[:, np.newaxis]).T)
         biases = self.b1 - weights @ self.minimum
@@ -215,7 +214,7 @@ class Network(TanhNetwork):
         return weights, biases, difference, float(self.b2[1] - self.b2[0])
 
     def _envelope(self, margin: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the smallest and the largest value of each input that counts as inside."""
+        """Return the lower and upper bound of each input, shape (k,) each."""
         with np.errstate(over="ignore"):
             allowed = margin * (self.maximum - self.minimum)
             return self.minimum - allowed, self.maximum + allowed

@@ -1,4 +1,4 @@
-"""Does the command carry the class? Then a classifier reads the pilot, not the actuator."""
+"""Test for leakage: a command that differs between the classes reveals the class to a classifier."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ class CommandLeakWarning(UserWarning):
 
 @dataclass(frozen=True)
 class CommandLeak:
-    """How far the command tells the classes apart.
+    """Association between the command and the class.
 
     Attributes
     ----------
     cramers_v
-        Of the command or of its rate, the larger: 0 if the classes flew alike, 1 if they share nothing.
+        The larger of the values for the command and for its rate: 0 if both classes have the same
+        distribution, 1 if their distributions do not overlap.
     p_value
-        Part of the ways to label the flights that give so large a value; None with too few flights.
+        Permutation p-value over relabelled flights; None with too few flights.
     leaks
-        Whether that is more than chance.
+        Whether the association is significant.
     """
 
     cramers_v: float
@@ -43,27 +44,27 @@ class CommandLeak:
 def check_command(
     command: ArrayLike, emergency: ArrayLike, flights: ArrayLike, *, random_state: int = 0
 ) -> CommandLeak:
-    """Measure the association of command and class, and warn if it is more than chance.
+    """Measure the association between command and class, and warn if it is significant.
 
-    Cramér's V comes from the chi-square of the command V1, and of its change from sample to
-    sample, in twelve bins. Chance is what relabelling whole flights gives; where there are fewer
-    than five hundred ways to relabel them, as in the paper's split, the command leaks if Cramér's V
-    exceeds 0.25. The paper gives the command a chi-square of 40,590, which classes that fly one
-    cyclogram cannot have: theirs is 0.
+    Cramér's V is computed from the chi-square of the command V1, and of its change from sample to
+    sample, in twelve bins. A permutation test relabels whole flights. If there are fewer than five
+    hundred permutations, as in the paper's split, the command leaks if Cramér's V exceeds 0.25.
+    The paper reports a chi-square of 40,590 for the command; if both classes flew the same
+    cyclogram it would be 0.
 
     Parameters
     ----------
     command
-        V1 of each sample, °, shape (n,), each flight in the order of time.
+        V1 of each sample, °, shape (n,); the samples of a flight are in time order.
     emergency, flights
         Class and flight of each sample, shape (n,).
     random_state
-        Of the relabelling.
+        Seed of the permutations.
 
     Warns
     -----
     CommandLeakWarning
-        If the command carries the class.
+        If the command leaks the class.
 
     Examples
     --------
@@ -87,8 +88,8 @@ def check_command(
     leaks = found > _STRONG if p_value is None else p_value <= _SIGNIFICANT
     if leaks:
         warnings.warn(
-            f"the command tells the classes apart (Cramér's V {found:.2f}): "
-            "fly both classes through the same cyclograms, or each flight through one of its own",
+            f"the command distinguishes the classes (Cramér's V {found:.2f}): "
+            "fly both classes with the same cyclograms, or each flight with its own",
             CommandLeakWarning,
             stacklevel=2,
         )
@@ -102,18 +103,18 @@ def _change(values: NDArray[np.float64], flight: NDArray[np.intp]) -> NDArray[np
 
 
 def _per_flight(feature: NDArray[np.float64], flight: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return how many samples of each flight lie in each of the bins, shape (flights, bins)."""
+    """Return the number of samples of each flight in each bin, shape (flights, bins)."""
     counts, _, _ = np.histogram2d(flight, feature, bins=[np.arange(flight.max() + 2), _BINS])
     return np.asarray(counts[:, counts.any(axis=0)])
 
 
 def _cramers_v(tables: list[NDArray[np.float64]], labels: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the larger of the tables' values for each way to label the flights, shape (ways,)."""
+    """Return the larger of the tables' Cramér's V for each labelling of the flights, shape (labellings,)."""
     values = []
     for table in tables:
         total, share = table.sum(axis=0), (labels @ table.sum(axis=1) / table.sum())[:, None]
         excess = labels @ table - share * total
-        # Of two classes the one's excess in a bin is what the other lacks there.
+        # With two classes, the excess of one in a bin equals the deficit of the other.
         with np.errstate(invalid="ignore"):
             statistic = (np.square(excess) / (total * share * (1 - share))).sum(axis=1)
         values.append(np.sqrt(np.nan_to_num(statistic) / table.sum()))

@@ -1,4 +1,4 @@
-"""The model file: one safetensors file with the weights, and the card as JSON in its metadata."""
+"""The model file: a safetensors file of the weights, with the card as JSON in its metadata."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _REMEDY = "train one with `mavhums train -o MODEL`"
 
 
 class ModelError(MavhumsError):
-    """A model file is missing, damaged, or not what this version can serve."""
+    """A model file is missing, damaged, or not supported by this version."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Model:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The quantities that the network reads."""
+        """The network's input quantities."""
         return self.network.keys
 
     def votes(self, values: NDArray[np.float64]) -> NDArray[np.int8]:
@@ -76,7 +76,7 @@ def save_model(path: str | Path, network: Network, card: Card) -> Model:
 
 
 def load_model(path: str | Path) -> Model:
-    """Read a model file, and believe nothing that it says before it is checked.
+    """Read and validate a model file.
 
     Raises
     ------
@@ -87,13 +87,13 @@ def load_model(path: str | Path) -> Model:
     --------
     >>> load_model("absent.safetensors")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    mavhums.learn.model.ModelError: absent.safetensors: no model to be read there: train one ...
+    mavhums.learn.model.ModelError: absent.safetensors: no readable model file: train one ...
     """
     try:
         with Path(path).open("rb") as file:
             data = file.read(_LARGEST + 1)
     except (OSError, ValueError) as error:
-        raise ModelError(f"{path}: no model to be read there", _REMEDY) from error
+        raise ModelError(f"{path}: no readable model file", _REMEDY) from error
     return _parse(data, str(path))
 
 
@@ -109,7 +109,7 @@ def default_model() -> Model:
 
 
 def packaged_models() -> tuple[Model, ...]:
-    """Return the models that ship with mavhums, the one that wants the most of the telemetry first.
+    """Return the models packaged with mavhums; the one that needs the most telemetry comes first.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def _parse(data: bytes, source: str) -> Model:
 
 
 def _card(data: bytes, source: str) -> Card:
-    # safetensors returns no metadata for bytes; it has just checked that this header is sound.
+    # safetensors returns no metadata for bytes; it has already validated this header.
     length = int.from_bytes(data[:8], "little")
     metadata = json.loads(data[8 : 8 + length]).get("__metadata__") or {}
     if _CARD_KEY not in metadata:

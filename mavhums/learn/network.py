@@ -20,7 +20,7 @@ __all__ = ["TanhNetworkClassifier"]
 
 
 class TanhNetworkClassifier(TwoClasses):
-    """A k-h-2 network with tanh neurons for two classes; the winner takes all.
+    """A k-h-2 network with tanh neurons for two classes; the class with the larger output wins.
 
     Features are scaled onto the unit interval by the range of the training data. Labels are coded
     as in the paper's table 3: the first class of ``classes_`` (normal) as (0, 1), the second
@@ -32,18 +32,18 @@ class TanhNetworkClassifier(TwoClasses):
         Neurons in the hidden layer; the paper takes 4 to 16.
     weight_decay
         Half of it times the sum of squared weights, biases excepted, is added to the mean
-        cross-entropy. Without decay the boundary is drawn towards the training data.
+        cross-entropy. Without decay the decision boundary overfits the training data.
     max_iter
-        Most L-BFGS iterations, each on all samples.
+        Maximum number of L-BFGS iterations, each on all samples.
     validation_fraction
-        Part of the samples, drawn at random from each class, that is held out to stop early; 0
-        for none. Samples of a time series resemble their neighbours, so for flights leave it 0
+        Fraction of the samples held out at random, stratified by class, for early stopping; 0
+        disables it. Neighbouring samples of a time series are correlated, so for flights keep 0
         and hold out whole flights, as :func:`mavhums.learn.train_network` does.
     patience
-        Iterations without a smaller validation loss after which training ends; looked at every
-        tenth iteration.
+        Training stops after this many iterations without a smaller validation loss, which is
+        evaluated every tenth iteration.
     random_state
-        Seed, generator or None, of the initial weights and of the samples held out.
+        Seed, generator or None, for the initial weights and the choice of held-out samples.
 
     Attributes
     ----------
@@ -52,16 +52,16 @@ class TanhNetworkClassifier(TwoClasses):
     network_
         The trained :class:`~mavhums.learn.inference.TanhNetwork`, numpy only.
     loss_
-        Mean cross-entropy over the samples trained on.
+        Mean cross-entropy over the training samples.
     n_iter_
-        Iterations done.
+        Number of iterations.
     n_features_in_
         Number of features seen by :meth:`fit`.
 
     Notes
     -----
     The paper does not name its optimiser. On 20,000 samples with four inputs L-BFGS took 1.3 s for
-    200 iterations; Adam (batches of 200) took 4.5 s to the same loss and accuracy.
+    200 iterations; Adam (batches of 200) took 4.5 s to reach the same loss and accuracy.
 
     References
     ----------
@@ -111,7 +111,7 @@ class TanhNetworkClassifier(TwoClasses):
         y
             One of two classes for each sample, shape (n_samples,).
         sample_weight
-            How much each sample counts in training, not negative, shape (n_samples,).
+            Weight of each sample in training, not negative, shape (n_samples,).
 
         Raises
         ------
@@ -151,7 +151,7 @@ class TanhNetworkClassifier(TwoClasses):
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
-        """Return the class whose output is the larger, shape (n_samples,)."""
+        """Return the class with the larger output, shape (n_samples,)."""
         features = self._features(X)
         outputs = self.network_.outputs(features)
         classes: NDArray[Any] = self.classes_[(outputs[:, 0] > outputs[:, 1]).astype(np.intp)]

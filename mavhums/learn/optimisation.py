@@ -1,4 +1,4 @@
-"""Training of a network's weights, in torch; imported only when something is trained."""
+"""Training of one network's weights with torch; imported only for training."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 __all__ = ["Samples", "Training", "one_thread", "train"]
 
 _ROUND = 10
-"""Iterations between two looks at the validation samples."""
+"""Iterations between two evaluations of the validation loss."""
 
 Samples = tuple[NDArray[np.float64], NDArray[np.bool_]]
 """Features of shape (n, k), and whether each sample is an emergency, shape (n,)."""
@@ -21,7 +21,7 @@ Samples = tuple[NDArray[np.float64], NDArray[np.bool_]]
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """Weights as in :class:`mavhums.learn.inference.TanhNetwork`, and how they were reached."""
+    """Weights as in :class:`mavhums.learn.inference.TanhNetwork`, and the training result."""
 
     w1: NDArray[np.float64]
     b1: NDArray[np.float64]
@@ -53,19 +53,19 @@ def train(
     weight_decay
         Half of it times the sum of squared weights, biases excepted, is added to the mean loss.
     max_iter
-        Most iterations.
+        Maximum number of iterations.
     seed
-        Of the initial weights; the global state of torch is neither read nor changed.
+        Seed of the initial weights; torch's global random state is neither read nor changed.
     weight
-        How much each sample counts, shape (n,); all alike if None.
+        Weight of each sample, shape (n,); None gives all samples equal weight.
     validation
-        If given, training ends when the loss on these samples has not fallen for ``patience``
-        iterations, and the weights with the smallest such loss are returned.
+        If given, training stops after ``patience`` iterations without a smaller loss on these
+        samples, and the weights with the smallest such loss are returned.
 
     Returns
     -------
     Training
-        On one thread, so that the number of cores has no say in the sums.
+        Computed on one thread, so the number of cores does not affect the sums.
     """
     generator = torch.Generator().manual_seed(seed)
     inputs = samples[0].shape[1]
@@ -81,7 +81,7 @@ def train(
     features, target = _tensors(samples)
     held_out = _tensors(validation) if validation else None
     share = None if weight is None else torch.tensor(weight / weight.sum())
-    # The evaluations must never end a round, because a round cut short is taken for convergence.
+    # The limit on evaluations must never end a round: a shortened round looks like convergence.
     optimiser = torch.optim.LBFGS(
         weights,
         max_iter=_ROUND,
@@ -147,7 +147,7 @@ def _copy(weights: list[torch.Tensor]) -> list[torch.Tensor]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch compute each operation on one thread, and restore what was set before."""
+    """Make torch compute each operation on one thread, then restore the previous setting."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -1,7 +1,7 @@
 """The precedent base: labelled histories of actuators, flown and simulated (paper, section 2).
 
-A folder of Parquet files, one for each actuator of each log. Every row says where it comes from,
-so any tool that reads Parquet can query the base.
+A folder of Parquet files, one per actuator and log. Every row carries its provenance, so any tool
+that reads Parquet can query the base.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ class PrecedentError(MavhumsError):
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """Where a history comes from.
+    """The source of a history.
 
     Attributes
     ----------
     log, sha256
         Name of the log and the hash of its bytes.
     vehicle, actuator, airframe
-        Whose history it is, by which profile.
+        The vehicle and actuator of the history, and the profile used.
     tier
         The telemetry tier.
     label
-        The condition that the actuator was in.
+        The actuator's true condition.
     origin
-        Whether an aircraft flew it or a simulator.
+        Whether the history is flown or simulated.
     """
 
     log: str
@@ -62,7 +62,7 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True)
 class Precedent:
-    """One history of the base: its file, its provenance and how many samples it has."""
+    """One history of the base: its file, provenance and number of samples."""
 
     path: Path
     provenance: Provenance
@@ -93,12 +93,12 @@ class PrecedentBase:
     def add(
         self, provenance: Provenance, time_us: NDArray[np.int64], values: NDArray[np.float64]
     ) -> Precedent:
-        """Store one history; the same log and actuator again replace what was there.
+        """Store one history; it replaces an earlier one of the same log and actuator.
 
         Parameters
         ----------
         provenance
-            Where it comes from.
+            Source of the history.
         time_us
             Microseconds of UTC, shape (n,).
         values
@@ -133,7 +133,7 @@ class PrecedentBase:
         return Precedent(path, provenance, len(time_us))
 
     def __iter__(self) -> Iterator[Precedent]:
-        """Go through the precedents by file name, without reading their samples."""
+        """Iterate over the precedents in order of file name, without reading their samples."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 

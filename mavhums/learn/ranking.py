@@ -1,4 +1,4 @@
-"""Features sorted by the chi-square test of independence from the class (paper, section 3, stage 1)."""
+"""Ranking of features by the chi-square test of independence from the class (paper, section 3, stage 1)."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ __all__ = ["ChiSquareRanking"]
 class ChiSquareRanking(SelectorMixin, Classified):
     """Rank features by Pearson's chi-square between their bins and the classes.
 
-    Unlike :func:`sklearn.feature_selection.chi2`, which takes feature values as counts and so
-    wants them non-negative, each feature is divided into bins, and the statistic is that of the
-    contingency table bins × classes, without continuity correction. Bins without samples are
-    left out. A feature that is distributed alike in all classes scores 0, a constant one too.
+    :func:`sklearn.feature_selection.chi2` treats feature values as counts and requires them to be
+    non-negative. This ranking divides each feature into bins and computes the statistic of the
+    contingency table bins × classes, without continuity correction. Empty bins are omitted. A
+    feature with the same distribution in all classes scores 0; so does a constant feature.
 
     Parameters
     ----------
     bins
-        Into how many bins a feature is divided. With twelve and two classes the statistic has up
-        to 11 degrees of freedom, which is what the p-level of V12 in the paper's figure 15 fits.
+        Number of bins per feature. With twelve bins and two classes the statistic has up to 11
+        degrees of freedom, which agrees with the p-level of V12 in the paper's figure 15.
     strategy
-        ``"width"``: bins of equal width between a feature's minimum and maximum; the statistic
-        does not change under rescaling. ``"quantile"``: bins of about equally many samples; it
-        does not change under any increasing transformation.
+        ``"width"``: bins of equal width between a feature's minimum and maximum; the statistic is
+        invariant under rescaling. ``"quantile"``: bins with about equal numbers of samples; the
+        statistic is invariant under any increasing transformation.
     k
-        How many features :meth:`transform` keeps, the largest statistics first and, among equals,
-        the first column first; ``"all"`` keeps all and only ranks.
+        Number of features that :meth:`transform` keeps: those with the largest statistics; ties go
+        to the first column. ``"all"`` keeps all and only ranks.
 
     Attributes
     ----------
@@ -45,8 +45,8 @@ class ChiSquareRanking(SelectorMixin, Classified):
     degrees_of_freedom_
         (Occupied bins − 1) × (classes − 1) of each feature, shape (n_features,).
     p_values_
-        Probability of so large a statistic if feature and class were independent. Successive
-        samples of a time series are not independent draws, so this ranks but does not prove.
+        Probability of a statistic this large if feature and class were independent. Successive
+        samples of a time series are not independent draws, so use it for ranking, not as proof.
     n_features_in_
         Number of features seen by :meth:`fit`.
 
@@ -63,8 +63,8 @@ class ChiSquareRanking(SelectorMixin, Classified):
     --------
     >>> import numpy as np
     >>> label = np.repeat([0, 1], 50)
-    >>> telling, silent = label * 5.0, np.tile(np.arange(50.0), 2)
-    >>> ranking = ChiSquareRanking(k=1).fit(np.column_stack([silent, telling]), label)
+    >>> informative, uninformative = label * 5.0, np.tile(np.arange(50.0), 2)
+    >>> ranking = ChiSquareRanking(k=1).fit(np.column_stack([uninformative, informative]), label)
     >>> ranking.scores_
     array([  0., 100.])
     >>> ranking.get_support()

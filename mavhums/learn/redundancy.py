@@ -1,4 +1,4 @@
-"""Features of which one tells the others, found by regression between pairs (paper, section 3, stage 2)."""
+"""Redundancy filter by regression between pairs of features (paper, section 3, stage 2)."""
 
 from __future__ import annotations
 
@@ -19,38 +19,37 @@ __all__ = ["PairwiseRedundancyFilter"]
 
 
 class PairwiseRedundancyFilter(SupportSelector):
-    """Of each group of features that explain one another, keep the most informative.
+    """Keep the most informative feature of each group of features that explain one another.
 
-    Each feature is regressed on each other one by a polynomial. Two features are linked if either
-    regression reaches the threshold of R²; the connected components are the groups, and of each
-    group the feature with the largest chi-square stays (among equals the first column).
+    A polynomial regresses each feature on each other feature. Two features are linked if R² of
+    either regression reaches the threshold. The connected components are the groups; the filter
+    keeps the feature with the largest chi-square of each group (ties go to the first column).
 
-    The alternative to the paper's Algorithm 1 (:class:`RegressionRedundancyFilter`), which
-    regresses each feature on all others at once. With all others allowed, degree 2 explains
-    almost everything, because V6 = V4·V5, V9 = V7·V8 and V12 ∝ V10·V11; regression between pairs
-    finds the groups of the paper's figure 15 that are near to linear.
+    This is the alternative to the paper's Algorithm 1 (:class:`RegressionRedundancyFilter`), which
+    regresses each feature on all others at once. Regression of degree 2 on all others explains
+    almost every feature, because V6 = V4·V5, V9 = V7·V8 and V12 ∝ V10·V11. Regression between
+    pairs finds those groups of the paper's figure 15 that are nearly linear.
 
     Parameters
     ----------
     threshold
-        R² from which two features are linked, above 0 and at most 1.
+        Minimum R² that links two features, above 0 and at most 1.
     degree
-        Of the polynomial, at least 1.
+        Degree of the polynomial, at least 1.
     ranking
-        The :class:`ChiSquareRanking` that says which feature of a group stays; it is cloned.
-        ``None`` means one with its defaults.
+        The :class:`ChiSquareRanking` that determines which feature of a group is kept; it is
+        cloned. ``None`` means one with its defaults.
 
     Attributes
     ----------
     r2_
         ``r2_[i, j]`` is R² of the regression of feature i on feature j, shape
-        (n_features, n_features). A constant feature has nothing to be explained and explains
-        nothing: its row and column are 0.
+        (n_features, n_features). The row and column of a constant feature are 0.
     groups_
-        Column indices of each group, ascending, the groups by their first column. A feature that
-        is linked to no other is a group of its own; a constant feature is in no group.
+        Column indices of each group, ascending; groups are sorted by first column. A feature
+        without links is a group of its own; a constant feature is in no group.
     support_
-        Which features stay, shape (n_features,). A constant feature does not.
+        Mask of the kept features, shape (n_features,). Constant features are not kept.
     ranking_
         The fitted ranking.
     n_features_in_
@@ -84,7 +83,7 @@ class PairwiseRedundancyFilter(SupportSelector):
         self.ranking = ranking
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> PairwiseRedundancyFilter:
-        """Find the groups and choose of each the feature that stays.
+        """Find the groups, and choose the feature to keep of each.
 
         Parameters
         ----------
@@ -105,7 +104,7 @@ class PairwiseRedundancyFilter(SupportSelector):
         scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
         varying = np.flatnonzero(scaled.any(axis=0))
         if not varying.size:
-            raise ValueError("every feature is constant, so none tells the classes apart")
+            raise ValueError("every feature is constant, so none distinguishes the classes")
         self.ranking_ = clone(self.ranking or ChiSquareRanking()).fit(values, target)
         self.r2_ = np.zeros((values.shape[1], values.shape[1]))
         self.r2_[np.ix_(varying, varying)] = _pairwise_r2(scaled[:, varying], self.degree)

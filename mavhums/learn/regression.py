@@ -1,4 +1,4 @@
-"""Nonlinear multiple regression by Algorithm 1, and the groups that it finds (paper, section 3, stage 2)."""
+"""Nonlinear multiple regression by Algorithm 1 (paper, section 3, stage 2)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 Elementary = Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]]
-"""Elementary functions b_j by the way they are written, ``{}`` standing for the feature: ``"sin({})"``."""
+"""Elementary functions b_j by their notation, in which ``{}`` is the feature: ``"sin({})"``."""
 
 
 def _itself(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -37,11 +37,11 @@ IDENTITY: Elementary = {"{}": _itself}
 """The one elementary function b(x) = x, whose products are the polynomials."""
 
 Factor = tuple[int, int]
-"""One element of the set G: the number of a feature and that of an elementary function."""
+"""One element of the set G: the indices of a feature and of an elementary function."""
 
 
 def basis_count(functions: int, features: int, order: int) -> int:
-    """Return how many basis functions Algorithm 1 forms: C(z·(k-1) + m, m).
+    """Return the number of basis functions of Algorithm 1: C(z·(k-1) + m, m).
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def basis_count(functions: int, features: int, order: int) -> int:
 
     Examples
     --------
-    The paper's (k + m - 1)! / (m! (k - 1)!) is the case of one elementary function:
+    With one elementary function this is the paper's (k + m - 1)! / (m! (k - 1)!):
 
     >>> from math import factorial
     >>> k, m = 12, 2
@@ -61,10 +61,10 @@ def basis_count(functions: int, features: int, order: int) -> int:
 
 
 def basis_products(functions: int, features: Sequence[int], order: int) -> list[tuple[Factor, ...]]:
-    """Return the factors of each basis function, the empty product (the constant) first.
+    """Return the factors of each basis function; the empty product (the constant) comes first.
 
-    A product of m elements of G takes its elements with repetition; as G also holds constants,
-    these are all products of up to m functions of features.
+    The m elements of a product may repeat, and G contains constants, so the basis consists of all
+    products of up to m functions of features.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def basis_products(functions: int, features: Sequence[int], order: int) -> list[
 def basis_values(
     values: NDArray[np.float64], functions: Elementary, products: Sequence[tuple[Factor, ...]]
 ) -> NDArray[np.float64]:
-    """Return each basis function of each sample, shape (n, N), for ``values`` of shape (n, k).
+    """Evaluate each basis function on ``values`` of shape (n, k), as shape (n, N).
 
     Raises
     ------
@@ -102,26 +102,27 @@ def basis_values(
 class NonlinearRegression(RegressorMixin, BaseEstimator):
     """Least squares on products of elementary functions of the features: Algorithm 1 of the paper.
 
-    Basis functions that others explain to rounding get no coefficient (QR with column pivoting),
-    so the analytic expression stays short and the fit well posed.
+    Basis functions that depend linearly on others get a zero coefficient (QR with column
+    pivoting), so the expression is short and the fit is well posed.
 
     Parameters
     ----------
     functions
-        The elementary functions b_j, by the way they are written; None for b(x) = x alone.
+        The elementary functions b_j, by their notation; None means only b(x) = x.
     order
-        m, how many elements of G form one basis function.
+        m, the number of elements of G in one basis function.
     tolerance
-        Part of the largest basis function, each taken at unit norm, below which one depends on others.
+        A basis function counts as dependent if its pivot is below this fraction of the largest;
+        columns have unit norm.
 
     Attributes
     ----------
     products_
         Factors (feature, function) of each basis function, length N.
     coef_
-        Coefficient a_d of each basis function, shape (N,); zero for those that depend on others.
+        Coefficient a_d of each basis function, shape (N,); zero for dependent ones.
     rank_
-        How many basis functions are independent.
+        Number of independent basis functions.
     r2_
         Coefficient of determination on the training data; 1 for a constant target.
     n_features_in_
@@ -183,7 +184,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Return the approximating function, shape (n_samples,)."""
+        """Return the predicted target, shape (n_samples,)."""
         check_is_fitted(self)
         values = validate_data(self, X, dtype=np.float64, reset=False)
         predicted: NDArray[np.float64] = basis_values(values, self._functions(), self.products_) @ self.coef_
@@ -202,13 +203,13 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         names
-            Of the features; by default x0, x1, …
+            Names of the features; the default is x0, x1, …
         target
             Name of the dependent feature.
         digits
-            Significant digits of the coefficients.
+            Number of significant digits of the coefficients.
         negligible
-            Terms whose standard deviation is a smaller part of the target's are left out.
+            Terms are omitted if their standard deviation, as a fraction of the target's, is smaller.
         """
         check_is_fitted(self)
         names = names or [f"x{i}" for i in range(self.n_features_in_)]
@@ -233,7 +234,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
         return functions
 
     def __sklearn_tags__(self) -> Any:
-        """Say that a polynomial fits scikit-learn's linear test data only by chance."""
+        """Declare a poor score on scikit-learn's linear test data, which a polynomial overfits."""
         tags = super().__sklearn_tags__()
         tags.regressor_tags.poor_score = True
         return tags
@@ -242,14 +243,15 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
 def solve_least_squares(
     basis: NDArray[np.float64], target: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], int]:
-    """Return the coefficients, zero for columns that depend on others, and the rank.
+    """Return the least-squares coefficients (zero for dependent columns) and the rank.
 
     Parameters
     ----------
     basis, target
         Shapes (n, N) and (n,).
     tolerance
-        Of the diagonal of R, as a part of its largest, with columns at unit norm.
+        Smallest diagonal element of R that counts, as a fraction of the largest, for columns of
+        unit norm.
     """
     norm = np.linalg.norm(basis, axis=0)
     norm[norm == 0] = 1

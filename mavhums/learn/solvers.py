@@ -1,4 +1,4 @@
-"""Adam and L-BFGS for a batch of networks, each of which keeps its own step, history and end."""
+"""Adam and L-BFGS for a batch of networks; each has its own step size, history and stopping point."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Tensor = torch.Tensor
 
 @dataclass(eq=False)
 class Solution:
-    """The weights of each network, shape (B, …), and the iterations it took, shape (B,).
+    """Each network's weights, shape (B, …), and number of iterations, shape (B,).
 
-    With validation samples the weights are those of the smallest validation loss that was seen,
-    and a network stops when that has not fallen for ``patience`` iterations.
+    With validation samples the weights are those with the smallest validation loss so far, and a
+    network stops after ``patience`` iterations without a smaller one.
     """
 
     problem: Problem
@@ -45,7 +45,7 @@ class Solution:
         return solution
 
     def look(self, running: Tensor) -> None:
-        """Compare with the best so far, and take from ``running``, shape (B,), who has lost patience."""
+        """Update the best weights, and clear ``running``, shape (B,), for networks that stop early."""
         if self.validation is None:
             return
         loss = self.problem.loss(self.weights, self.validation)
@@ -56,7 +56,7 @@ class Solution:
         running &= self.iterations - self._best_at < self.patience
 
     def finish(self) -> Solution:
-        """Return to the best weights."""
+        """Restore the best weights."""
         if self.validation is not None:
             self.weights = self._best
         return self
@@ -78,11 +78,11 @@ def lbfgs(
     problem
         Loss and gradient.
     max_iter
-        Most iterations of each network.
+        Maximum number of iterations of each network.
     validation, patience
-        See :class:`Solution`; looked at every ``look_every`` iterations.
+        See :class:`Solution`; evaluated every ``look_every`` iterations.
     tolerance
-        A network whose largest gradient is below it has converged.
+        A network has converged when its largest gradient component is below this.
     """
     solution = Solution.start(problem, validation, patience)
     every = torch.arange(len(problem.batch))
@@ -123,20 +123,20 @@ def adam(
     validation: Data | None = None,
     patience: int = 20,
 ) -> Solution:
-    """Minimise each network's loss by Adam; an iteration is one pass over the shuffled samples.
+    """Minimise each network's loss by Adam; an iteration is one epoch over the shuffled samples.
 
     Parameters
     ----------
     problem
         Loss and gradient.
     max_iter
-        Most passes; the step falls from ``learning_rate`` to zero along a cosine.
+        Maximum number of epochs; cosine annealing reduces the step from ``learning_rate`` to zero.
     batch_size
-        Samples per step; all networks take the same samples at the same time.
+        Samples per step; all networks use the same mini-batches.
     seed
-        Of the order of the samples.
+        Seed of the order of the samples.
     validation, patience
-        See :class:`Solution`; looked at after every pass.
+        See :class:`Solution`; evaluated after every epoch.
     """
     solution = Solution.start(problem, validation, patience)
     every = torch.arange(len(problem.batch))
@@ -186,7 +186,7 @@ def _direction(gradient: Tensor, history: list[tuple[Tensor, Tensor, Tensor]]) -
 def _backtrack(
     problem: Problem, weights: Tensor, loss: Tensor, gradient: Tensor, direction: Tensor, rows: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Halve each network's step until its loss falls enough; a step of 0 says that it never did."""
+    """Halve each network's step until its loss decreases enough; a step of 0 means that it never did."""
     slope = (direction[rows] * gradient[rows]).sum(dim=1)
     step = torch.zeros_like(slope)
     new_loss, new_gradient = loss[rows].clone(), gradient[rows].clone()

@@ -1,4 +1,4 @@
-"""Samples held out for validation, whole flights where there are enough of them."""
+"""Hold-out of validation samples: whole flights where there are enough, otherwise blocks of time."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ _BLOCKS = 12
 def hold_out(
     emergency: NDArray[np.bool_], flight: NDArray[np.intp], random: np.random.Generator
 ) -> tuple[NDArray[np.bool_], Literal["flights", "blocks"]]:
-    """Choose a quarter of each class's flights, or of blocks of time where flights are too few.
+    """Hold out a quarter of each class's flights, or of its blocks of time if flights are too few.
 
-    Where each class has at least two flights, whole flights are held out; a flight belongs to the
-    class of most of its samples. With fewer, as in the paper's split, each flight is cut into
-    twelve equal blocks of time, and whole blocks are held out.
+    If each class has at least two flights, whole flights are held out; a flight belongs to the
+    class of most of its samples. With fewer flights, as in the paper's split, each flight is
+    divided into twelve equal blocks of time, and whole blocks are held out.
 
     Parameters
     ----------
     emergency
         Class of each sample, shape (n,).
     flight
-        Number of each sample's flight, from 0, shape (n,), each flight in the order of time.
+        Index of each sample's flight, from 0, shape (n,); the samples of a flight are in time order.
     random
-        Draws the flights.
+        Generator that draws the flights.
 
     Returns
     -------
     NDArray, str
-        Which samples are held out, shape (n,), and what was held out.
+        Mask of the held-out samples, shape (n,), and the unit of hold-out, flights or blocks.
 
     Raises
     ------
     ValueError
-        If a class has not even two blocks.
+        If a class has fewer than two blocks.
     """
     chosen = _choose(emergency, flight, random)
     if chosen is not None:
@@ -50,7 +50,7 @@ def hold_out(
         blocks[rows] = number * _BLOCKS + np.arange(len(rows)) * _BLOCKS // len(rows)
     chosen = _choose(emergency, blocks, random)
     if chosen is None:
-        raise ValueError("each class needs samples enough to hold some out, in two blocks of time at least")
+        raise ValueError("each class needs enough samples to hold some out: at least two blocks of time")
     return np.isin(blocks, chosen), "blocks"
 
 

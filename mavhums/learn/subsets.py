@@ -1,4 +1,4 @@
-"""Wrappers: the subset of features with the best network, by enumeration or by a genetic algorithm."""
+"""Wrapper methods: search for the feature subset with the best network, exhaustive or genetic."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from mavhums.core.errors import MissingExtraError
 __all__ = ["Objective", "SubsetSearch", "all_subsets", "exhaustive_search", "genetic_search"]
 
 Objective = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
-"""Takes subsets, shape (s, k), none of them empty, and returns their scores, shape (s,)."""
+"""Function of non-empty subsets, shape (s, k), that returns their scores, shape (s,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class SubsetSearch:
-    """What a search found.
+    """Result of a subset search.
 
     Attributes
     ----------
     subsets
-        Those that were scored, shape (s, k), no two alike.
+        The scored subsets, shape (s, k), without duplicates.
     scores
-        Of each, shape (s,).
+        Score of each subset, shape (s,).
     """
 
     subsets: NDArray[np.bool_]
@@ -36,7 +36,7 @@ class SubsetSearch:
 
     @property
     def best(self) -> NDArray[np.bool_]:
-        """The subset with the largest score; among equals the one with the fewest features."""
+        """The subset with the largest score; ties go to the one with the fewest features."""
         ties = np.flatnonzero(self.scores == self.scores.max())
         chosen: NDArray[np.bool_] = self.subsets[ties[np.argmin(self.subsets[ties].sum(axis=1))]]
         return chosen
@@ -48,7 +48,7 @@ class SubsetSearch:
 
 
 def all_subsets(features: int) -> NDArray[np.bool_]:
-    """Return the 2^k - 1 subsets of k features that are not empty, shape (2^k - 1, k).
+    """Return the 2^k - 1 non-empty subsets of k features, shape (2^k - 1, k).
 
     Examples
     --------
@@ -60,7 +60,7 @@ def all_subsets(features: int) -> NDArray[np.bool_]:
 
 
 def exhaustive_search(objective: Objective, features: int) -> SubsetSearch:
-    """Score every subset of the features, the global optimum among them (paper, section 2)."""
+    """Score every subset of the features, which finds the global optimum (paper, section 2)."""
     subsets = all_subsets(features)
     return SubsetSearch(subsets, objective(subsets))
 
@@ -73,9 +73,9 @@ def genetic_search(
     population: int = 40,
     random_state: int = 0,
 ) -> SubsetSearch:
-    """Search the subsets by a genetic algorithm, for where there are too many to score (paper, section 2).
+    """Search by a genetic algorithm, when there are too many subsets to score all (paper, section 2).
 
-    Every generation is scored in one call of the objective, and no subset is scored twice.
+    One call of the objective scores a whole generation, and no subset is scored twice.
 
     Parameters
     ----------
@@ -84,11 +84,11 @@ def genetic_search(
     features
         k.
     evaluations
-        How many different subsets to score at most.
+        Maximum number of different subsets to score.
     population
-        Subsets in a generation.
+        Number of subsets in a generation.
     random_state
-        Seed; the generators of numpy and Python are left as they were.
+        Seed; the global generators of numpy and Python are unchanged afterwards.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def genetic_search(
         if wanted:
             for row, score in zip(wanted, objective(np.stack(wanted)), strict=True):
                 scored[row.tobytes()] = (row, float(score))
-        # An empty subset, or one beyond the allowance, must never be bred from.
+        # An empty subset, or one beyond the allowed evaluations, must never become a parent.
         return [scored[row.tobytes()][1] if row.tobytes() in scored else -np.inf for row in genes]
 
     def enough(_: Any) -> str | None:

@@ -1,4 +1,4 @@
-"""Redundant vectors left out of the precedents (paper, section 2, step 1)."""
+"""Thinning: removes redundant vectors from the precedents (paper, section 2, step 1)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ITERATIONS = 20
 
 
 class VectorThinning(Classified):
-    """Keep some vectors of each class, and how many each of them stands for.
+    """Keep representative vectors of each class, each weighted by the number it represents.
 
     Each class keeps its share of the vectors, at least one. Similarity is measured on features
     scaled onto the unit interval.
@@ -29,13 +29,13 @@ class VectorThinning(Classified):
     Parameters
     ----------
     n_vectors
-        How many to keep of all classes together; all are kept if there are no more.
+        Number of vectors to keep, over all classes; all are kept if there are no more.
     method
-        ``"kmeans"``: the sample nearest to each centre of k-means, with the cluster's size as
-        weight. ``"random"``: drawn without replacement, with equal weights; what any other method
-        has to beat.
+        ``"kmeans"``: the sample nearest to each k-means centre, weighted by the size of the
+        cluster. ``"random"``: drawn without replacement, with equal weights; the reference that
+        other methods must beat.
     metric
-        By which the sample nearest to a centre is found; any of
+        Distance metric that finds the sample nearest to a centre; any of
         :func:`sklearn.metrics.pairwise_distances_argmin`.
     random_state
         Seed, generator or None.
@@ -43,9 +43,9 @@ class VectorThinning(Classified):
     Attributes
     ----------
     indices_
-        Rows that are kept, ascending.
+        Indices of the kept rows, ascending.
     weights_
-        How many samples each kept row stands for; they sum to the number of samples.
+        Number of samples that each kept row represents; the sum is the number of samples.
     n_features_in_
         Number of features seen by :meth:`fit`.
 

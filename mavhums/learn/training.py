@@ -1,4 +1,4 @@
-"""From samples to a network: feature selection, several trainings, and the choice among them."""
+"""Training a network: feature selection, training of several candidates, and choice of the best."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import JsonValue
 
-import mavhums
 from mavhums.core.quantities import KEYS, column
+from mavhums.core.version import __version__
 from mavhums.learn.card import Card, Selection
 from mavhums.learn.inference import Network
 from mavhums.learn.network import TanhNetworkClassifier
@@ -34,22 +34,22 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class TrainingResult:
-    """The chosen network, and what it was chosen from.
+    """The chosen network and its candidates.
 
     Attributes
     ----------
     network
         The candidate with the best validation accuracy.
     chosen
-        Its row among ``candidates``.
+        The entry of the chosen network in ``candidates``.
     candidates
-        All that were trained, in that order.
+        All trained networks, in order of training.
     selection
         Chi-square, groups and selected keys.
     validation
-        What was held out: ``"flights"`` or ``"blocks"`` of time.
+        Unit of hold-out: ``"flights"`` or ``"blocks"`` of time.
     seed
-        The one given to :func:`train_network`.
+        The seed given to :func:`train_network`.
     """
 
     network: Network
@@ -61,12 +61,12 @@ class TrainingResult:
 
     @property
     def training_accuracy(self) -> float:
-        """Part of the samples trained on that the network classifies right."""
+        """Fraction of the training samples that the network classifies correctly."""
         return self.chosen.training_accuracy
 
     @property
     def validation_accuracy(self) -> float:
-        """Part of the samples held out that the network classifies right."""
+        """Fraction of the held-out samples that the network classifies correctly."""
         return self.chosen.validation_accuracy
 
     def card(
@@ -79,7 +79,7 @@ class TrainingResult:
         conditions: Mapping[str, JsonValue] | None = None,
         metrics: Mapping[str, float] | None = None,
     ) -> Card:
-        """Return the card for the model file; what is given is added to what training knows."""
+        """Return the card for the model file: the training result plus the given entries."""
         found = {"training_accuracy": self.training_accuracy, "validation_accuracy": self.validation_accuracy}
         chosen: dict[str, JsonValue] = {
             "networks": len(self.candidates),
@@ -97,12 +97,12 @@ class TrainingResult:
             selection=self.selection,
             seed=self.seed,
             command=command,
-            versions={"mavhums": mavhums.__version__} | libraries,
+            versions={"mavhums": __version__} | libraries,
         )
 
 
 def select_features(values: ArrayLike, emergency: ArrayLike, *, keys: Sequence[str] = KEYS) -> Selection:
-    """Rank quantities by chi-square, and keep the best of each group that explains itself.
+    """Rank quantities by chi-square, and keep the best of each group of interdependent ones.
 
     Parameters
     ----------
@@ -144,16 +144,16 @@ def train_network(
 ) -> TrainingResult:
     """Select features, train several networks on them, and choose one without test data.
 
-    A quarter of the training data is held out, and neither selection nor training sees it. Where
-    each class has at least two flights, whole flights are held out; a flight belongs to the class
-    of most of its samples. With fewer, as in the paper's split, each flight is cut into twelve
-    equal blocks of time, and whole blocks are held out: the validation accuracy is then
-    optimistic, because the blocks that remain stem from the same flight.
+    A quarter of the training data is held out; neither selection nor training uses it. If each
+    class has at least two flights, whole flights are held out; a flight belongs to the class of
+    most of its samples. With fewer flights, as in the paper's split, each flight is divided into
+    twelve equal blocks of time, and whole blocks are held out. The validation accuracy is then
+    optimistic, because the training blocks come from the same flights.
 
     Parameters
     ----------
     values
-        V1…V12, shape (n, 12), each flight's rows in the order of time; finite in the columns of
+        V1…V12, shape (n, 12), the rows of each flight in time order; finite in the columns of
         ``keys``.
     emergency
         Whether each sample is of the emergency class, shape (n,).
@@ -162,18 +162,18 @@ def train_network(
     seed
         Makes the result repeatable.
     networks
-        How many to train.
+        Number of networks to train.
     hidden
-        Numbers of hidden neurons, gone through in turn, shuffled.
+        Numbers of hidden neurons; the networks cycle through them in shuffled order.
     keys
         The quantities to choose from, those that the telemetry tier provides.
     features
-        The inputs, where they are not to be the selected quantities.
+        Input quantities that replace the selected ones.
     weights
-        How much each sample counts in training, positive, shape (n,); all alike if None. Selection
-        and accuracies do not heed them.
+        Weight of each sample in training, positive, shape (n,); None gives equal weights.
+        Selection and accuracies ignore them.
     progress
-        Called with the networks trained and their number, after each.
+        Called after each network with the number trained and the total.
 
     Raises
     ------
@@ -193,7 +193,7 @@ def train_network(
     """
     samples, labels, flight = _checked(values, emergency, flights, keys)
     if networks < 1 or not len(hidden):
-        raise ValueError("at least one network, and one number of hidden neurons, must be asked for")
+        raise ValueError("networks must be at least 1, and hidden must hold at least one number")
     if features is not None and not set(features) <= set(keys):
         raise ValueError(f"features {tuple(features)} are not all among keys {tuple(keys)}")
     random = np.random.default_rng(seed)

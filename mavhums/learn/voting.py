@@ -1,6 +1,6 @@
-"""A network's vote on each sample, compiled: the one part of a network that runs for hours on board.
+"""Compiled kernel for a network's vote on each sample, the only part that runs continuously on board.
 
-Each sample is worked out alone, so that a vote does not depend on what it is given together with.
+Each sample is computed separately, so a vote does not depend on the other samples of the call.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ def vote(
     difference: NDArray[np.float64],
     threshold: float,
 ) -> NDArray[np.int8]:
-    """Return 1 for an emergency, 0 for none, -1 where a sample lies outside ``low`` … ``high``, shape (n,).
+    """Return 1 for an emergency, 0 for none, -1 for a sample outside ``low`` … ``high``, shape (n,).
 
     Parameters
     ----------
     values
         V1…V12, shape (n, 12).
     columns
-        Of the network's k inputs in ``values``.
+        Columns of the network's k inputs in ``values``.
     low, high
-        What each input may be, shape (k,).
+        Bounds of each input, shape (k,).
     weights, biases
-        Of the h hidden neurons for inputs in their own units, shapes (h, k) and (h,).
+        Weights and biases of the h hidden neurons for unscaled inputs, shapes (h, k) and (h,).
     difference, threshold
-        Weights of the first output less the second's, shape (h,), and what their sum must exceed.
+        Output weights, first minus second, shape (h,), and the threshold for their sum.
     """
     n, k, h = len(values), len(columns), len(biases)
     votes = np.empty(n, dtype=np.int8)
@@ -62,7 +62,7 @@ def vote(
             inner = biases[m]
             for j in range(k):
                 inner += weights[m, j] * inputs[j]
-            # tanh by the exponential, which is three times as fast; an overflow is infinity, as it should be.
+            # tanh by the exponential is three times as fast; overflow gives infinity, which is correct here.
             sum_ += difference[m] * (1.0 - 2.0 / (exp(2.0 * inner) + 1.0))
         votes[i] = 1 if sum_ > 0.0 else 0
     return votes

@@ -1,4 +1,4 @@
-"""The subset search as a scikit-learn selector, with networks trained together as its objective."""
+"""Subset search as a scikit-learn selector; its objective trains networks in one batch."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ def network_objective(
     n_jobs: int | None = None,
     random_state: int = 0,
 ) -> Objective:
-    """Return the objective: the validation accuracy of a network that sees the subset alone.
+    """Return the objective: the validation accuracy of a network trained on the subset alone.
 
     Parameters
     ----------
     samples, validation
         Features, shape (n, k), and whether each sample is an emergency, shape (n,).
     hidden, max_iter, weight_decay
-        Of each network; L-BFGS.
+        Settings of each network, trained by L-BFGS.
     n_jobs
-        Threads, as in joblib.
+        Number of threads, as in joblib.
     random_state
-        Seed of the initial weights. All subsets share it, so they differ by their features.
+        Seed of the initial weights. All subsets share it, so they differ only in their features.
 
     Raises
     ------
@@ -75,20 +75,20 @@ class NetworkSubsetSelector(SupportSelector):
     search
         ``"exhaustive"``: all 2^k - 1 subsets; ``"genetic"``: at most ``evaluations`` of them.
     evaluations
-        Of the genetic algorithm.
+        Maximum number of subsets that the genetic algorithm scores.
     max_samples
-        How many samples to train on and to validate with, drawn at random; None for all.
+        Maximum number of samples for training, and for validation, drawn at random; None for all.
     hidden, iterations, weight_decay
-        Of the networks; L-BFGS.
+        Settings of the networks, trained by L-BFGS.
     n_jobs
-        Threads, as in joblib.
+        Number of threads, as in joblib.
     random_state
-        Seed, generator or None, of everything drawn.
+        Seed, generator or None, for all random draws.
 
     Attributes
     ----------
     search_
-        Every subset that was scored, with its score.
+        Every scored subset and its score.
     support_
         The best subset, shape (n_features,).
     n_features_in_
@@ -143,7 +143,7 @@ class NetworkSubsetSelector(SupportSelector):
             One of two classes for each sample, shape (n_samples,).
         groups
             Flight of each sample, shape (n_samples,); a quarter of each class's flights is held
-            out to score with. Without it samples are held out one by one, which flatters flights.
+            out for scoring. Without it single samples are held out, which is optimistic for flights.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class NetworkSubsetSelector(SupportSelector):
         return values[rows], emergency[rows]
 
     def __sklearn_tags__(self) -> Any:
-        """Say that two classes are needed."""
+        """Declare a binary classification target."""
         tags = super().__sklearn_tags__()
         tags.classifier_tags = ClassifierTags(multi_class=False)
         return tags

@@ -1,6 +1,6 @@
-"""What mavhums found, made visible: a Rerun recording, a report, a table on the terminal.
+"""Presentation of results: Rerun recording, report and terminal tables.
 
-Nothing here judges. Importing the room loads neither rerun nor rich; each name loads what it needs.
+This package does not judge. Importing it loads neither rerun nor rich; each name loads what it needs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The airframe in three dimensions, with surfaces that move and carry their actuator's colour."""
+"""A 3-D model of the airframe, with moving surfaces in the colour of their actuator's condition."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ _Floats = NDArray[np.float64]
 
 
 class _Place(NamedTuple):
-    """Where a surface is hinged: x forward, y to the left, z up; half a wing is 1 long.
+    """Hinge position of a surface: x forward, y left, z up; the half-span is 1.
 
     Attributes
     ----------
     x, z
-        Of the hinge line.
+        Position of the hinge line.
     span
-        From where to where along the hinge line.
+        Start and end along the hinge line.
     chord
-        From the hinge line backwards.
+        Length behind the hinge line.
     roll
-        By which the hinge line is turned about x, degrees; a fin's is 90.
+        Rotation of the hinge line about x, degrees; 90 for a fin.
     """
 
     x: float
@@ -67,12 +67,12 @@ _LEFT, _RIGHT = (
 
 
 def craft_path(vehicle: int | None) -> str:
-    """Return the entity path of a vehicle's airframe; it turns with the heading, its ``body`` within it."""
+    """Return the entity path of a vehicle's airframe; it has the heading, ``body`` the attitude."""
     return rr.new_entity_path(["airframe", "no_vehicle" if vehicle is None else f"vehicle_{vehicle}"])
 
 
 class Surface:
-    """One control surface, or whatever else a servo moves."""
+    """One control surface, or another part that a servo moves."""
 
     def __init__(
         self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: _Place, *, named: bool
@@ -95,9 +95,9 @@ class Surface:
         stream.log(path, box, static=True)
 
     def move(self, time_s: _Floats, values: _Floats) -> None:
-        """Turn it by V3, or V1 where the log has no V3; positive is trailing edge down or to the left.
+        """Rotate the surface by V3, or by V1 if the log has no V3; positive is trailing edge down or left.
 
-        A pose every 40 ms is more than the eye can use.
+        Poses are at least 40 ms apart, which looks smooth.
         """
         measured = np.isfinite(values[:, _V3]).any()
         angle = values[:, _V3 if measured else _V1]
@@ -112,17 +112,17 @@ class Surface:
             send(self._stream, self._path, time_s[rows], content)
 
     def colour(self, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
-        """Give it the colours of its actuator's conditions, from flight times on."""
+        """Set the colours of the actuator's conditions, each from a flight time on."""
         send(self._stream, self._path, time_s, rr.Boxes3D.columns(colors=list(colours)))
 
 
 class Craft:
-    """One vehicle's airframe.
+    """The 3-D airframe of one vehicle.
 
     Attributes
     ----------
     surfaces
-        By the actuator's name.
+        Surfaces by the actuator's name.
     """
 
     def __init__(self, stream: rr.RecordingStream, vehicle: int | None) -> None:
@@ -154,7 +154,7 @@ class Craft:
             self.surfaces[actuator.name] = Surface(self._stream, path, actuator, place, named=named)
 
     def attitude(self, time_s: _Floats, roll_pitch_yaw_rad: _Floats) -> None:
-        """Turn the airframe: the heading by itself, so that a view can keep it in front."""
+        """Rotate the airframe; the heading is separate, so that a view can follow it."""
         roll, pitch, yaw = (roll_pitch_yaw_rad[:, k] for k in range(3))
         heading = [rr.RotationAxisAngle((0, 0, 1), radians=-angle) for angle in yaw.tolist()]
         send(self._stream, self.root, time_s, rr.Transform3D.columns(rotation_axis_angle=heading))
@@ -175,7 +175,7 @@ def _kind(actuator: Actuator) -> str:
 
 
 def _places(actuators: Sequence[Actuator]) -> list[_Place]:
-    """Give each actuator its place; those that would share one share its span."""
+    """Assign a hinge position to each actuator; actuators with the same position share its span."""
     slots: list[tuple[str, int]] = []
     sideless: list[str] = []
     for actuator in actuators:
@@ -192,7 +192,7 @@ def _places(actuators: Sequence[Actuator]) -> list[_Place]:
 
 
 def _slot(kind: str, side: int, number: int, of: int) -> _Place:
-    """Return the part of a place that falls to one of several."""
+    """Return the part of a hinge position for one of several actuators that share it."""
     place = dict(_PLACES).get(kind, _ELSEWHERE)
     begin, end = place.span
     if side == 0 and kind in _WHOLE:

@@ -1,4 +1,4 @@
-"""Everything that is drawn of a flight, onto a stream that leads to a file or to a viewer."""
+"""Drawing of a whole flight on a Rerun stream, to a file or a viewer."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ class Scene:
     Parameters
     ----------
     stream
-        Where to.
+        Output stream.
     live
-        Whether a viewer follows.
+        Whether a viewer shows the flight live.
     position
-        Whether to draw where the vehicle was.
+        Whether to draw the vehicle's position.
     """
 
     def __init__(self, stream: rr.RecordingStream, *, live: bool, position: bool) -> None:
@@ -63,16 +63,16 @@ class Scene:
 
     @property
     def tracks(self) -> list[Track]:
-        """One for each actuator, in the order of their appearance."""
+        """Tracks of the actuators, in order of first appearance."""
         return list(self._tracks.values())
 
     @property
     def last_s(self) -> float:
-        """Flight time until which anything was heard."""
+        """Flight time of the latest data."""
         return max(self._state_s, *(track.last_s for track in self._tracks.values()), 0.0)
 
     def consume(self, events: Iterable[Event]) -> None:
-        """Take what the engine reports, in its order."""
+        """Process the engine's events, in order."""
         for event in events:
             match event:
                 case Samples():
@@ -102,13 +102,13 @@ class Scene:
             track.now(self.last_s)
 
     def flush(self) -> None:
-        """Write what is waiting, so that a viewer shows it."""
+        """Write buffered data, so that a viewer shows them."""
         for track in self._tracks.values():
             track.flush()
         self._flush_texts()
 
     def finish(self, assessment: Assessment) -> rrb.Blueprint:
-        """Write what is left and the report, and return the layout of the whole flight."""
+        """Write remaining data and the report, and return the layout of the whole flight."""
         for verdict in assessment.verdicts:
             self._track(verdict.vehicle, verdict.actuator)
         for track in self._tracks.values():
@@ -131,7 +131,7 @@ class Scene:
         return layout(lanes, self._surroundings())
 
     def report_so_far(self) -> None:
-        """Write what is known by now; not static, so that a viewer may forget the older ones."""
+        """Write the report so far; not as static data, so that a viewer may drop older ones."""
         rows = []
         for track in self.ranked():
             seen = track.latest
@@ -145,19 +145,19 @@ class Scene:
             send(self._stream, "/report", [self.last_s], content)
 
     def layout_so_far(self) -> rrb.Blueprint:
-        """Return the layout that follows the flight, the worst actuator first."""
+        """Return the layout for live use, with the worst actuator first."""
         lanes = [self._lane(track, track.held, track.worst) for track in self.ranked()]
         return layout(lanes, self._surroundings(), live=True)
 
     def shape(self) -> object:
-        """Return what the layout depends on: where it stays the same, so does the layout."""
+        """Return the data that determine the layout; if they are unchanged, so is the layout."""
         shown = [
             (track.root, track.held, track.present, len(track.faults), track.cause) for track in self.ranked()
         ]
         return shown, self._surroundings()
 
     def ranked(self) -> list[Track]:
-        """Return the tracks, the worst first."""
+        """Return the tracks, worst first."""
         return sorted(self._tracks.values(), key=lambda track: -URGENCY[track.held])
 
     def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
@@ -171,7 +171,7 @@ class Scene:
         return f"{track.vehicle}: {track.actuator}" if several else track.actuator
 
     def _surroundings(self) -> Surroundings:
-        """Return what there is beside the actuators; of several vehicles, the airframe of the worst."""
+        """Return what is drawn besides the actuators; with several vehicles, the worst one's airframe."""
         fitted = [v for v in self._vehicles.values() if v.craft.surfaces]
         worst = {track.vehicle for track in self.ranked()[:1]}
         fitted.sort(key=lambda vehicle: vehicle.craft.root not in {craft_path(number) for number in worst})
@@ -199,7 +199,7 @@ class Scene:
         return self._tracks[key]
 
     def _equip(self, track: Track) -> None:
-        """Give a track what the profile says of its actuator: its limits, and its place in the airframe."""
+        """Set a track's limits and its surface in the airframe from the profile."""
         known = self._airframes.get(track.vehicle) or self._airframes.get(None)
         part = (
             next((part for part in known[0].actuators if part.name == track.actuator), None)
@@ -237,7 +237,7 @@ class Scene:
 
 
 def _change(event: ConditionChanged) -> str:
-    """Say it in the order of what a narrow view can show; what it was before is in the event before."""
+    """Describe a change, most important first for narrow views; the previous event has the old condition."""
     why = event.rule.removeprefix(f"{event.after}: ")
     since = f"{event.after} since {clock(event.since_s)}"
     return f"{event.actuator}: {since}, {why} (vehicle {event.vehicle})"

@@ -1,4 +1,4 @@
-"""V1…V12 of one actuator, written as they come or, of a long flight, thinned."""
+"""V1…V12 of one actuator, written in full or, for a long flight, thinned."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ _Floats = NDArray[np.float64]
 class Signals:
     """Writes the quantities of one actuator.
 
-    A recording has every sample of a flight of up to 32,768; a longer one is thinned so that no peak is
-    lost, with every sample in the windows that :meth:`mark` names.
+    A recording has all samples of a flight up to 32,768; a longer flight is thinned such that every peak is
+    kept, with all samples in the windows marked by :meth:`mark`.
 
     Parameters
     ----------
     stream, path
-        Where to.
+        Output stream and entity path.
     live
-        Whether a viewer follows: then every sample is written at the next :meth:`flush`.
+        Whether a viewer shows the flight live: every sample is then written at the next :meth:`flush`.
     moved
-        Called with what is written, times (n,) and values (n, 12), to move what stands for the actuator.
+        Called with the written times (n,) and values (n, 12), to move the actuator's surface.
 
     Attributes
     ----------
     present
-        The quantities that were ever given.
+        Quantities with data so far.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Signals:
         self._marked_s = -np.inf
 
     def add(self, time_s: _Floats, values: _Floats) -> None:
-        """Take samples: increasing times of shape (n,), values V1…V12 of shape (n, 12)."""
+        """Add samples: increasing times of shape (n,), values V1…V12 of shape (n, 12)."""
         self.present |= _given(values)
         self._recent.append((time_s, values))
         self._recent_rows += time_s.size
@@ -78,21 +78,21 @@ class Signals:
             self._recent_rows -= self._recent.popleft()[0].size
 
     def mark(self, start_s: float, end_s: float) -> None:
-        """Keep every sample from ``start_s`` to ``end_s``, as far as it is not already forgotten."""
+        """Keep every sample from ``start_s`` to ``end_s`` that is still buffered."""
         start_s = max(start_s, self._marked_s)
         if not self._live and end_s > start_s and len(self._whole) + len(self._pending) < _WINDOWS:
             self._pending.append((start_s, end_s))
             self._marked_s = end_s
 
     def flush(self) -> None:
-        """Write what a viewer that follows has not seen yet."""
+        """Write new samples for a live viewer."""
         if self._live and self._recent:
             self._write(*self._joined())
             self._recent.clear()
             self._recent_rows = 0
 
     def finish(self) -> None:
-        """Write what is left."""
+        """Write the remaining samples."""
         self.flush()
         if self._live:
             return
@@ -126,7 +126,7 @@ class Signals:
         return time, np.concatenate([part for _, part in self._recent])
 
     def _write(self, time: _Floats, values: _Floats) -> None:
-        """Write rows, and a row of nothing where there is a gap, so that no line is drawn across it."""
+        """Write rows, and an empty row at each gap, so that no line crosses it."""
         self._moved(time, values)
         if self._written_s is not None:
             time, values = np.append(self._written_s, time), np.vstack([_NOTHING, values])
@@ -156,5 +156,5 @@ class Signals:
 
 
 def _given(values: _Floats) -> set[str]:
-    """Return the quantities that any of the rows has."""
+    """Return the quantities with data in any of the rows."""
     return {KEYS[place] for place in np.flatnonzero(np.isfinite(values).any(axis=0)).tolist()}

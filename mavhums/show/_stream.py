@@ -1,4 +1,4 @@
-"""Rerun streams and their times, as every recording of ours uses them."""
+"""Rerun streams and timelines, common to all recordings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Times = NDArray[np.float64] | Sequence[float]
 
 
 def open_stream(recording_id: str) -> rr.RecordingStream:
-    """Return a stream that carries our timeline and nothing of the machine it was written on."""
+    """Return a stream with the flight timeline and without data of the machine that writes it."""
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id, send_properties=False)
     stream.set_log_tick_enabled(False)
     stream.set_log_time_enabled(False)
@@ -41,7 +41,7 @@ def send(stream: rr.RecordingStream, path: str, time_s: Times, content: rr.Compo
 
 
 def describe(stream: rr.RecordingStream, assessment: Assessment, name: str) -> None:
-    """Write what tells recordings apart in a table of many: vehicle, worst actuator, condition."""
+    """Write the properties that identify a recording in a catalogue: vehicle, worst actuator, condition."""
     log = assessment.log
     stream.send_recording_name(name)
     if log.start_utc:

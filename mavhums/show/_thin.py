@@ -1,4 +1,4 @@
-"""Rows of a long flight, thinned to what the eye can use, in memory that does not grow."""
+"""Thinning of the rows of a long flight for display, in bounded memory."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ _BATCH = 4096
 
 
 class Thinner:
-    """Keeps at most ``capacity`` rows of what it is given; all of them, unchanged, while they fit.
+    """Keeps at most ``capacity`` rows; all rows, unchanged, while they fit.
 
-    Whenever more come, each group of neighbouring rows is replaced by two, and from there on groups are
-    twice as large. So a flight of any length is left with between half the capacity and all of it.
+    When the capacity is exceeded, each group of neighbouring rows is replaced by two, and the group size
+    doubles. The number of rows of a long flight therefore stays between half the capacity and the capacity.
 
     Parameters
     ----------
     columns
-        Of each row, beside its time.
+        Number of columns of each row, without its time.
     capacity
-        In rows; a multiple of four.
+        Number of rows; a multiple of four.
     keep
-        ``"extremes"``: of each group the smallest and the largest value of each column, in the order in
-        which they came, at the times of the group's first and last row, so that no peak is lost.
-        ``"first"``: whole rows, where columns belong together.
+        ``"extremes"``: the smallest and the largest value of each column in each group, in their original
+        order, at the times of the group's first and last row; this preserves peaks. ``"first"``: whole
+        rows, for columns that belong together.
 
     Examples
     --------
@@ -50,14 +50,14 @@ class Thinner:
         self._waiting_rows = 0
 
     def add(self, time_s: _Floats, values: _Floats) -> None:
-        """Take rows: times of shape (n,), increasing, and values of shape (n, columns)."""
+        """Add rows: times of shape (n,), increasing, and values of shape (n, columns)."""
         self._waiting.append((time_s, values))
         self._waiting_rows += time_s.size
         if self._waiting_rows >= max(_BATCH, 2 * self.group):
             self._take(final=False)
 
     def rows(self) -> tuple[_Floats, _Floats]:
-        """Return what is kept: times of shape (m,) and values of shape (m, columns)."""
+        """Return the kept rows: times of shape (m,) and values of shape (m, columns)."""
         self._take(final=True)
         return self._time[: self._size], self._values[: self._size]
 
@@ -79,7 +79,7 @@ class Thinner:
         self._waiting_rows = time.size - start
 
     def _room(self) -> int:
-        """Return how many rows fit, after making room if there is none."""
+        """Return the number of rows that fit, after thinning if there is no space."""
         if self._size + 2 > self._capacity:
             whole = self._size - self._size % 4
             kept = self._merge(self._time[:whole], self._values[:whole], 4)
@@ -106,7 +106,7 @@ class Thinner:
 
 
 def _extremes(time: _Floats, values: _Floats, group: int) -> tuple[_Floats, _Floats]:
-    """Return two rows for each ``group`` of rows; what is not a number counts only among its like."""
+    """Return two rows for each ``group`` of rows; NaN is kept only if all values are NaN."""
     groups = values.reshape(-1, group, values.shape[1])
     lowest, highest = np.fmin.reduce(groups, axis=1), np.fmax.reduce(groups, axis=1)
     rising = _place(groups, lowest) <= _place(groups, highest)

@@ -1,4 +1,4 @@
-"""One actuator's part of a recording: its condition, its evidence, its quantities."""
+"""One actuator's part of a recording: condition, evidence and quantities."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mavhums.show._words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR
 __all__ = ["STALE_S", "Track", "actuator_path"]
 
 STALE_S: Final = 3.0
-"""An actuator that is silent for longer is stale: what was held of it is no longer shown as true."""
+"""An actuator without data for longer than this is stale: its condition is no longer shown as current."""
 
 AXIS_LIMITS: Final[Mapping[str, tuple[tuple[str, float, Condition], ...]]] = {
     "effectiveness": (
@@ -40,12 +40,12 @@ _NETWORK_STYLE: Final = rr.SeriesLines(names="probability of emergency", colors=
 
 
 def actuator_path(vehicle: int | None, actuator: str) -> str:
-    """Return the entity path under which all of an actuator lies."""
+    """Return the root entity path of an actuator."""
     return rr.new_entity_path(["no_vehicle" if vehicle is None else f"vehicle_{vehicle}", actuator])
 
 
 class Track:
-    """Draws what the engine says of one actuator.
+    """Draws the engine's events about one actuator.
 
     Parameters
     ----------
@@ -61,27 +61,27 @@ class Track:
     root
         The entity path of the actuator.
     surface
-        What stands for it in the airframe; None without a profile.
+        The actuator's surface in the airframe; None without a profile.
     moved
-        Of an axis: the surfaces that have its colour, since nothing else tells of them.
+        Surfaces of an axis that take its colour because they have no telemetry of their own.
     detectors
-        By fault, with its quantity and its limits; empty without a profile.
+        Detectors by fault, with quantity and limits; empty without a profile.
     known_s
-        Flight time from which on the profile is known.
+        Flight time from which the profile is known.
     held, worst
-        The condition that it is held to be in, and the worst that it ever was.
+        The current condition, and the worst condition so far.
     stale
-        Whether it is silent.
+        Whether the actuator's telemetry is silent.
     since_s
-        Where it came into that condition; None before it was ever decided.
+        Flight time of the onset of the current condition; None before the first decision.
     latest
-        The latest window in which something could be judged.
+        The latest window with evidence.
     cause
-        The fault that made the condition the worst that it ever was.
+        The fault that caused the worst condition.
     faults
-        Entity paths of what shows other faults than friction.
+        Entity paths of indicators of faults other than friction.
     last_s
-        Until when it was heard of.
+        Flight time of the latest data.
     """
 
     def __init__(self, stream: rr.RecordingStream, vehicle: int | None, actuator: str, *, live: bool) -> None:
@@ -116,11 +116,11 @@ class Track:
 
     @property
     def present(self) -> frozenset[str]:
-        """The quantities that the log carries at all, and ``friction`` and ``network`` where estimated."""
+        """Quantities with data in the log, and ``friction`` and ``network`` if they are estimated."""
         return frozenset(self._signals.present | self._drawn)
 
     def samples(self, event: Samples) -> None:
-        """Take samples."""
+        """Add samples."""
         time = event.time_s
         if not time.size:
             return
@@ -135,7 +135,7 @@ class Track:
         self._signals.add(time, event.values)
 
     def window(self, event: Window) -> None:
-        """Take what a window shows."""
+        """Add the results of a window."""
         self._seen(event.start_s, event.end_s)
         self.held = event.condition
         if event.friction_nm is not None or event.p_emergency is not None:
@@ -145,7 +145,7 @@ class Track:
             self._flush_windows()
 
     def indication(self, event: Indication) -> None:
-        """Take what shows a fault; friction is drawn as the windows have it."""
+        """Add values of a fault indicator, except friction, which windows contain."""
         if event.fault == "friction" or not event.end_s.size:
             return
         if event.fault not in self.faults:
@@ -160,7 +160,7 @@ class Track:
         send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
 
     def changed(self, event: ConditionChanged) -> None:
-        """Take a change of condition; the timeline shows it where it happened, not where it was certain."""
+        """Add a change of condition, drawn at its onset, not at the time of the decision."""
         if self._state_s is None and event.since_s > self._first_s:
             self._state(self._first_s, event.before)
         self._state(event.since_s, event.after)
@@ -185,12 +185,12 @@ class Track:
             self._state(self._first_s, condition)
 
     def now(self, time_s: float) -> None:
-        """Say how far the flight has come, so that silence is noticed."""
+        """Set the current flight time, so that silence is detected."""
         if not self.stale and time_s - self._heard_s > STALE_S:
             self._fall_silent(self._heard_s)
 
     def flush(self) -> None:
-        """Write what is waiting."""
+        """Write buffered data."""
         if self._state_s is None and self._first_s < np.inf:
             self._state(self._first_s, self.held)
         self._signals.flush()
@@ -199,7 +199,7 @@ class Track:
         self._flush_limits()
 
     def finish(self) -> None:
-        """Write what is still waiting, and a state even of an actuator that was never heard."""
+        """Write remaining data, and a state even for an actuator without data."""
         if self._state_s is None:
             self._state(self._first_s if self._first_s < np.inf else 0.0, self.held)
         self._signals.finish()
@@ -220,14 +220,14 @@ class Track:
             self._state(time_s, STALE)
 
     def _state(self, time_s: float, state: str) -> None:
-        """Add a state; one found later is never drawn below one found earlier."""
+        """Add a state; an earlier state never covers a later one."""
         self._state_s = time_s if self._state_s is None else max(time_s, self._state_s + 1e-6)
         self._states.append((self._state_s, state))
         if len(self._states) >= _ROWS_PER_CHUNK:
             self._flush_states()
 
     def _flush_windows(self) -> None:
-        """Write windows at their middle, for that is when what they show was true."""
+        """Write windows at their centre, the time to which their estimates apply."""
         windows, self._windows = self._windows, []
         if not windows:
             return
@@ -255,7 +255,7 @@ class Track:
                 surface.colour(time, [_STATES[state] for _, state in states])
 
     def _flush_limits(self) -> None:
-        """Draw the limits of what is drawn up to the last that was seen."""
+        """Draw the limits of the indicators up to the latest data."""
         known = {fault: list(_limits(detector)) for fault, detector in self.detectors.items()}
         for fault in self.faults.keys() & AXIS_LIMITS.keys():
             known[fault] = [(title, value, COLOURS[colour]) for title, value, colour in AXIS_LIMITS[fault]]

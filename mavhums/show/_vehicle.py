@@ -1,4 +1,4 @@
-"""One vehicle's part of a recording: its airframe, how it lies, where it is, in which mode it flies."""
+"""One vehicle's part of a recording: airframe, attitude, position and flight mode."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PATH_EVERY_S: Final = 5.0
 
 
 class Vehicle:
-    """Draws what a vehicle tells of itself.
+    """Draws a vehicle's attitude, position and flight mode.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Vehicle:
     mode_path, position_path
         Entity paths of its flight mode and of its position; None before either is known.
     extent_deg
-        Of the whole way it went, the larger of north–south and west–east; None before the end.
+        Extent of the track, the larger of north–south and west–east; None before the end.
     """
 
     def __init__(self, stream: rr.RecordingStream, vehicle: int | None, *, live: bool) -> None:
@@ -48,7 +48,7 @@ class Vehicle:
         self._path_s = -np.inf
 
     def attitude(self, event: Attitude) -> None:
-        """Take how it lies."""
+        """Add attitudes."""
         self.turns = True
         if self._live:
             self.craft.attitude(event.time_s, event.roll_pitch_yaw_rad)
@@ -56,7 +56,7 @@ class Vehicle:
             self._attitudes.add(event.time_s, event.roll_pitch_yaw_rad)
 
     def position(self, event: Position) -> None:
-        """Take where it is."""
+        """Add positions."""
         if self.position_path is None:
             self.position_path = rr.new_entity_path(["position", self._name])
         self._positions.add(event.time_s, event.latitude_longitude_deg)
@@ -67,7 +67,7 @@ class Vehicle:
                 self._draw_path(static=False)
 
     def mode(self, event: FlightMode) -> None:
-        """Take a change of flight mode."""
+        """Add a change of flight mode."""
         if self.mode_path is None:
             self.mode_path = rr.new_entity_path(["flight_mode", self._name])
         if event.mode not in self._modes:
@@ -78,7 +78,7 @@ class Vehicle:
         send(self._stream, self.mode_path, [event.time_s], rr.StateChange.columns(state=[event.mode]))
 
     def finish(self) -> None:
-        """Write what is left."""
+        """Write remaining data."""
         if self._live:
             return
         time, angles = self._attitudes.rows()

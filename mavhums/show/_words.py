@@ -1,4 +1,4 @@
-"""The words that the report and the terminal share, so that both say the same."""
+"""Texts shared by the report and the terminal."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "changed": (240, 228, 66),
     "learning": (204, 121, 167),
 }
-"""One colour per condition, of Okabe and Ito's palette, told apart by the colour-blind too."""
+"""One colour per condition, from Okabe and Ito's palette for colour-blind readers."""
 
 STALE: Final = "stale"
 STALE_COLOUR: Final = (60, 60, 66)
@@ -148,7 +148,7 @@ def join(items: Iterable[str]) -> str:
 
 
 def headline(assessment: Assessment) -> str:
-    """Return the answer in one line: what has failed and since when, or that nothing is known to."""
+    """Return the result in one line: what has failed and since when, or that no failure is known."""
     ranked = assessment.ranked()
     if not ranked:
         return "No actuator was found in this log"
@@ -220,7 +220,7 @@ def _all(part: list[Verdict], whole: list[Verdict]) -> str:
 
 
 def advice(verdict: Verdict) -> str:
-    """Return what to do about an actuator, by the worst it went through and the fault suspected."""
+    """Return the recommended action for an actuator, by its worst condition and suspected fault."""
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
     look = axis_to_inspect if verdict.subject == "axis" else to_inspect
@@ -231,7 +231,7 @@ def advice(verdict: Verdict) -> str:
 
 
 def finding(item: Evidence) -> str:
-    """Return one finding: when, how much, and by which rule.
+    """Return one finding: time, value and rule.
 
     Examples
     --------
@@ -294,7 +294,7 @@ def losses(lost: Losses) -> str:
 
 
 def link_loss(lost: Losses) -> str | None:
-    """Return what never reached the log, by the senders' sequence numbers; None if nothing is missing.
+    """Return the loss on the link, according to sequence numbers; None if nothing is missing.
 
     Examples
     --------

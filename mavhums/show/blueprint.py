@@ -1,4 +1,4 @@
-"""The layout of a recording: the answer first, the worst actuator below it, the others one click away."""
+"""The layout of a recording: the result first, the worst actuator below it, the others in tabs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _LIVE_SIGNALS_S, _LIVE_EVIDENCE_S = 30, 120
 
 
 class Fault(NamedTuple):
-    """What shows another fault than friction: its name, its unit (or none), its entity path."""
+    """Indicator of a fault other than friction: its name, unit (or none) and entity path."""
 
     name: str
     unit: str
@@ -45,22 +45,22 @@ class Fault(NamedTuple):
 
 
 class Lane(NamedTuple):
-    """One actuator, as the layout must know it.
+    """One actuator in the layout.
 
     Attributes
     ----------
     root
-        The entity path under which all of it lies.
+        Its root entity path.
     title
-        Its name, with its vehicle where there are several.
+        Its name, with its vehicle if there are several.
     condition, worst
-        What it is now, and the worst it was.
+        Its current and its worst condition.
     present
-        What there is to draw: the quantities that the log carries, ``friction`` and ``network``.
+        Data to draw: the quantities in the log, ``friction`` and ``network``.
     faults
-        What shows other faults.
+        Indicators of other faults.
     cause
-        The fault that made it the worst it was; its plot lies in front.
+        The fault that caused the worst condition; its plot is in front.
     """
 
     root: str
@@ -73,25 +73,25 @@ class Lane(NamedTuple):
 
 
 class _Axes(NamedTuple):
-    """The time that plots show; conditions are always shown from the start."""
+    """The time range of plots; conditions are always shown from the start."""
 
     signals: rrb.TimeAxis
     evidence: rrb.TimeAxis
 
 
 class Surroundings(NamedTuple):
-    """What there is beside the actuators.
+    """Views besides those of the actuators.
 
     Attributes
     ----------
     modes
         Entity paths of flight modes.
     airframe
-        Entity path of the airframe to be shown; None without a profile.
+        Entity path of the displayed airframe; None without a profile.
     positions
         Entity paths of positions.
     extent_deg
-        Of what the map must show; None if that is not known yet.
+        Extent of the map; None if not known yet.
     """
 
     modes: tuple[str, ...] = ()
@@ -101,14 +101,14 @@ class Surroundings(NamedTuple):
 
 
 def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: bool = False) -> rrb.Blueprint:
-    """Return the layout in which a recording opens.
+    """Return the layout of a recording.
 
     Parameters
     ----------
     lanes
-        The actuators, the worst first.
+        The actuators, worst first.
     around
-        What there is beside them.
+        The other views.
     live
         Whether the views follow the newest data instead of showing the whole flight.
     """
@@ -139,7 +139,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
 
 
 def panels(timeline: str = TIMELINE) -> tuple[rrb.BlueprintPart, ...]:
-    """Return the viewer's own panels, out of the way, with the cursor at the end: what it has come to."""
+    """Return the viewer's own panels, minimised, with the cursor at the end of the flight."""
     return (
         rrb.TimePanel(timeline=timeline, play_state="following", state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
@@ -148,7 +148,7 @@ def panels(timeline: str = TIMELINE) -> tuple[rrb.BlueprintPart, ...]:
 
 
 def _vehicle(around: Surroundings) -> rrb.Container:
-    """Return the middle: the airframe as it flies, where it was, and what happened."""
+    """Return the middle views: airframe, map and events."""
     columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
     events = rrb.TextLogView(origin="/events", name="Events: click one to go there", columns=columns)
     views: list[rrb.View] = []
@@ -178,7 +178,7 @@ def _vehicle(around: Surroundings) -> rrb.Container:
 
 
 def _zoom(around: Surroundings) -> float | None:
-    """Return the zoom at which the whole way fits: level 0 shows the world in 256 pixels."""
+    """Return the zoom level that shows the whole track; level 0 shows the world in 256 pixels."""
     if around.extent_deg is None:
         return None
     degrees_per_pixel = max(around.extent_deg, 1e-3) / _MAP_PIXELS
@@ -209,7 +209,7 @@ def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
 
 
 def _faults(lane: Lane, axis: rrb.TimeAxis) -> list[rrb.View]:
-    """Return what shows each fault against its limits, the one in question first, then friction."""
+    """Return the plots of fault indicators with limits: the causing fault first, then friction."""
     plots: dict[str, rrb.View] = {}
     if "friction" in lane.present:
         contents = [f"{lane.root}/friction", f"{lane.root}/limits"]
@@ -232,7 +232,7 @@ def _signals(root: str, subject: str, keys: list[str], axis: rrb.TimeAxis) -> rr
 
 
 def _short(key: str) -> str:
-    """Return ``V9 rotor`` for the rotor shaft power: the unit's plot says the rest."""
+    """Return a short name, such as ``V9 rotor`` for the rotor shaft power; the plot's unit adds the rest."""
     return f"{key} {_QUANTITIES[key].name.split()[0]}"
 
 
@@ -265,7 +265,7 @@ def _plot(
 
 
 def whole_flight() -> rrb.TimeAxis:
-    """Return an axis of its own for each plot: linked ones would open on 30 s around the cursor."""
+    """Return a separate axis for each plot: linked axes would open at 30 s around the cursor."""
     everything = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
     return rrb.TimeAxis(view_range=everything)
 

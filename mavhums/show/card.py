@@ -1,4 +1,4 @@
-"""The card of a model, on the terminal."""
+"""Model card for the terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["render_card"]
 
 
 def render_card(model: Model, console: Console) -> None:
-    """Print what a model is for, how it was trained, what that reached, and why these features."""
+    """Print a model's purpose, training, metrics and feature selection."""
     card = model.card
     _pairs(
         console,

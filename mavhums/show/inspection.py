@@ -1,4 +1,4 @@
-"""What a log holds, on the terminal."""
+"""Inspection of a log for the terminal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["render_inspection"]
 
 
 def render_inspection(inspection: Inspection, console: Console) -> None:
-    """Print an inspection: the vehicles' actuators first, then the messages, then what was lost."""
+    """Print an inspection: the vehicles' actuators first, then messages, then losses."""
     size = f"{inspection.size_bytes / 1e6:.2f} MB"
     start = inspection.start_utc[:19].replace("T", " ") + " UTC" if inspection.start_utc else "no message"
     header = f"{inspection.path}  {size}, {inspection.duration_s:.1f} s from {start}"
@@ -146,7 +146,7 @@ def _losses(inspection: Inspection, console: Console) -> None:
 
 
 def _notes(inspection: Inspection) -> Iterator[str]:
-    """Say what befell the log as a whole, and what never reached it."""
+    """Yield notes on the log as a whole, and on losses on the link."""
     losses = inspection.losses
     if inspection.sender_clock:
         yield "The log has no date: times count from the autopilot's boot."

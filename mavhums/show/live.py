@@ -1,4 +1,4 @@
-"""A flight in the Rerun viewer while it is flown."""
+"""Live display of a flight in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -27,29 +27,30 @@ _SERVER_MEMORY: Final = "256MiB"
 
 
 class LiveViewer:
-    """Draws the engine's events in a viewer that follows the flight, in bounded memory.
+    """Draws the engine's events in a viewer during the flight, in bounded memory.
 
-    The data are served on the loopback address only, so that viewers may come and go.
+    The data are served only on the loopback address; viewers may connect and disconnect at any time.
 
     Parameters
     ----------
     viewer
         ``"window"`` opens the viewer's window; ``"browser"`` opens it in the browser; ``"web"`` serves
         the web viewer without opening it; ``"serve"`` only serves the data, for ``rerun --connect URL``;
-        a ``rerun+http://…/proxy`` URL sends to a viewer that runs already.
+        a ``rerun+http://…/proxy`` URL sends to a running viewer.
     recording_id
-        What tells this flight from others.
+        Unique identifier of the flight.
     recording
-        Where to write a recording as well; as with :class:`Recorder`, it appears when it is closed.
+        Path of an additional recording; as with :class:`Recorder`, it appears when it is closed.
     position
-        Whether to show where the aircraft is.
+        Whether to show the aircraft's position.
     memory_limit
-        Of the viewer's window, as ``"2GB"``: beyond it the oldest data are dropped. A browser has its own.
+        Memory limit of the viewer's window, such as ``"2GB"``: the oldest data beyond it are dropped. A
+        browser has its own limit.
 
     Attributes
     ----------
     url
-        Where the flight is to be seen: an http address for a web viewer, else one for ``rerun --connect``.
+        Address of the display: an http address for a web viewer, else one for ``rerun --connect``.
 
     Raises
     ------
@@ -109,7 +110,7 @@ class LiveViewer:
 
     @property
     def trouble(self) -> str | None:
-        """Why nothing is to be seen, where the viewer could not run; None if all is well."""
+        """Reason why the viewer could not run; None if it runs."""
         code = self._process.poll() if self._process else None
         if not code:
             return None
@@ -118,7 +119,7 @@ class LiveViewer:
         )
 
     def consume(self, events: Iterable[Event]) -> None:
-        """Take what the engine reports, in its order; it is drawn four times a second."""
+        """Process the engine's events, in order; they are drawn four times a second."""
         events = list(events)
         if self._recorder:
             self._recorder.consume(events)
@@ -170,9 +171,9 @@ class LiveViewer:
                 webbrowser.open(self.url)
 
     def _start(self, *arguments: str, own_group: bool = False) -> None:
-        """Start the viewer itself: the ``rerun`` command is a wrapper that would leave it running.
+        """Start the viewer itself, because the ``rerun`` command is a wrapper that would leave it running.
 
-        A window outlives us and our Ctrl-C, so that the flight can be looked at when it is over.
+        A window outlives this process and its Ctrl-C, so that the user can examine the flight afterwards.
         """
         import rerun_cli
 
@@ -192,7 +193,7 @@ class LiveViewer:
 
 
 def _free_port(wanted: int) -> int:
-    """Return ``wanted`` if it is free, else any port that is."""
+    """Return ``wanted`` if this port is free, else any free port."""
     for port in (wanted, 0):
         with socket.socket() as probe:
             try:

@@ -1,4 +1,4 @@
-"""A flight as a Rerun recording, written while the engine reads."""
+"""A flight as a Rerun recording, written during analysis."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _FOOTER, _FOOTER_SIZE = b"RRF2FOOT", 12
 
 
 class Recorder:
-    """Writes the engine's events as an ``.rrd``, in memory that does not grow with the flight.
+    """Writes the engine's events as an ``.rrd``, in bounded memory.
 
     Until :meth:`close` the recording is a hidden temporary file beside ``path``; leaving the
-    ``with`` block without having closed removes it, so ``path`` never holds half a flight.
+    ``with`` block without closing removes it, so ``path`` never holds an incomplete flight.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Recorder:
     recording_id
         What tells this flight from others; the same flight keeps the same.
     position
-        Whether the recording may say where the aircraft was.
+        Whether the recording may contain the aircraft's position.
 
     Raises
     ------
@@ -87,7 +87,7 @@ class Recorder:
             self._publish(self._file)
 
     def _publish(self, file: WholeFile) -> None:
-        """Finish the temporary file and rename it; rerun only logs what fails at a file's end, so look."""
+        """Finish the temporary file, check it (rerun only logs write errors), and rename it."""
         try:
             self._stream.flush()
             self._stream.disconnect()
@@ -140,7 +140,7 @@ class PipedRecorder:
 
 
 def draw(recording_id: str, *, live: bool = False, position: bool = True) -> tuple[rr.RecordingStream, Scene]:
-    """Return a stream that leads nowhere yet, and the scene that draws on it.
+    """Return a stream without a destination, and the scene that draws on it.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def draw(recording_id: str, *, live: bool = False, position: bool = True) -> tup
 
 
 def end(stream: rr.RecordingStream, scene: Scene, assessment: Assessment, name: str) -> None:
-    """Draw the end of a flight, its report, its properties and the layout of the whole."""
+    """Draw the end of a flight, its report, its properties and the final layout."""
     from mavhums.show._stream import describe
 
     blueprint = scene.finish(assessment)

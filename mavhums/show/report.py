@@ -1,4 +1,4 @@
-"""The report that travels inside a recording: the answer first, then why, then how sure."""
+"""The Markdown report inside a recording: the result first, then reasons and certainty."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def markdown(assessment: Assessment) -> str:
     Returns
     -------
     str
-        The answer in the first line, then the actuators, the worst first: what to do, why, how sure;
-        then what the log lost, and where each value came from.
+        The result in the first line; then the actuators, worst first, with advice, reasons and
+        certainty; then the log's losses and the provenance of each value.
     """
     sections = [f"# {_literal(headline(assessment))}", f"*{assessment.notice}*"]
     if assessment.verdicts:
@@ -67,7 +67,7 @@ def markdown(assessment: Assessment) -> str:
 
 
 def so_far(actuators: Iterable[tuple[str, str, Interval | None, float | None, float | None]]) -> str:
-    """Return the report of a flight that is still going on.
+    """Return the report of a flight in progress.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def _section(verdict: Verdict, title: str) -> str:
 
 
 def _findings(verdict: Verdict) -> Iterator[str]:
-    """Yield the findings; of many the first and the last."""
+    """Yield the findings; if there are many, only the first and the last ones."""
     told = [f"- {_literal(finding(item))}" for item in verdict.evidence]
     if len(told) > _FIRST + _LAST + 1:
         left_out = len(told) - _FIRST - _LAST
@@ -166,7 +166,7 @@ def _findings(verdict: Verdict) -> Iterator[str]:
 
 
 def _indicators(found: Sequence[Indicator]) -> str:
-    """Return a table of what was estimated over the whole flight, and what it should be."""
+    """Return a table of the estimates over the whole flight, with limits and baselines."""
     head = ["over the whole flight", "value (95 %)", "limit", "own baseline"]
     rows = [head, ["---"] * len(head)]
     for item in found:
@@ -184,7 +184,7 @@ def _span(interval: Interval) -> str:
 
 
 def _figure(value: float, interval: Interval) -> str:
-    """Write a value with as many decimals as tell two figures of half the interval; zero has no sign."""
+    """Format a value with two significant digits of half the interval; zero has no sign."""
     half = (interval.high - interval.low) / 2
     digits = min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
     return f"{value:z.{digits}f}"
@@ -227,7 +227,7 @@ def _used(assessment: Assessment) -> Iterator[str]:
 
 
 def _provenance(assessment: Assessment) -> Iterator[str]:
-    """Yield a table of sources for each group of actuators whose sources differ in numbers alone."""
+    """Yield a table of sources for each group of actuators whose sources differ only in numbers."""
     groups: dict[object, list[Verdict]] = {}
     for verdict in assessment.ranked():
         if verdict.provenance:
@@ -270,5 +270,5 @@ def _log(assessment: Assessment) -> str:
 
 
 def _literal(text: str) -> str:
-    """Return a text from outside on one line, with nothing in it that Markdown would act on."""
+    """Return an external text on one line, with Markdown characters escaped."""
     return _ACTIVE.sub(r"\\\1", printable(text))

@@ -1,4 +1,4 @@
-"""The assessment on a terminal: a table, the worst first, and below it what the table cannot say."""
+"""The assessment for the terminal: a table, worst first, and details below it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The trend over flights on a terminal: a line per actuator, the worst first, and below it why."""
+"""The trend over flights for the terminal: one line per actuator, worst first, and reasons below."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def render_trends(report: TrendReport, console: Console) -> None:
 
 
 def headline(report: TrendReport) -> str:
-    """Return the answer in one line: the shortest remaining useful life, or that there is none to report."""
+    """Return the result in one line: the shortest remaining useful life, or that none is known."""
     if not report.flights:
         return "No flights in this folder: put them there with mavhums analyse LOG --history DIR --keep"
     if not report.trends:
@@ -43,16 +43,16 @@ def headline(report: TrendReport) -> str:
     if gravest in ("emergency", "degraded", "changed"):
         names = dict.fromkeys(_name(one, report) for one in report.trends if one.condition == gravest)
         return f"{join(names)}: {gravest.upper()} in the last flight"
-    told = [one for one in report.trends if one.flights_left]
-    if told:
-        first = min(told, key=lambda one: one.flights_left.low if one.flights_left else 0.0)
+    known = [one for one in report.trends if one.flights_left]
+    if known:
+        first = min(known, key=lambda one: one.flights_left.low if one.flights_left else 0.0)
         life = f"remaining useful life {_left(first.flights_left)} flights"
         return f"{_name(first, report)}: {life}, to the emergency limit"
     return "No actuator shows wear towards an emergency limit"
 
 
 def sparkline(values: Sequence[float], cells: int = _CELLS) -> str:
-    """Draw values from the least to the greatest; of more than ``cells``, the means of neighbours.
+    """Draw values between their minimum and maximum; more than ``cells`` are averaged in groups.
 
     Examples
     --------
@@ -89,24 +89,24 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
 
 
 def _signed(change: Interval | None) -> str:
-    """Write a change and half its 95 % interval; of a change that may be zero the interval alone."""
+    """Format a change with half its 95 % interval; for a change that may be zero, only the interval."""
     if change is None:
         return "—"
     half = (change.high - change.low) / 2
     digits = int(np.clip(-np.floor(np.log10(half)), 0, 9)) if half > 0 else 3
-    told = f"{change.estimate:+.{digits}f}" if abs(change.estimate) > half else ""
-    return f"{told}±{half:.{digits}f}"
+    estimate = f"{change.estimate:+.{digits}f}" if abs(change.estimate) > half else ""
+    return f"{estimate}±{half:.{digits}f}"
 
 
 def _left(left: Interval | None) -> str:
-    """Write a remaining useful life in whole flights."""
+    """Format a remaining useful life in whole flights."""
     if left is None:
         return "—"
     return f"{left.estimate:,.0f} ({np.floor(left.low):,.0f}–{np.ceil(left.high):,.0f})"
 
 
 def _reasons(report: TrendReport) -> list[str]:
-    """Say why there is no remaining useful life, which flights are left out, and what is not shown."""
+    """Return reasons for an unknown remaining useful life, excluded flights, and what is not shown."""
     groups: dict[str, list[str]] = {}
     for one in report.trends:
         grows = one.per_flight is not None and one.per_flight.low > 0

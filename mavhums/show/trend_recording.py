@@ -1,4 +1,4 @@
-"""The friction of each actuator over its flights as a Rerun recording, in the style of a flight's."""
+"""The friction of each actuator over its flights, as a Rerun recording."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def record_trend(trend: pd.DataFrame, path: str | os.PathLike[str], *, report: s
     trend
         One row for each actuator and flight: ``actuator``, ``start_utc`` (ISO 8601 or a time stamp with its
         zone), ``friction_nm``, ``friction_low_nm``, ``friction_high_nm``, ``condition``,
-        ``normal_limit_nm`` and ``emergency_limit_nm``; what is not known is NaN. ``vehicle``, if there is
-        such a column, tells actuators of the same name apart.
+        ``normal_limit_nm`` and ``emergency_limit_nm``; unknown values are NaN. The optional column
+        ``vehicle`` distinguishes actuators of the same name.
     path
         The ``.rrd`` to write.
     report
-        Markdown to be shown beside it, for example how many flights are left.
+        Markdown shown beside it, for example the number of flights left.
 
     Raises
     ------

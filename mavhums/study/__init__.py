@@ -1,4 +1,4 @@
-"""Studies: published results set beside ours, with one command.
+"""Studies: one command reproduces published results and compares them with ours.
 
 >>> from mavhums.study import write_study
 >>> write_study("report", quick=True)  # doctest: +SKIP

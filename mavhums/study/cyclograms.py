@@ -1,8 +1,8 @@
-"""The cyclograms of the study, fixed before any training, and the eight conditions flown through each.
+"""The study's cyclograms, fixed before any training, and simulation of its eight conditions.
 
-The paper shows its cyclogram in pictures only, so these are ours: the one that the study turns
-on, and three others. All fly in the air of the simulator's take-off, with PI control and without
-sensor noise, as the paper's data are a model's output.
+The paper shows its cyclogram only in figures, so the study defines its own: the main one and three
+others. All use the airspeed of the simulator's take-off and PI control, without sensor noise,
+because the paper's data are the output of a model.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ _SEED = 0
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """One condition flown through a cyclogram.
+    """Samples of one condition over one cyclogram.
 
     Attributes
     ----------
     friction_nm
         Coulomb friction T_c.
     time_s
-        Shape (n,).
+        Time of each sample, shape (n,).
     values
         V1…V12, shape (n, 12).
     moving
-        Whether the output shaft turns at 1°/s or more, as sensed by V10, shape (n,).
+        Whether the output shaft turns at 1°/s or more, according to V10, shape (n,).
     moving_fraction
-        Share of the time in which the shaft turned at all, from the simulator.
+        Fraction of the time in which the shaft moved, from the simulator.
     """
 
     friction_nm: float
@@ -65,7 +65,7 @@ def _time() -> Array:
 
 
 def _pilot(amplitude_deg: float, low_hz: float, high_hz: float, seed: int) -> Array:
-    """Return a random smooth command: 24 waves with a 1/f power spectrum, of a given peak, °."""
+    """Return a random smooth command: 24 sines with a 1/f power spectrum, scaled to a given peak, °."""
     random = np.random.default_rng(seed)
     frequency = np.exp(random.uniform(np.log(low_hz), np.log(high_hz), 24))
     shift = random.uniform(0, 2 * np.pi, 24)
@@ -76,7 +76,7 @@ def _pilot(amplitude_deg: float, low_hz: float, high_hz: float, seed: int) -> Ar
 
 
 def _steps(amplitude_deg: float, seed: int) -> Array:
-    """Return moves of up to two seconds between rests of one to four, °."""
+    """Return a command of moves of up to 2 s, separated by rests of 1 s to 4 s, °."""
     random = np.random.default_rng(seed)
     times, angles = [0.0], [0.0]
     while times[-1] < _DURATION_S:
@@ -122,9 +122,8 @@ def _flown(cyclogram: str, friction_nm: float) -> Flown:
 
 
 def fly_condition(cyclogram: str, frictions_nm: Sequence[float]) -> list[Flown]:
-    """Fly a cyclogram of :data:`CYCLOGRAMS` at each friction; 10,000 samples each.
+    """Simulate a cyclogram of :data:`CYCLOGRAMS` at each friction; 10,000 samples each.
 
-    The command and the times of the samples are the same at every friction, so neither can carry
-    the class.
+    The command and the sample times are the same at every friction, so neither reveals the class.
     """
     return [_flown(cyclogram, friction) for friction in frictions_nm]

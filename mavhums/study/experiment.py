@@ -1,4 +1,4 @@
-"""Fifty networks on one set of inputs: tables 4 and 5, and figures 16 to 19."""
+"""An experiment with fifty networks on one set of inputs: tables 4 and 5, and figures 16 to 19."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Effort:
-    """How much the study computes.
+    """Size of the study's computations.
 
     Attributes
     ----------
     networks, iterations
-        Of each experiment.
+        Number of networks and of iterations in each experiment.
     every
-        Of the training samples every so many are trained on.
+        Decimation of the training samples: every n-th is used.
     subset_samples, subset_iterations
-        Of each of the 4,095 networks of the subset search.
+        Number of samples and of iterations for each of the 4,095 networks of the subset search.
     thinning
-        Numbers of vectors to thin to.
+        Numbers of vectors that thinning keeps.
     """
 
     networks: int = 50
@@ -49,43 +49,43 @@ class Effort:
 
     @classmethod
     def quick(cls) -> Effort:
-        """Return what fits into a minute."""
+        """Return a size that takes less than a minute."""
         return cls(
             networks=5, iterations=60, every=10, subset_samples=200, subset_iterations=20, thinning=(200,)
         )
 
 
 def emergency(flown: Flown) -> bool:
-    """Say whether a condition is of the emergency class."""
+    """Return whether a condition belongs to the emergency class."""
     return flown.friction_nm > _EMERGENCY_NM
 
 
 def samples(flights: Sequence[Flown], every: int = 1) -> tuple[Array, Flags, NDArray[np.int64]]:
-    """Return V1…V12, class and flight of the samples of several flights, one after another."""
+    """Return V1…V12, class and flight index of the concatenated samples of several flights."""
     values = [flown.values[::every] for flown in flights]
     numbers = np.repeat(np.arange(len(flights)), [len(part) for part in values])
     return np.concatenate(values), np.array([emergency(flown) for flown in flights])[numbers], numbers
 
 
-def held_decision(said: Flags, moving: Flags, votes: int = 1) -> tuple[Flags, Flags]:
-    """Keep the last decision made in motion through standstill; what follows is never looked at.
+def held_decision(decisions: Flags, moving: Flags, votes: int = 1) -> tuple[Flags, Flags]:
+    """Hold the last decision made in motion during standstill, causally.
 
     Parameters
     ----------
-    said
+    decisions
         The network's decision at each sample, shape (n,).
     moving
         Whether the actuator moved, shape (n,).
     votes
-        Of how many of the last moving samples the majority decides.
+        Number of latest moving samples whose majority decides.
 
     Returns
     -------
     NDArray, NDArray
-        The decision, and whether there is one yet, shape (n,) each.
+        The decision, and whether one exists yet, shape (n,) each.
     """
     count = np.cumsum(moving)
-    total = np.concatenate([[0], np.cumsum(said[moving])])
+    total = np.concatenate([[0], np.cumsum(decisions[moving])])
     since = np.maximum(count - votes, 0)
     decided = count > 0
     share = (total[count] - total[since]) / np.maximum(count - since, 1)
@@ -94,25 +94,25 @@ def held_decision(said: Flags, moving: Flags, votes: int = 1) -> tuple[Flags, Fl
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """What fifty networks gave.
+    """Results of fifty networks on one set of inputs.
 
     Attributes
     ----------
     cyclogram, inputs
-        What was flown and what the networks saw.
+        The cyclogram, and the networks' input quantities.
     table
         A row for each network: hidden, training and test accuracy in %, loss, iterations.
     chosen
-        The network with the smallest training loss: its row. No test data have a say in it.
+        Row of the network with the smallest training loss. The choice uses no test data.
     network
-        That network.
+        The chosen network.
     ensemble_test, ensemble_spread
         Test accuracy of the mean of all networks, %, and the mean spread of their probabilities.
     seconds
-        Of processor time to train all networks, which other programs do not lengthen.
+        Processor time to train all networks, s; independent of other programs.
     flights
-        A row for each flight: friction, role, moving fraction, accuracies in % of the chosen
-        network per sample, held, and held with the majority of the last 100 moving samples.
+        A row for each flight: friction, role, moving fraction, and the chosen network's accuracies
+        in %: per sample, held, and held with the majority of the last 100 moving samples.
     outputs
         The chosen network's probability of an emergency over each flight, by friction.
     """
@@ -130,7 +130,7 @@ class Experiment:
 
     @property
     def best_five(self) -> pd.DataFrame:
-        """The paper's convention: the five with the best accuracy on the test set, best first."""
+        """The five networks with the best test accuracy, best first: the paper's convention."""
         return self.table.sort_values("test", ascending=False).head(5)
 
     @property
@@ -153,9 +153,9 @@ def run_experiment(
     cyclogram
         A key of :data:`~mavhums.study.cyclograms.CYCLOGRAMS`.
     inputs
-        Keys of the quantities that the networks see.
+        Keys of the networks' input quantities.
     effort, seed, n_jobs
-        How much to compute, from which seed, on how many threads.
+        Size of the computation, random seed, and number of threads.
     """
     columns = [column(key) for key in inputs]
     training, test = fly_condition(cyclogram, TRAINING_NM), fly_condition(cyclogram, TEST_NM)
@@ -203,15 +203,15 @@ def _member_scores(ensemble: TanhNetworkEnsemble, flown: Flown, columns: list[in
 
 def _judge(network: TanhNetwork, flown: Flown, columns: list[int]) -> tuple[dict[str, float | str], Array]:
     probability = network.p_first(flown.values[:, columns])
-    said, truth = probability > 0.5, emergency(flown)
+    decisions, truth = probability > 0.5, emergency(flown)
     row: dict[str, float | str] = {
         "friction_nm": flown.friction_nm,
         "role": "training" if flown.friction_nm in TRAINING_NM else "test",
         "moving_fraction": flown.moving_fraction,
-        "per_sample": 100 * float((said == truth).mean()),
+        "per_sample": 100 * float((decisions == truth).mean()),
     }
     for name, votes in (("held", 1), ("voted", _VOTES)):
-        decision, decided = held_decision(said, flown.moving, votes)
+        decision, decided = held_decision(decisions, flown.moving, votes)
         row[name] = 100 * float((decision[decided] == truth).mean())
         row["before_motion"] = int((~decided).sum())
     return row, probability

@@ -1,4 +1,4 @@
-"""The paper's figures 3 to 14 and 16 to 19, and accuracy against moving fraction."""
+"""Plots of the paper's figures 3 to 14 and 16 to 19, and of accuracy against moving fraction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything that the study computes, before any of it is written."""
+"""The computations of the study; they write no files."""
 
 from __future__ import annotations
 
@@ -30,19 +30,20 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """All that the report tells.
+    """All results in the report.
 
     Attributes
     ----------
     groupings
-        By cyclogram.
+        Feature groups, by cyclogram.
     experiments
-        By cyclogram; on the main one: 12 inputs, Algorithm 1's, the paper's, the pairwise filter's;
-        on the others the first three.
+        Experiments, by cyclogram. The inputs on the main one: all 12, Algorithm 1's, the paper's,
+        the pairwise filter's; on the others the first three of these.
     subsets
-        By the quantities searched: best rows, enumeration, and genetic search if there was one.
+        Subset searches, by the quantities searched: best rows, exhaustive search, and genetic
+        search or None.
     leaks
-        Of the command: of the study's own data, and of classes flown through different cyclograms.
+        Command leak in the study's own data, and in classes flown with different cyclograms.
     """
 
     effort: Effort
@@ -69,11 +70,11 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
     Parameters
     ----------
     effort
-        How much.
+        Size of the computations.
     seed
-        Of the networks and of what is drawn; the flights are fixed.
+        Seed of the networks and of random draws; the flights are fixed.
     progress
-        Called with the steps done and their number.
+        Called with the number of steps done and the total.
     """
     training = {name: fly_condition(name, TRAINING_NM) for name in CYCLOGRAMS}
     test = fly_condition(MAIN, TEST_NM)
@@ -122,14 +123,14 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
 
 
 def _leaks(training: dict[str, list[Flown]]) -> tuple[CommandLeak, CommandLeak]:
-    """Check the study's own data, and the classes flown through different cyclograms."""
+    """Check the study's own data, and classes flown with different cyclograms, for a command leak."""
     other = next(name for name in training if name != MAIN)
     mixed = [training[MAIN][0], training[other][1]]
     found = []
     for flights in (training[MAIN], mixed):
         values, classes, numbers = samples(flights)
         with warnings.catch_warnings():
-            # The report says what the warning says, of data made to leak.
+            # These data leak on purpose, and the report states it.
             warnings.simplefilter("ignore", CommandLeakWarning)
             found.append(check_command(values[:, 0], classes, numbers))
     return found[0], found[1]

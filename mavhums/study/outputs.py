@@ -1,4 +1,4 @@
-"""Files of a report, each written whole or not at all."""
+"""Files of a report, each written atomically."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Folder", "markdown_table"]
 
 
 class Folder:
-    """The folder of a report; remembers what was written into it.
+    """The folder of a report, and the list of files written into it.
 
     Parameters
     ----------

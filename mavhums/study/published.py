@@ -1,4 +1,4 @@
-"""The figures that the paper publishes, by the names it gives them."""
+"""The numbers that the paper publishes, under the paper's names."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TABLE_1: Final = {
 TRAINING_NM: Final = (0.225, 1.025)
 TEST_NM: Final = (0.275, 0.325, 0.375, 0.875, 0.925, 0.975)
 CONDITIONS: Final = (0.225, 0.275, 0.325, 0.375, 0.875, 0.925, 0.975, 1.025)
-"""The second table 1 calls 1.025 a test condition; the text and figures 16 to 19 train on it."""
+"""The second table 1 lists 1.025 as a test condition; the text and figures 16 to 19 train on it."""
 
 SELECTED: Final = ("V2", "V5", "V9", "V11")
 
@@ -77,4 +77,4 @@ CHI_SQUARE: Final = {
     "V12": 26.56,
 }
 P_LEVELS: Final = {"V11": 0.009165, "V12": 0.005362}
-"""Of figure 15; the others are given as 0.000000."""
+"""P-levels in figure 15; the paper gives the others as 0.000000."""

@@ -1,4 +1,4 @@
-"""The study as a Rerun recording: its answer, the outputs of figures 16 to 19, the quantities of 3 to 14."""
+"""The study as a Rerun recording: the result, the outputs of figures 16 to 19, the quantities of 3 to 14."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def record_study(
     report
         Markdown.
     flights
-        All conditions.
+        Samples of all conditions.
     experiments
-        Of the same cyclogram; each with its network's output at every condition.
+        Experiments on the same cyclogram, each with its network's output at every condition.
     """
     with open_stream("study-paper") as stream:
         stream.save(path, default_blueprint=_blueprint(flights, experiments))
@@ -123,7 +123,7 @@ def _quantities(flown: Flown) -> rrb.Container:
 
 
 def _shown(flights: Sequence[Flown]) -> list[Flown]:
-    """Return the flights of figures 16 to 19, as far as they were flown, in the order of friction."""
+    """Return those flights of figures 16 to 19 that exist, in order of friction."""
     shown = [flown for flown in flights if flown.friction_nm in FIGURES_16_TO_19.values()]
     return sorted(shown or flights[:4], key=lambda flown: flown.friction_nm)
 

@@ -1,4 +1,4 @@
-"""The report of the study in Markdown: the paper's figures beside ours, and why they differ."""
+"""The study's report in Markdown: the paper's results beside ours, and the causes of differences."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def report(findings: Findings, seconds: float) -> str:
     Parameters
     ----------
     findings
-        What was computed.
+        Results of the study.
     seconds
-        How long that took.
+        Computing time, s.
     """
     return (
         "\n\n".join(
@@ -83,12 +83,12 @@ System*. Everything here is simulated; it is not an airworthiness decision.
 `mavhums study paper`, seed {findings.seed}, {effort.networks} networks per experiment, {effort.iterations}
 iterations of L-BFGS with weight decay 1e-4, {"every sample" if effort.every == 1 else "some samples"} of the
 training flights. Computed in {seconds:.0f} s.
-{"" if effort.networks >= 50 else "**A quick run: for a look, not for figures to quote.**"}
+{"" if effort.networks >= 50 else "**A quick run: a preview, whose numbers should not be quoted.**"}
 
 {markdown_table(table)}
 
-The paper chose its best networks on the test set. Ours are shown both ways; "chosen without test data"
-is the network with the smallest training loss."""
+The paper chose its best networks on the test set. For ours the table gives both choices; "chosen without
+test data" is the network with the smallest training loss."""
 
 
 def _conditions(findings: Findings) -> str:
@@ -102,18 +102,18 @@ def _conditions(findings: Findings) -> str:
     own, mixed = findings.leaks
     return f"""## The actuator and the conditions
 
-Table 1, and what the simulated actuator does:
+Table 1, and the characteristics of the simulated actuator:
 
 {markdown_table(findings.table_1, 3)}
 
-The split. The paper's second table 1 calls 1.025 N·m a test condition, its text trains on it; 20,000
-training and 60,000 test samples are possible only as here. Whole flights are on one side of the split.
+The split. The paper's second table 1 lists 1.025 N·m as a test condition, but its text trains on it; only
+the split below gives 20,000 training and 60,000 test samples. Each flight is entirely in one set.
 
 {markdown_table(split)}
 
-All eight conditions fly the same command at the same sample times, so the command cannot carry the class:
+All eight conditions use the same command at the same sample times, so the command cannot reveal the class:
 Cramér's V of V1 and class is {own.cramers_v:.3f}{" (**leak**)" if own.leaks else ""}. The same check on
-classes flown through different cyclograms gives {mixed.cramers_v:.3f} and
+classes flown with different cyclograms gives {mixed.cramers_v:.3f} and
 {"warns" if mixed.leaks else "does not warn"}.
 
 Figures 3 to 14: V1–V12 at T_c = 0.225 N·m, cyclogram "{MAIN}".
@@ -145,22 +145,23 @@ def _figure_15(findings: Findings) -> str:
         ]
     )
     models = "\n".join(
-        f"- `{text}` (R² {r2:.5f}; with all that were left {r2_all:.5f})"
+        f"- `{text}` (R² {r2:.5f}; with all remaining quantities {r2_all:.5f})"
         for text, r2, r2_all in found.expressions
     )
     return f"""## Figure 15: chi-square and groups
 
 {markdown_table(findings.chi_square, 1)}
 
-What matches: V2 = V3, V5 = V8 and V7 = V10 exactly, for they are the same signal in other units; V4, V5, V6
-and V8 far above V7 and V10, and these above V12 and V11.
-What cannot match: with two classes the statistic cannot exceed the number of samples, so 41,807 needs more
-than the 20,000 training samples; and a command that is the same for both classes scores exactly 0, so
-40,590 for V1 needs commands that differ between the classes. So the paper's data probably carry the class in
-the command, and in V2 and V3, which follow it; ours do not, and V1, V2 and V3 say next to nothing alone.
-V9 ranks higher here: in the paper it comes after all of V4, V5, V6 and V8.
+Agreement: V2 = V3, V5 = V8 and V7 = V10 exactly, because each pair is the same signal in different units; V4,
+V5, V6 and V8 rank far above V7 and V10, which rank above V12 and V11.
+Unavoidable differences: with two classes the statistic cannot exceed the number of samples, so 41,807 needs
+more than the 20,000 training samples. A command that is the same for both classes scores exactly 0, so 40,590
+for V1 needs commands that differ between the classes. The paper's data therefore probably reveal the class in
+the command, and in V2 and V3, which follow it. Ours do not; V1, V2 and V3 alone carry almost no information.
+V9 ranks higher here: in the paper it ranks after V4, V5, V6 and V8.
 
-The paper's p-levels by degrees of freedom: V12's fits 11 (12 bins), V11's none of those tried.
+The paper's p-levels by degrees of freedom (dof): the p-level of V12 agrees with 11 dof (12 bins), that of V11
+with none of those tried.
 
 {markdown_table(findings.p_levels, 6)}
 
@@ -172,8 +173,8 @@ Algorithm 1 by cyclogram:
 
 {markdown_table(others)}
 
-The models by which Algorithm 1 excludes quantities, in the order of exclusion (fewest regressors that
-still reach the threshold; terms below a thousandth of the target's spread are not printed):
+The models by which Algorithm 1 excludes quantities, in order of exclusion (the smallest set of regressors
+that reaches the threshold; terms below a thousandth of the target's standard deviation are omitted):
 
 {models}"""
 
@@ -186,7 +187,7 @@ def _tables_4_and_5(findings: Findings) -> str:
     twelve = findings.main[0]
     parts = [
         "## Tables 4 and 5: fifty networks",
-        "Best five by accuracy on the test set, the paper's convention. Accuracies in %.",
+        "The five best networks by test accuracy (the paper's convention). Accuracies in %.",
     ]
     for experiment in findings.main:
         published = TABLE_4 if experiment.inputs == KEYS else TABLE_5 if experiment.inputs == SELECTED else ()
@@ -261,10 +262,10 @@ def _cyclograms(findings: Findings) -> str:
     table = pd.DataFrame(rows)
     return f"""## Four cyclograms: accuracy and motion
 
-A standing actuator shows no friction, so a decision per sample cannot be better than the motion allows.
-*Held*: the decision of the last sample with at least 1 °/s is kept through standstill, causally; samples
-before the first motion are not counted, their largest number per flight is given. *Voted*: the majority of
-the last 100 moving samples. Test flights, network chosen without test data, %.
+A stationary actuator gives no evidence of friction, so motion limits the accuracy of a decision per sample.
+*Held*: during standstill the last decision at 1 °/s or more is held, causally; samples before the first
+motion are not counted, and the table gives their largest number per flight. *Voted*: the majority of the
+last 100 moving samples. Test flights, network chosen without test data, %.
 
 {markdown_table(table)}
 
@@ -284,8 +285,8 @@ def _verdict(moving: float, held: float) -> str:
 def _wrappers(findings: Findings) -> str:
     parts = [
         "## Subset search",
-        "Validation: blocks of time held out of the training flights; test is shown for comparison and "
-        "chooses nothing.",
+        "Validation uses blocks of time held out of the training flights. Test accuracy is given only for "
+        "comparison; no choice uses it.",
     ]
     for keys, (table, search, genetic) in findings.subsets.items():
         parts.append(f"### {len(search.scores)} subsets of {', '.join(keys) if keys != KEYS else 'V1–V12'}")
@@ -302,7 +303,7 @@ def _wrappers(findings: Findings) -> str:
                 mask = pd.Index(keys).isin(inputs)
                 score = rank[mask.tobytes()]
                 place = 1 + int((search.scores > score).sum())
-                parts.append(f"{name.capitalize()} {', '.join(inputs)}: {100 * score:.2f} %, place {place}.")
+                parts.append(f"{name.capitalize()} {', '.join(inputs)}: {100 * score:.2f} %, rank {place}.")
             parts.append(
                 f"The genetic algorithm, on the same table, found {100 * genetic.score:.2f} % in "
                 f"{len(genetic.scores)} evaluations of {len(search.scores)}."
@@ -313,8 +314,8 @@ def _wrappers(findings: Findings) -> str:
 def _thinning(findings: Findings) -> str:
     return f"""## Redundant vectors
 
-Networks on {", ".join(SELECTED)}, trained on thinned precedents: the median of ten networks' test accuracies,
-%, and the mean and spread of that over five seeds. Random thinning of the same size is what has to be beaten.
+Networks on {", ".join(SELECTED)}, trained on thinned precedents: the median test accuracy of ten networks, %;
+mean and standard deviation over five seeds. The reference is random thinning to the same size.
 
 {markdown_table(findings.thinning)}"""
 
@@ -325,8 +326,8 @@ def _outputs(findings: Findings) -> str:
     table["friction_nm"] = [f"{friction:.3f}" for friction in table["friction_nm"]]
     return f"""## Figures 16 to 19: the network over the cyclogram
 
-Inputs {", ".join(theirs.inputs)}, network chosen without test data. As in the paper the conditions nearest to
-the limits, 0.375 and 0.875 N·m, are the worst of their class.
+Inputs {", ".join(theirs.inputs)}, network chosen without test data. As in the paper, accuracy is lowest for
+the conditions nearest to the limits, 0.375 and 0.875 N·m.
 
 ![Figures 16 to 19](figures-16-19.png)
 

@@ -1,4 +1,4 @@
-"""The study from beginning to end: compute, then write report, tables, figures and recording."""
+"""Run of the whole study: compute it, then write the report, tables, figures and recording."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ def write_study(
     Parameters
     ----------
     folder
-        Where to; created if it does not exist.
+        Output folder; created if it does not exist.
     quick
-        Fewer networks, iterations and samples: for a look, not for figures to quote.
+        Use fewer networks, iterations and samples: a preview, whose numbers should not be quoted.
     seed, progress
         See :func:`find`.
 
     Returns
     -------
     list of Path
-        The files written, the report first.
+        The written files; the report comes first.
 
     Raises
     ------

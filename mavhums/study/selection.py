@@ -1,4 +1,4 @@
-"""Feature selection as the study reports it: figure 15, the groups, and the subset search."""
+"""Feature selection for the study: figure 15, the groups, and the subset search."""
 
 from __future__ import annotations
 
@@ -42,20 +42,20 @@ THRESHOLD = 0.99
 """R² from which Algorithm 1 excludes a quantity: the paper says "close to 1"."""
 
 _FEW = 5
-"""Up to so many quantities the subsets are few enough to train each as long as any network."""
+"""With up to this many quantities, each subset's network is trained with full effort."""
 
 Groups = tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
 class Grouping:
-    """Groups of interdependent quantities and what is selected, by both filters.
+    """Groups of interdependent quantities and the selected quantities, by both filters.
 
     Attributes
     ----------
     expressions
-        Of each quantity that Algorithm 1 excludes: the fewest regressors' model, its R², and R²
-        with all that were left.
+        For each quantity that Algorithm 1 excludes: the model with the fewest regressors, its R²,
+        and R² with all remaining quantities.
     """
 
     algorithm_1: Groups
@@ -66,7 +66,7 @@ class Grouping:
 
 
 def grouping(flights: list[Flown]) -> Grouping:
-    """Run Algorithm 1 and the pairwise filter on the samples of some flights."""
+    """Run Algorithm 1 and the pairwise filter on the flights' samples."""
     values, classes, _ = samples(flights)
     multiple = RegressionRedundancyFilter(threshold=THRESHOLD).fit(values, classes)
     pairs = PairwiseRedundancyFilter().fit(values, classes)
@@ -92,7 +92,7 @@ def _named(groups: tuple[tuple[int, ...], ...]) -> Groups:
 
 
 def chi_square_table(training: list[Flown], flights: list[Flown]) -> pd.DataFrame:
-    """Return the statistic of each quantity: the paper's, and ours by samples, bins and strategy."""
+    """Return each quantity's chi-square: the paper's, and ours by samples, bins and strategy."""
     table = pd.DataFrame({"quantity": list(CHI_SQUARE), "paper": list(CHI_SQUARE.values())})
     for name, part in (("training", training), ("all", flights)):
         values, classes, _ = samples(part)
@@ -104,7 +104,7 @@ def chi_square_table(training: list[Flown], flights: list[Flown]) -> pd.DataFram
 
 
 def p_level_table() -> pd.DataFrame:
-    """Return the p-levels that the paper's statistics have by degrees of freedom, beside those it gives."""
+    """Return the p-levels of the paper's statistics by degrees of freedom, beside the published ones."""
     rows = [
         {"quantity": key, "chi-square": CHI_SQUARE[key], "paper": level}
         | {f"{dof} d.o.f.": float(chi2.sf(CHI_SQUARE[key], dof)) for dof in (1, 2, 3, 9, 11)}
@@ -116,7 +116,7 @@ def p_level_table() -> pd.DataFrame:
 def subset_table(
     training: list[Flown], test: list[Flown], keys: tuple[str, ...], effort: Effort, *, seed: int
 ) -> tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]:
-    """Score every subset of some quantities, and search them genetically where there are many.
+    """Score every subset of the quantities, and repeat the search genetically if they are many.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def subset_table(
         A row for each subset, best first: validation accuracy (blocks of time held out of the
         training flights), and test accuracy of the same network size for comparison only.
     SubsetSearch, SubsetSearch or None
-        By enumeration, and by the genetic algorithm on the same table where quantities are many.
+        Exhaustive search, and the genetic search on the same scores (None for few quantities).
     """
     columns = [column(key) for key in keys]
     random = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""Table 1 of the paper beside what the simulated actuator does."""
+"""Table 1 of the paper beside the characteristics of the simulated actuator."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HEALTHY_NM = 0.225
 
 
 def table_1() -> pd.DataFrame:
-    """Return the paper's characteristics, those of the simulated actuator, and how they were had."""
+    """Return the paper's characteristics, those of the simulated actuator, and how they were determined."""
     sheet, parameters = DataSheet(), EmaParameters.from_data_sheet(integral_gain=400.0)
     steps = round(2.0 / CONTROL_PERIOD_S)
     none, friction = np.zeros(steps), np.full(steps, _HEALTHY_NM)
@@ -31,7 +31,7 @@ def table_1() -> pd.DataFrame:
         (np.degrees(farthest.angle[-1]), "simulated, commanded 90°"),
         (parameters.supply_voltage, "taken over"),
         (lift.current[-steps // 2 :].mean(), "simulated at the nominal torque, moving"),
-        (sheet.mass_kg, "taken over; plays no part"),
+        (sheet.mass_kg, "copied from the paper; not used"),
     ]
     return pd.DataFrame(
         {

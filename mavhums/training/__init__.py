@@ -1,1 +1,1 @@
-"""Models for an actuator: flights to learn from, and the training itself."""
+"""Training of models for an actuator, on simulated flights and precedents."""

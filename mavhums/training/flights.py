@@ -1,7 +1,7 @@
-"""Simulated flights to learn from, and the windows by which a network is calibrated and measured.
+"""Simulated flights for training, and the windows for calibrating and measuring a network.
 
-The fleet is made of individuals, with two masses; each telemetry reports them in its own way, with
-the noise and the quantisation of its messages.
+The fleet consists of individual two-mass actuators; each telemetry tier reports them with the
+noise and quantisation of its messages.
 """
 
 from __future__ import annotations
@@ -36,25 +36,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What a model is trained for.
+    """The telemetry that a model is trained for.
 
     Attributes
     ----------
     name
-        As on the command line and in the model's name.
+        Name on the command line and in the model's name.
     gives
-        In words.
+        Description for users.
     keys
-        Quantities to choose from. The command V1 is none of them: it says nothing of the condition,
-        and must not be let to seem to. Nor is V2, which is N·V3 where it is measured, and an integral
-        that drifts where it is not.
+        Quantities to choose from. They exclude the command V1, which has no information about the
+        condition, and V2, which is N·V3 if it is measured and a drifting integral if not.
     features
-        The inputs, where they are not to be selected by chi-square and regression; see
-        ``benchmarks/networks.py`` for what the selection would cost.
+        Fixed inputs that replace selection by chi-square and regression; ``benchmarks/networks.py``
+        measures the cost of selection.
     cyclograms
-        What is flown in training.
+        Cyclograms flown in training.
     esc
-        Whether ESCs report, half of the actuators by ESC_STATUS and half by ESC_TELEMETRY.
+        Whether ESCs report: half of the actuators by ESC_STATUS and half by ESC_TELEMETRY.
     """
 
     name: str
@@ -74,13 +73,13 @@ TELEMETRY = {
             "instrumented, the load torque not measured",
             KEYS[2:10],
             ("V3", "V4", "V5", "V7", "V9"),
-            # In the air the angle tells the load, on the ground there is none: it must have seen both.
+            # The angle determines the load in the air but not on the ground: training needs both.
             ("takeoff", "preflight"),
         ),
         Telemetry("esc", "ESC", KEYS[3:10], ("V4", "V5", "V7", "V9"), esc=True),
     )
 }
-"""By name, the one that gives the most first."""
+"""Telemetry by name; the one with the most quantities comes first."""
 
 
 class Flown(NamedTuple):
@@ -103,20 +102,20 @@ def fly_fleet(
     rates_hz: Sequence[float] = (100.0,),
     conditions: tuple[Condition, ...] = (),
 ) -> Iterator[Flown]:
-    """Fly, and yield each actuator as the telemetry reports it.
+    """Simulate flights, and yield each actuator as the telemetry reports it.
 
     Parameters
     ----------
     actuator
-        The type.
+        The actuator's type.
     frictions_nm
         Coulomb friction of the four actuators of each flight, shape (flights, 4).
     seed
-        Of the first flight, and of its individuals; the others' follow.
+        Seed of the first flight and of its individuals; later flights use the next seeds.
     cyclograms, rates_hz
-        Gone through in turn: a rate for each round of cyclograms.
+        Cyclograms, repeated in turn, and sample rates, one for each round of cyclograms.
     conditions
-        What else is wrong with every actuator.
+        Additional faults of every actuator.
     """
     parameters = parameters_of(actuator).two_masses()
     for number, row in enumerate(frictions_nm):
@@ -146,7 +145,7 @@ def _reported(actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, 
 
 
 def _by_esc(actuator: Actuator, record: ActuatorRecord, *, signed: bool) -> Array:
-    """Return what mapping makes of an ESC's voltage, current and speed, shape (n, 12)."""
+    """Return the quantities that mapping derives from an ESC's voltage, current and speed, shape (n, 12)."""
     values = np.full(record.values.shape, np.nan)
     esc = record.esc.copy()
     esc[:, 2] = np.rint(esc[:, 2])
@@ -172,7 +171,7 @@ def _command(record: ActuatorRecord, time_s: Array) -> Array:
 
 
 def parameters_of(actuator: Actuator) -> EmaParameters:
-    """Return the simulator's parameters for a profile's EMA; what the profile lacks is as in Table 1."""
+    """Return the simulator's parameters for a profile's EMA; missing ones are those of Table 1."""
     table_1 = EmaParameters.from_data_sheet()
     ema = actuator.known_ema()
     return replace(
@@ -186,7 +185,7 @@ def parameters_of(actuator: Actuator) -> EmaParameters:
 
 
 def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, NDArray[np.int64]]:
-    """Return a flight's moving samples, shape (n, 12), and the second that each is of, shape (n,)."""
+    """Return a flight's moving samples, shape (n, 12), and the second of each, shape (n,)."""
     cutter = SlotCutter()
     parts = [cutter.feed(flown.time_s, widen(flown.values)), cutter.finish()]
     values, seconds = [], []
@@ -201,7 +200,7 @@ def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, NDArray[np.
 def windows(
     actuator: Actuator, networks: Sequence[Classifier], flown: Flown
 ) -> Iterator[tuple[Outcome | None, int]]:
-    """Yield the networks' outcome in each whole window of ten seconds, none overlapping, and its samples."""
+    """Yield the network's result and the samples of each complete, non-overlapping ten-second window."""
     moving, seconds = moving_samples(actuator, flown)
     count = int(flown.time_s[-1] + 0.5) // WINDOW_S * WINDOW_S
     bounds = np.searchsorted(seconds, np.arange(count + 1))

@@ -1,4 +1,4 @@
-"""Supplement the simulation with flights: logs into the precedent base, and out of it into training."""
+"""Precedents from flights: adds logs to the precedent base, and reads training samples from it."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def add_log(
     Parameters
     ----------
     base
-        Where to.
+        The precedent base.
     log
         A ``.tlog`` file.
     label
-        The condition; known from an inspection, say, never from this program's own verdict.
+        The true condition, known for example from an inspection, never from this program's verdict.
     actuators
-        Which; all that the log carries if none is named. An emergency must name its actuators.
+        Names of the actuators; all in the log if empty. The label emergency needs names.
     airframe
-        A profile; if None, the one that the log names itself.
+        Airframe profile; None uses the one that the log names.
     origin
         Whether the log was flown or simulated.
     progress
@@ -53,7 +53,7 @@ def add_log(
     Raises
     ------
     MavhumsError
-        If the log cannot be read, names no airframe, or does not carry the actuators.
+        If the log cannot be read, names no airframe, or has no data of the actuators.
     """
     if label == "emergency" and not actuators:
         raise MavhumsError("an emergency of every actuator at once is unlikely", "name them with --actuator")
@@ -98,18 +98,18 @@ def add_log(
 def flown_samples(
     base: PrecedentBase, airframe: Airframe, *, every: int
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
-    """Return the moving samples of an airframe's precedents: values, emergency, number of the flight.
+    """Return the moving samples of an airframe's precedents: values, emergency, flight number.
 
-    All actuators of one log share a number, so that whole flights stay together.
+    All actuators of one log share a flight number, so that splits keep whole flights together.
 
     Parameters
     ----------
     base
-        The precedents; those of other airframes and simulated ones alike are weighed by the caller.
+        The precedent base; flown and simulated precedents are treated alike.
     airframe
-        Whose precedents.
+        The airframe profile whose precedents are read.
     every
-        Keep every so many moving samples.
+        Decimation: every n-th moving sample is kept.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def flown_samples(
     Raises
     ------
     MavhumsError
-        If the base holds no precedent of the airframe.
+        If the base has no precedent of the airframe.
     """
     values, emergency, flights = [], [], []
     logs: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Train a model for an airframe on simulated flights; the one place that joins simulator and learning."""
+"""Training of a model for an airframe on simulated flights; the only link of simulator and learning."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _EVERY = 20
 _RATES_HZ = (100.0, 50.0, 25.0, 10.0)
-_CALIBRATION, _MEASUREMENT = 200_000, 400_000  # added to the seed; training's are below both
+_CALIBRATION, _MEASUREMENT = 200_000, 400_000  # added to the seed; seeds of training flights are below both
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -52,40 +52,41 @@ def train_model(
     flown_weight: float = 1.0,
     progress: Progress | None = None,
 ) -> tuple[Network, Card]:
-    """Fly both classes, select features, train, and calibrate on other flights.
+    """Simulate both classes, select features, train a network, and calibrate it on other flights.
 
-    The fleet consists of individuals with two masses. Healthy actuators have a friction from 0.6
-    times the normal limit up to it, worn ones from the emergency limit up to 1.17 times it: the
-    paper's 0.225 … 0.375 and 0.875 … 1.025 N·m. Every flight has a cyclogram of its own, so the
-    command does not carry the class; every twentieth moving sample is kept, for a standing actuator
-    shows no friction.
+    The fleet consists of individual two-mass actuators. The friction of healthy actuators is 0.6 to
+    1 times the normal limit, that of worn actuators 1 to 1.17 times the emergency limit: the paper's
+    0.225 … 0.375 and 0.875 … 1.025 N·m. Every flight has its own cyclogram, so the command does not
+    reveal the class. Every twentieth moving sample is kept; a stationary actuator gives no evidence
+    of friction.
 
-    Four times as many flights as of a class, with frictions through the whole range, all cyclograms and
-    rates of 100, 50, 25 and 10 Hz, calibrate the votes; as many more measure the calibration.
+    Calibration uses four times as many flights as each class has, with frictions over the whole range,
+    all cyclograms, and rates of 100, 50, 25 and 10 Hz. The same number of further flights measures the
+    calibration.
 
     Parameters
     ----------
     airframe
-        All of whose actuators must have the same constants and limits.
+        Airframe profile; all its actuators must have the same constants and limits.
     tier
-        What telemetry the model is for: a name in :data:`mavhums.training.flights.TELEMETRY`.
+        The model's telemetry: a name in :data:`mavhums.training.flights.TELEMETRY`.
     flights
         Number of flights of each class, of four actuators each.
     networks, seed
         See :func:`mavhums.learn.train_network`.
     precedents
-        Flights that supplement the simulation, as the paper intends. Quantities that not all of
-        their samples carry are left out of the network.
+        Flights that supplement the simulation, as the paper intends. The network omits quantities
+        that are missing in any of their samples.
     flown_weight
-        How many simulated samples one of a precedent counts for.
+        Weight of a precedent's sample relative to a simulated one.
     progress
-        Called with the steps done and their number: flights and networks.
+        Called with the number of steps (flights and networks) done and the total.
 
     Raises
     ------
     MavhumsError
-        If the actuators differ, the profile leaves their constants or limits open, there is no such
-        telemetry, or the precedents hold none of the airframe.
+        If the actuators differ, the profile lacks their constants or limits, the telemetry is
+        unknown, or the base has no precedent of the airframe.
     MissingExtraError
         If torch is not installed.
     """
@@ -148,14 +149,14 @@ def train_model(
 
 
 def friction_range(limits: Limits) -> tuple[float, float]:
-    """Return the smallest and the largest friction that is flown, N·m: those of the paper for its limits."""
+    """Return the smallest and the largest simulated friction, N·m; the paper's for its limits."""
     return _HEALTHY_PER_LIMIT * limits.normal, _EMERGENCY_PER_LIMIT * limits.emergency
 
 
 def _both_classes(
     actuator: Actuator, telemetry: Telemetry, flights: int, seed: int, tick: Callable[[], None]
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
-    """Return samples, classes and numbers of the flights that are trained on."""
+    """Return samples, classes and flight numbers for training."""
     limits = actuator.known_limits()
     low, high = friction_range(limits)
     random = np.random.default_rng(seed)
@@ -190,12 +191,12 @@ def _calibration(
     seed: int,
     tick: Callable[[], None],
 ) -> Calibration | None:
-    """Calibrate on some flights and measure on others; None where the network hardly ever votes."""
+    """Calibrate on some flights and measure on others; None if the network votes too rarely."""
     limits = actuator.known_limits()
     middle = (limits.normal + limits.emergency) / 2
 
     def fly_range(seed: int) -> tuple[Array, NDArray[np.bool_]]:
-        """Return shares of votes, and whether the friction was beyond the middle."""
+        """Return shares of votes, and whether the friction exceeded the middle of the limits."""
         random = np.random.default_rng(seed)
         total = flights * len(SURFACES)
         low, high = friction_range(limits)

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all; what is no regular file is written through."""
+"""Atomic writing of files; devices and FIFOs are written directly."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["written_whole"]
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Give the path of a temporary file, and put it at ``path`` if all goes well.
+    """Yield the path of a temporary file, and move it to ``path`` on success.
 
-    A symbolic link stays, and the file that it names is replaced. A device or a FIFO is never replaced: the
-    complete content is copied into it.
+    A symbolic link is kept, and its target is replaced. A device or a FIFO is never replaced: the complete
+    content is copied into it.
 
     Raises
     ------
     OSError
-        If the file cannot be written; what was at ``path`` before is then still there.
+        If the file cannot be written; the previous file at ``path`` is then unchanged.
     """
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
         with tempfile.TemporaryDirectory(prefix="mavhums-sim-") as folder:

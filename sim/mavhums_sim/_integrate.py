@@ -1,7 +1,7 @@
-"""The integration kernels: one mass or two, with dry friction as an impulse or after Karnopp.
+"""The integration kernels: one mass or two, with dry friction as an impulse or by Karnopp's method.
 
-The current follows its exact exponential within each step, which is stable at any step where an
-explicit rule needs dt < 2L/R. Angles follow the new speeds (symplectic Euler).
+The current follows its exact exponential within each step, which is stable at any step, whereas an
+explicit rule needs dt < 2L/R. Angles are integrated with the new speeds (symplectic Euler).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 class Constants(NamedTuple):
-    """What does not change in a flight; meanings and units in :class:`mavhums_sim.ema.EmaParameters`."""
+    """Constants of a flight; :class:`mavhums_sim.ema.EmaParameters` describes them and their units."""
 
     torque_per_ampere: float
     resistance: float
@@ -51,7 +51,7 @@ class Constants(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What changes in a flight: one value per control period, shape (n,) each, SI units."""
+    """Inputs that vary during a flight: one value per control period, shape (n,) each, SI units."""
 
     command: Array
     friction: Array
@@ -66,7 +66,7 @@ class Course(NamedTuple):
 
 
 class State(NamedTuple):
-    """What the actuator did at the end of each control period, shape (n,) each, SI units."""
+    """State of the actuator at the end of each control period, shape (n,) each, SI units."""
 
     angle: Array
     speed: Array
@@ -84,7 +84,7 @@ def rub(
     """Return the speed after ``dt`` under a torque and dry friction.
 
     With ``band`` zero the friction is an impulse (Moreau): up to T_c·dt of momentum while moving, up
-    to T_s·dt at rest. Otherwise it is Karnopp's: slower than ``band`` counts as rest.
+    to T_s·dt at rest. Otherwise it is Karnopp's: a speed below ``band`` counts as rest.
     """
     if band == 0.0:
         free = speed + dt * torque / inertia
@@ -102,7 +102,7 @@ def rub(
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def mesh(twist: float, speed: float, half: float, stiffness: float, damping: float) -> float:
-    """Return the torque that the teeth carry: none inside the backlash ±``half``, and never a pull."""
+    """Return the torque of the teeth: zero inside the backlash ±``half``; teeth push and never pull."""
     if twist > half:
         return max(0.0, stiffness * (twist - half) + damping * speed)
     if twist < -half:
@@ -116,8 +116,8 @@ def control(
 ) -> tuple[float, float]:
     """Return the voltage for the next control period, and the integral after it.
 
-    Position loop around a speed loop with back-EMF compensation, both limited; the integral waits
-    while the voltage saturates. The controller knows the healthy constants only.
+    A position loop encloses a speed loop with back-EMF compensation; both are limited. The integral
+    stops while the voltage saturates. The controller uses only the healthy constants.
     """
     target = min(max(command, -c.stroke), c.stroke)
     wanted = min(max(c.position_gain * (target - angle), -c.slew_limit), c.slew_limit)
@@ -134,7 +134,7 @@ def control(
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def integrate_one_mass(dt: float, steps: int, c: Constants, course: Course) -> State:
-    """Drive a rigid actuator through a course, ``steps`` of ``dt`` seconds per control period."""
+    """Simulate a rigid actuator over a course, with ``steps`` of ``dt`` seconds per control period."""
     n = course.command.size
     out = np.empty((7, n))
     advance_one_mass(dt, steps, c, course, (0, n), np.zeros(6), out)
@@ -143,9 +143,9 @@ def integrate_one_mass(dt: float, steps: int, c: Constants, course: Course) -> S
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def integrate_two_masses(dt: float, steps: int, c: Constants, course: Course) -> State:
-    """Drive rotor and output shaft, coupled by a gear with play, through a course.
+    """Simulate rotor and output shaft, coupled by a gear with play, over a course.
 
-    ``c.inertia`` is the rotor's share; position is fed back from the output shaft, speed from the rotor.
+    ``c.inertia`` is the rotor's part; position feedback is from the output shaft, the speed from the rotor.
     """
     n = course.command.size
     out = np.empty((7, n))
@@ -157,14 +157,14 @@ def integrate_two_masses(dt: float, steps: int, c: Constants, course: Course) ->
 def advance_one_mass(
     dt: float, steps: int, c: Constants, course: Course, span: tuple[int, int], memory: Array, out: Array
 ) -> None:
-    """Drive a rigid actuator through some periods of a course.
+    """Simulate a rigid actuator over several periods of a course.
 
     Parameters
     ----------
     span
-        First period, and the one behind the last.
+        First period, and the one after the last.
     memory
-        Angle, speed, rotor's angle and speed, current, integral; shape (6,). It is continued.
+        Angle, speed, rotor's angle and speed, current, integral; shape (6,); updated.
     out
         Rows of :class:`State`, shape (7, n); the columns of the span are filled.
     """
@@ -194,7 +194,7 @@ def advance_one_mass(
 def advance_two_masses(
     dt: float, steps: int, c: Constants, course: Course, span: tuple[int, int], memory: Array, out: Array
 ) -> None:
-    """Drive rotor and output shaft through some periods; parameters as of :func:`advance_one_mass`."""
+    """Simulate rotor and output shaft over several periods; parameters as in :func:`advance_one_mass`."""
     angle, speed, rotor, rotor_speed, current, integral = memory
     load = 0.0
     for k in range(span[0], span[1]):

@@ -1,4 +1,4 @@
-"""Smooth signals that cyclograms are made of."""
+"""Smooth signals for cyclograms."""
 
 from __future__ import annotations
 
@@ -29,6 +29,6 @@ def gusts(rng: np.random.Generator, time: Array, low_hz: float, high_hz: float, 
 
 
 def held(demand: Array, threshold: float) -> Array:
-    """Return the demand as an autopilot with a dead band passes it on: in steps of ``threshold``."""
+    """Return the demand after an autopilot's dead band: in steps of ``threshold``."""
     stairs: Array = np.round(demand / threshold) * threshold
     return stairs

@@ -1,4 +1,4 @@
-"""Many flights on all cores: to logs with their ground truth, or straight into a consumer."""
+"""Campaigns of many flights on all cores, to logs with ground truth or directly to a consumer."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Truth = dict[str, Any]
 def paper_campaign(seed: int = 0, duration_s: float = 100.0) -> Iterator[tuple[str, Flight]]:
     """Yield (name, flight): the elevator at each of the paper's frictions, and growing from 0.225 to 1.0 N·m.
 
-    Every flight has a seed, and so a pilot and gusts, of its own.
+    Every flight has its own seed, and therefore its own pilot and gusts.
     """
     for k, friction in enumerate(PAPER_FRICTION_NM):
         flight = Flight(
@@ -51,19 +51,19 @@ CAMPAIGNS: dict[str, Callable[[int, float], Iterator[tuple[str, Flight]]]] = {"p
 def consume(
     flights: Iterable[tuple[str, Flight]], consumer: Callable[[str, FlightRecord], T], workers: int = 1
 ) -> Iterator[tuple[str, T]]:
-    """Fly each flight, hand its record to a consumer, and yield (name, what it returned).
+    """Simulate each flight, pass its record to a consumer, and yield (name, the consumer's result).
 
-    The consumer runs where the flight was flown, so arrays of hundreds of hours never leave their
-    process: return what is to be kept of them.
+    The consumer runs in the process that simulates the flight, so large arrays are not copied between
+    processes: the consumer returns only what must be kept.
 
     Parameters
     ----------
     flights
         (name, flight) pairs.
     consumer
-        Called with the name and the record; with several workers, a function of a module.
+        Called with the name and the record; with several workers it must be a function of a module.
     workers
-        Processes; 1 flies in this one. Results come in the order of the flights.
+        Number of processes; 1 uses this process. Results are in the order of the flights.
 
     Examples
     --------
@@ -105,9 +105,9 @@ def run_campaign(
     link: Link | None = None,
     workers: int = 1,
 ) -> Path:
-    """Fly and log each flight into ``folder`` and return the path of its ``truth.json``.
+    """Simulate and log each flight into ``folder``, and return the path of its ``truth.json``.
 
-    What an interrupted run of the same campaign has finished is not flown again.
+    Flights that an interrupted run of the same campaign completed are not simulated again.
 
     Parameters
     ----------
@@ -116,11 +116,11 @@ def run_campaign(
     folder
         Created if it does not exist.
     progress
-        Called with the flights flown and their number, after each.
+        Called after each flight with the number completed and the total.
     link
-        Between each aircraft and its log.
+        Link between each aircraft and its log.
     workers
-        Processes.
+        Number of processes.
 
     Raises
     ------
@@ -164,11 +164,11 @@ def _fingerprint(flight: Flight, link: Link) -> str:
 
 
 def _finished(folder: Path) -> dict[str, Truth]:
-    """Return the truths that earlier runs left, by flight."""
+    """Return the ground truth from earlier runs, by flight."""
     truths: list[Truth] = []
     with suppress(FileNotFoundError, ValueError, KeyError):
         truths += json.loads((folder / "truth.json").read_text(encoding="utf-8"))["flights"]
-    with suppress(FileNotFoundError, ValueError):  # the last line of a run that was killed may be cut
+    with suppress(FileNotFoundError, ValueError):  # the last line of a killed run may be incomplete
         for line in (folder / _JOURNAL).read_text(encoding="utf-8").splitlines():
             truths.append(json.loads(line))
     return {str(truth.get("log", "")).removesuffix(".tlog"): truth for truth in truths}

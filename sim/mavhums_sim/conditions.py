@@ -1,4 +1,4 @@
-"""Technical conditions of an actuator: what is wrong, how much, and since when."""
+"""Technical conditions of an actuator: fault, severity and onset."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A way to degrade.
+    """A type of fault.
 
     Attributes
     ----------
     unit
-        Of the severity.
+        Unit of the severity.
     meaning
-        What the severity measures.
+        Meaning of the severity.
     limit
         Largest severity that the model can represent.
     """
@@ -88,17 +88,17 @@ class Condition:
 
     @classmethod
     def constant(cls, fault: str, severity: float) -> Condition:
-        """Present all the flight."""
+        """Create a fault that is present during the whole flight."""
         return cls(fault, severity, severity)
 
     @classmethod
     def step(cls, fault: str, severity: float, at_s: float) -> Condition:
-        """Absent, then present at once."""
+        """Create a fault that starts as a step."""
         return cls(fault, severity, severity, at_s)
 
     @classmethod
     def growing(cls, fault: str, severity: float, at_s: float = 0.0) -> Condition:
-        """Zero until ``at_s``, then growing linearly up to ``severity`` at the flight's end."""
+        """Create a fault that grows linearly from zero at ``at_s`` to ``severity`` at the flight's end."""
         return cls(fault, 0.0, severity, at_s)
 
     @property
@@ -143,16 +143,16 @@ class _Severities:
 def degrade(
     conditions: Iterable[Condition], time_s: Array, torque_factor: float = 1.0
 ) -> tuple[Array, Degradation]:
-    """Return the friction added, N·m, and everything else that departs from health.
+    """Return the additional friction, N·m, and all other degradations.
 
     Parameters
     ----------
     conditions
-        Those of one actuator; severities of the same fault add.
+        Conditions of one actuator; severities of the same fault add up.
     time_s
         Control periods of the flight, shape (n,).
     torque_factor
-        Torque constant of this individual over the data sheet's.
+        Torque constant of this individual relative to the data sheet's.
     """
     total = _Severities(time_s)
     for condition in conditions:

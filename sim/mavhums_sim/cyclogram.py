@@ -1,7 +1,7 @@
-"""Flight cyclograms: what the autopilot commands of each surface, and the air it meets, over time.
+"""Flight cyclograms: surface commands and air data over time.
 
-A cyclogram depends on its seed alone, never on the actuator's condition: a command that knew the
-condition would let a classifier cheat.
+A cyclogram depends only on its seed, never on the actuator's condition: a command that depends on the
+condition would reveal the class to a classifier.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Cyclogram:
     commands
         Commanded deflection of each surface, rad.
     airspeed
-        m/s.
+        Airspeed, m/s.
     incidence
         Local angle of attack (or sideslip) at each surface, rad.
     roll, pitch, yaw
         Attitude, rad.
     altitude
-        m above the runway.
+        Altitude above the runway, m.
     """
 
     name: str
@@ -67,8 +67,8 @@ class Cyclogram:
 def takeoff(seed: int, duration_s: float = 100.0) -> Cyclogram:
     """Return a take-off: control check, ground roll, rotation, climb through gusts, level-off.
 
-    Phases are fixed shares of the duration; the pilot's corrections and the gusts come from the
-    seed. Surfaces swing to about ±20°.
+    Phases are fixed fractions of the duration; the seed determines the pilot's corrections and the
+    gusts. Surfaces move within about ±20°.
     """
     rng = np.random.default_rng([seed, 1])
     n = round(duration_s / CONTROL_PERIOD_S)

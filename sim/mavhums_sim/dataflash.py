@@ -1,9 +1,8 @@
-"""The log that the autopilot itself keeps of the flight: ArduPilot's DataFlash (``.BIN``).
+"""Writer of the on-board log: ArduPilot's DataFlash (``.BIN``).
 
-Each record is ``A3 95``, a type and a payload; FMT records at the start define the types. It is what
-the aircraft records on board, so no link stands between: nothing is lost and nothing is late. CSRV is
-written as ArduPilot 4.7 does for a servo that the autopilot itself speaks to: counted from 0, with the
-command in the row.
+Each record is ``A3 95``, a type and a payload; FMT records at the start define the types. The aircraft
+records on board, without a link, so nothing is lost or late. CSRV is written as ArduPilot 4.7 does for a
+servo that the autopilot itself drives: counted from 0, with the command in the record.
 """
 
 from __future__ import annotations
@@ -68,14 +67,14 @@ def write_dataflash(record: FlightRecord, path: Path, *, day: float = 0.0) -> di
     Parameters
     ----------
     day
-        Days after 2026-01-01 at 09:00 UTC when the flight begins.
+        Start of the flight, days after 2026-01-01 09:00 UTC.
 
     Raises
     ------
     ValueError
         If the flight has a tier that an on-board log cannot carry.
     OSError
-        If the file cannot be written; what was at ``path`` before is then still there.
+        If the file cannot be written; the previous file at ``path`` is then unchanged.
     """
     wrong = set(record.flight.tiers) - set(ON_BOARD_TIERS)
     if wrong:

@@ -1,12 +1,12 @@
-"""What an actuator is: its data sheet, and the constants of its models.
+"""Parameters of an actuator: its data sheet, and the constants of its models.
 
 Torque balance (paper, section 4), at the output shaft:
 
     N·k_t·I = N²·J·dω/dt + T_ext + T_E + T_D,        L·dI/dt = U − R·I − N·k_t·ω
 
-With a rigid gear T_E is absent and there is one mass. With a :class:`Gearbox`, T_E is the torque of
-its teeth and rotor and output shaft are two masses. T_D is dry friction, T_c against the motion and
-up to T_s at rest, and viscous drag.
+With a rigid gear there is one mass and no T_E. With a :class:`Gearbox`, rotor and output shaft are two
+masses, and T_E is the torque of the teeth. T_D is viscous drag plus dry friction: T_c against the motion,
+and up to T_s at rest.
 """
 
 from __future__ import annotations
@@ -57,14 +57,14 @@ class Gearbox:
     Attributes
     ----------
     stiffness, damping
-        Of the teeth in contact, N·m/rad and N·m·s/rad.
+        Stiffness and damping of the teeth in contact, N·m/rad and N·m·s/rad.
     backlash
-        Whole play, rad.
+        Total play, rad.
     rotor_share
-        Share of the actuator's inertia that turns with the rotor; the rest, and
-        ``surface_inertia`` (kg·m²), turn with the output shaft.
+        Fraction of the actuator's inertia on the rotor; the rest, and ``surface_inertia`` (kg·m²), are
+        on the output shaft.
     rotor_friction
-        Share of the dry friction that acts on the rotor.
+        Fraction of the dry friction that acts on the rotor.
     """
 
     stiffness: float = 400.0
@@ -86,15 +86,15 @@ class EmaParameters:
     torque_per_ampere
         N·k_t, N·m/A; the back-EMF constant in V·s/rad is the same number.
     resistance, inductance
-        Of the stator winding, Ω and H.
+        Resistance and inductance of the stator winding, Ω and H.
     inertia
         N²·J of rotor and gear, kg·m².
     supply_voltage, current_limit
-        V and A.
+        Supply voltage, V, and current limit, A.
     slew_limit, stroke
-        Largest commanded speed, rad/s, and angle to either side, rad.
+        Maximum commanded speed, rad/s, and maximum angle to either side, rad.
     position_gain, speed_gain, integral_gain
-        Controller: 1/s, V·s/rad, V/rad.
+        Controller gains: 1/s, V·s/rad, V/rad.
     stiction_ratio
         T_s / T_c.
     viscous
@@ -135,11 +135,11 @@ class EmaParameters:
         gearbox: Gearbox | None = None,
         friction_method: FrictionMethod = "impulse",
     ) -> EmaParameters:
-        """Derive the constants from a data sheet, closed by an ideal gear and a slew limit.
+        """Derive the constants from a data sheet, with an ideal gear and a slew limit.
 
-        Nominal torque and friction together take the nominal current, which fixes N·k_t; the supply
-        drives the stall current through the winding, which fixes R; the controller's speed limit
-        makes the shaft reach the no-load speed. Identified constants replace the other defaults.
+        N·k_t follows from the nominal current, which balances nominal torque plus friction; R follows
+        from the stall current at the supply voltage; the slew limit follows from the no-load speed.
+        Identified constants replace the other defaults.
 
         Parameters
         ----------
@@ -183,7 +183,7 @@ class EmaParameters:
         return replace(self, gearbox=gearbox or Gearbox())
 
     def constants(self) -> Constants:
-        """Return what the kernels take."""
+        """Return the constants for the kernels."""
         gear = self.gearbox or Gearbox(rotor_share=1.0)
         return Constants(
             torque_per_ampere=self.torque_per_ampere,

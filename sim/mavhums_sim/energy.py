@@ -1,4 +1,4 @@
-"""Where the energy goes: an audit of the integration that shares none of its code."""
+"""Energy balance: a check of the integration that shares none of its code."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class EnergyBalance:
     supplied
         ∫U·I dt at the motor's terminals.
     copper, friction, gear
-        Turned to heat in the winding, by friction and drag, and in the teeth.
+        Dissipated in the winding, by friction and drag, and in the teeth.
     load
-        Delivered against the hinge moment.
+        Work against the hinge moment.
     stored
-        In the turning masses, the winding's field and the twisted teeth at the end.
+        Stored at the end in the rotating masses, the winding's field and the elastic teeth.
     """
 
     supplied: float
@@ -44,14 +44,14 @@ class EnergyBalance:
 
     @property
     def residual(self) -> float:
-        """What is supplied and found nowhere."""
+        """Supplied energy that is not accounted for."""
         return self.supplied - self.copper - self.friction - self.gear - self.load - self.stored
 
 
 def energy_balance(parameters: EmaParameters, seconds: float = 2.0) -> EnergyBalance:
-    """Swing an actuator against a spring load, and add up where the energy went.
+    """Move an actuator against a spring load, and compute its energies.
 
-    Recorded at every step of 10 µs and integrated by the trapezoidal rule.
+    They are integrated by the trapezoidal rule over steps of 10 µs.
     """
     n = round(seconds / _STEP_S)
     command = np.radians(20.0) * np.sin(2 * pi * 0.7 * np.arange(n) * _STEP_S)
@@ -83,7 +83,7 @@ def energy_balance(parameters: EmaParameters, seconds: float = 2.0) -> EnergyBal
 
 
 def _stretch(twist: Array, play: float) -> Array:
-    """How far the teeth are pressed beyond the play."""
+    """Return the elastic deflection of the teeth beyond the play."""
     pressed: Array = np.sign(twist) * np.maximum(np.abs(twist) - 0.5 * play, 0.0)
     return pressed
 

@@ -1,4 +1,4 @@
-"""ESC_STATUS (291) of MAVLink's common set, which pymavlink's dialects leave out."""
+"""ESC_STATUS (291) of MAVLink's common set, which pymavlink's dialects lack."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class EscStatus(mavlink.MAVLink_message):  # type: ignore[misc, unused-ignore]
         self.current = current
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        """Return the frame as the link sends it."""
+        """Return the frame's bytes."""
         payload = self.wire.pack(self.time_usec, *self.rpm, *self.voltage, *self.current, self.index)
         frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
         return frame

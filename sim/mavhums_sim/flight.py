@@ -38,14 +38,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """What is to be flown.
+    """Description of a flight.
 
     Attributes
     ----------
     seed
-        Decides pilot, gusts, sampling and noise; nothing else does.
+        The only source of randomness of pilot, gusts, sampling and noise.
     duration_s
-        Length; of a given :class:`Cyclogram` the first so many seconds.
+        Duration, s; the first part of a given :class:`Cyclogram` is used.
     friction_nm
         Coulomb friction at start and end of the flight, per surface; it grows linearly between
         them. Surfaces that are not named have their individual's, by default the paper's 0.225 N·m.
@@ -54,17 +54,17 @@ class Flight:
     parameters
         The type of actuator; with a gearbox it has two masses.
     cyclogram
-        A name of :data:`mavhums_sim.manoeuvres.CYCLOGRAMS`, or what was flown elsewhere.
+        A name in :data:`mavhums_sim.manoeuvres.CYCLOGRAMS`, or a cyclogram.
     conditions
-        What is wrong with each surface's actuator, beside ``friction_nm``.
+        Faults of each surface's actuator, besides ``friction_nm``.
     individuals
-        Seed of the aircraft whose actuators are drawn; None flies the data sheet's.
+        Seed of the aircraft's individual actuators; None uses the data sheet's.
     esc_side
         Where the ESC measures: at the ``motor`` or at the supply ``bus``.
     rates
-        Of the other messages.
+        Rates of the other messages.
     tiers
-        How the actuators are reported; see :mod:`mavhums_sim.tiers`.
+        Telemetry tiers of the actuators; see :mod:`mavhums_sim.tiers`.
 
     Raises
     ------
@@ -110,13 +110,13 @@ class Flight:
             raise ValueError(f"{self.cyclogram.name} lasts {lasts:g} s, less than {self.duration_s:g} s")
 
     def fly_cyclogram(self) -> Cyclogram:
-        """Return what is commanded, and the air that is met."""
+        """Return the cyclogram: commands and air data."""
         if isinstance(self.cyclogram, str):
             return CYCLOGRAMS[self.cyclogram](self.seed, self.duration_s)
         return self.cyclogram.first(round(self.duration_s / CONTROL_PERIOD_S))
 
     def individual(self, index: int) -> Individual:
-        """Return the actuator that surface ``index`` has."""
+        """Return the individual actuator of surface ``index``."""
         return Individual() if self.individuals is None else Individual.draw(self.individuals, index)
 
 
@@ -127,13 +127,13 @@ class ActuatorRecord:
     Attributes
     ----------
     motion
-        What truly happened.
+        The true motion.
     time_s, values
         Sample times, shape (n,), and V1…V12 as sensed, shape (n, 12).
     esc
         Voltage, current and speed at the ESC's side, shape (n, 3).
     individual, conditions
-        Which actuator it was, and what was wrong with it.
+        The individual actuator, and its conditions.
     """
 
     motion: Motion
@@ -157,7 +157,7 @@ class ActuatorRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlightRecord:
-    """A flight that was flown."""
+    """The record of a simulated flight."""
 
     flight: Flight
     cyclogram: Cyclogram
@@ -186,7 +186,7 @@ class FlightRecord:
 
 
 def fly(flight: Flight) -> FlightRecord:
-    """Fly and return what happened and what was sensed.
+    """Simulate a flight; return the true motion and the sensor values.
 
     Hinge moment: T_ext = ½·ρ·V²·(c_δ·δ + c_α·α).
 
@@ -221,7 +221,7 @@ def _actuate(flight: Flight, cyclogram: Cyclogram, index: int) -> ActuatorRecord
 
 
 def record_actuator(flight: Flight, index: int, motion: Motion) -> ActuatorRecord:
-    """Return what the actuator of surface ``index`` did, and what of it is sensed and reported."""
+    """Return the record of the actuator of surface ``index``: motion, sensor values and telemetry."""
     rng = np.random.default_rng([flight.seed, 2, index])
     times = sample_times(rng, flight.duration_s, flight.rate_hz)
     values = sense(motion, flight.parameters, times, rng, flight.noise)

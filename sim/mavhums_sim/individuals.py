@@ -1,4 +1,4 @@
-"""Individuals: no two actuators of one type are alike, nor are two surfaces."""
+"""Individual actuators and surfaces, which differ within their type."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from mavhums_sim.ema import EmaParameters
 
 __all__ = ["Individual"]
 
-_WITHIN = 2.5  # standard deviations: what quality control lets through
+_WITHIN = 2.5  # standard deviations: the tolerance of quality control
 
 
 @dataclass(frozen=True, slots=True)
 class Individual:
-    """How one actuator and its surface differ from the data sheet; the default does not.
+    """Deviations of one actuator and its surface from the data sheet; none by default.
 
-    The controller, and V8 = k_t·V5, keep to the data sheet: nobody on board knows better.
+    The controller, and V8 = k_t·V5, use the data sheet, because the true values are not known on board.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Individual:
         return cls(torque_constant, friction, rng.uniform(0.0, 0.05), hinge, inertia)
 
     def parameters(self, nominal: EmaParameters) -> EmaParameters:
-        """Return the constants of this individual; its torque constant enters as a degradation."""
+        """Return the constants of this individual; its torque constant is applied as a degradation."""
         return replace(
             nominal, inertia=nominal.inertia * self.inertia, viscous=nominal.viscous + self.viscous
         )

@@ -1,4 +1,4 @@
-"""The radio link and the sender's clock: what happens to messages between aircraft and log."""
+"""The radio link and the sender's clock: delay, loss and reordering between aircraft and log."""
 
 from __future__ import annotations
 
@@ -30,29 +30,29 @@ Message = Any
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A link from the aircraft to where the log is kept; the default loses and reorders nothing.
+    """A link from the aircraft to the log; the default loses and reorders nothing.
 
     Attributes
     ----------
     latency_s, jitter_s
-        Least delay, and the mean of the exponential one on top. Order is kept.
+        Minimum delay, and the mean of an additional exponential delay. The order is kept.
     loss, burst
-        Share of frames lost, and mean number lost in a row (Gilbert's two-state channel).
+        Fraction of frames lost, and mean number lost in a row (Gilbert's two-state channel).
     late, late_s
-        Share of frames held back, and by how much on average; others overtake them.
+        Fraction of frames delayed, and mean delay; other frames overtake them.
     links
-        Parallel links, 1…4, that each carry every frame, with a loss of their own; as MAVProxy does,
-        the number of the link is kept in the low two bits of the time stamp.
+        Number of parallel links, 1…4; each carries every frame, with independent loss. As in MAVProxy,
+        the low two bits of the time stamp are the number of the link.
     clock_offset_s, clock_drift_ppm
         Error of the sender's clock at the start, and its growth.
     reboot_at_s, outage_s
         The vehicle restarts: silent for the outage, then its clock and sequence start from zero.
     mavlink
-        Protocol version; 1 drops what it cannot carry (ids above 255, extension fields).
+        Protocol version; version 1 drops ids above 255 and extension fields.
     key
-        32 bytes that sign every frame (MAVLink 2 only).
+        Signing key for every frame, 32 bytes (MAVLink 2 only).
     day
-        Days after 2026-01-01 at 09:00 UTC when the flight begins, so that several make a history.
+        Start of the flight, days after 2026-01-01 09:00 UTC, to simulate a history.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class Link:
 
     @property
     def start_us(self) -> int:
-        """When the flight begins, microseconds of UTC."""
+        """Start of the flight, microseconds of UTC."""
         return EPOCH_US + round(self.day * 86_400e6)
 
     def __post_init__(self) -> None:
@@ -106,9 +106,9 @@ class Frame(NamedTuple):
 
 
 def transmit(stream: Iterable[tuple[float, Message]], link: Link, seed: int) -> Iterator[Frame]:
-    """Yield the frames of a stream of (flight time in s, message), in the order of their reception.
+    """Yield the frames of a stream of (flight time in s, message), in order of reception.
 
-    Holds no more than the frames under way.
+    Only the frames in transit are buffered.
     """
     sender = _Sender(link)
     channels = [_Channel(link, seed, number) for number in range(link.links)]
@@ -131,7 +131,7 @@ def transmit(stream: Iterable[tuple[float, Message]], link: Link, seed: int) -> 
 
 
 class _Sender:
-    """The autopilot's side: clock, sequence, protocol version and signature."""
+    """The sender: clock, sequence numbers, protocol version and signature."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -143,7 +143,7 @@ class _Sender:
             self._mav.signing.sign_outgoing = True
 
     def send(self, time_s: float, message: Message) -> tuple[bytes, str] | None:
-        """Return the frame and its message's name; None if it is never sent."""
+        """Return the frame and its message's name; None if it is not sent."""
         link = self._link
         shift_s = link.clock_offset_s + link.clock_drift_ppm * 1e-6 * time_s
         if link.reboot_at_s is not None and time_s >= link.reboot_at_s:
@@ -193,7 +193,7 @@ class _Channel:
         self._fading = False
 
     def receive(self, time_s: float) -> int | None:
-        """Return when a frame sent now is received, µs of UTC; None if it is lost."""
+        """Return the time of reception of a frame sent now, µs of UTC; None if it is lost."""
         link = self._link
         delay_us = link.latency_s * 1e6 + self._delay.exponential(link.jitter_s * 1e6)
         arrival_us = link.start_us + round(time_s * 1e6 + delay_us)
@@ -209,7 +209,7 @@ class _Channel:
         return received_us if self._link.links == 1 else received_us // _MAX_LINKS * _MAX_LINKS + self._number
 
     def _fades(self) -> bool:
-        """Step Gilbert's channel: stay lost with 1 − 1/burst, become lost so that the share is right."""
+        """Step Gilbert's channel: stay in loss with 1 − 1/burst; enter it to give the mean loss."""
         link = self._link
         begin = link.loss / (link.burst * (1.0 - link.loss))
         self._fading = self._fate.random() < (1.0 - 1.0 / link.burst if self._fading else begin)

@@ -1,7 +1,7 @@
 """Further cyclograms: pre-flight check, cruise, turns, landing, gusts.
 
-Like the take-off they depend on their seed alone. What an autopilot with a dead band commands stands
-still between corrections, so the moving fraction differs widely from one to the other.
+Like the take-off they depend only on their seed. The command of an autopilot with a dead band is constant
+between corrections, so their moving fractions differ widely.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _DEAD_BAND_DEG = 0.4
 
 
 def preflight(seed: int, duration_s: float = 100.0) -> Cyclogram:
-    """Return the check before flight: the aircraft stands, each surface in turn goes full and free.
+    """Return the pre-flight check: the aircraft stands, and each surface in turn moves to full deflection.
 
-    Twice to either side at 10…15 °/s, with rests between; while one moves the others stand.
+    Each surface moves twice to either side at 10…15 °/s, with rests in between; the others stand still.
     """
     rng, time = _begin(seed, duration_s)
     zero = np.zeros_like(time)
@@ -46,7 +46,7 @@ def preflight(seed: int, duration_s: float = 100.0) -> Cyclogram:
 
 
 def cruise(seed: int, duration_s: float = 100.0) -> Cyclogram:
-    """Return level flight at 28 m/s in light air: small corrections, long rests."""
+    """Return level flight at 28 m/s in light turbulence: small corrections, long rests."""
     rng, time = _begin(seed, duration_s)
     airspeed = 28.0 + 0.5 * gusts(rng, time, 0.05, 0.5)
     roll, pitch = (
@@ -61,7 +61,7 @@ def cruise(seed: int, duration_s: float = 100.0) -> Cyclogram:
 
 
 def turns(seed: int, duration_s: float = 100.0) -> Cyclogram:
-    """Return steep turns to alternate sides at 30 m/s: bank of 40…50°, pulled and coordinated."""
+    """Return steep coordinated turns to alternating sides at 30 m/s, with a bank of 40…50°."""
     rng, time = _begin(seed, duration_s)
     starts = np.arange(0.05, 0.9, 0.15) + rng.uniform(-0.01, 0.01, 6)
     sides = rng.choice([-1.0, 1.0]) * np.resize([1.0, -1.0], starts.size)
@@ -84,7 +84,7 @@ def turns(seed: int, duration_s: float = 100.0) -> Cyclogram:
 
 
 def gusty(seed: int, duration_s: float = 100.0) -> Cyclogram:
-    """Return flight at 26 m/s through heavy gusts: large, quick, incessant corrections."""
+    """Return flight at 26 m/s through heavy gusts: large, fast, continuous corrections."""
     rng, time = _begin(seed, duration_s)
     airspeed = 26.0 + 2.5 * gusts(rng, time, 0.1, 1.5)
     roll, pitch = (np.radians(10.0) * gusts(rng, time, 0.05, 0.5) for _ in range(2))
@@ -95,7 +95,7 @@ def gusty(seed: int, duration_s: float = 100.0) -> Cyclogram:
 
 
 def landing(seed: int, duration_s: float = 100.0) -> Cyclogram:
-    """Return an approach at 20 m/s, flare, touch-down and roll-out to rest, where all stands still."""
+    """Return an approach at 20 m/s, flare, touch-down and roll-out to standstill."""
     rng, time = _begin(seed, duration_s)
     phase = time / duration_s
     flare, braked, stopped = ramp(phase, 0.60, 0.66), ramp(phase, 0.68, 0.85), ramp(phase, 0.86, 0.88)
@@ -143,7 +143,7 @@ def _flown(
     pitch: Array,
     yaw: Array,
 ) -> Cyclogram:
-    """Close a cyclogram: dead band, travel, opposed ailerons, and the altitude that the pitch gives."""
+    """Complete a cyclogram: dead band, travel limits, opposed ailerons, and altitude from pitch."""
     commands = {s: np.radians(np.clip(held(degrees[s], _DEAD_BAND_DEG), -25.0, 25.0)) for s in SURFACES}
     if name != "preflight":
         commands["aileron_right"] = -commands["aileron_left"]

@@ -1,4 +1,4 @@
-"""What an actuator does: its motion under a command, a load and its degradation."""
+"""The motion of an actuator under a command, a load and a degradation."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ __all__ = ["CONTROL_PERIOD_S", "MOVING_RAD_S", "STEP_S", "Degradation", "Motion"
 
 CONTROL_PERIOD_S = 1e-3
 STEP_S = 1e-4
-MOVING_RAD_S = radians(0.1)  # slower is the controller's last creep into friction
+MOVING_RAD_S = radians(0.1)  # slower motion is the controller's final creep into friction
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Degradation:
-    """How an actuator departs from its healthy constants over time; arrays of shape (n,).
+    """Deviations of an actuator from its healthy constants over time; arrays of shape (n,).
 
     Attributes
     ----------
     torque_factor, resistance_factor
-        Multiply N·k_t (and so the back-EMF) and R.
+        Factors on N·k_t (and thus on the back-EMF) and R.
     sag
         Supply voltage lost, V.
     sensor_bias
-        Error of the output shaft's position sensor, rad; the controller believes the sensor.
+        Error of the output shaft's position sensor, rad; the controller uses the sensor.
     backlash
-        Play beyond the gearbox's own, rad.
+        Additional play of the gearbox, rad.
     jam
-        Torque with which the output shaft is held, N·m, at rest as in motion.
+        Torque that holds the output shaft, N·m, at rest and in motion.
     """
 
     torque_factor: Array
@@ -53,24 +53,25 @@ class Degradation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """What the actuator did, one row per control period (1 ms); every array has shape (n,).
+    """Motion of an actuator, one row per control period (1 ms); every array has shape (n,).
 
     Attributes
     ----------
     command, angle
-        Output shaft, rad.
+        Commanded and true angle of the output shaft, rad.
     speed
-        Output shaft, rad/s; exactly zero while friction holds the shaft.
+        Speed of the output shaft, rad/s; exactly zero while friction holds the shaft.
     rotor_angle, rotor_speed
-        Rotor, divided by the gear ratio; equal to the output shaft's if the gear is rigid.
+        Angle and speed of the rotor divided by the gear ratio; with a rigid gear, equal to the output
+        shaft's.
     current, voltage
-        At the motor's terminals, A and V.
+        Current and voltage at the motor's terminals, A and V.
     load
         Hinge moment T_ext, N·m, positive against motion towards positive angles.
     friction
         Coulomb friction T_c, N·m.
     degradation
-        Everything else that was not as in a healthy actuator.
+        All other deviations from a healthy actuator.
     """
 
     time_s: Array
@@ -87,7 +88,7 @@ class Motion:
 
     @property
     def moving_fraction(self) -> float:
-        """Share of the time in which the output shaft turned faster than :data:`MOVING_RAD_S`."""
+        """Fraction of the time in which the output shaft is faster than :data:`MOVING_RAD_S`."""
         return float(np.mean(np.abs(self.speed) > MOVING_RAD_S))
 
 
@@ -102,7 +103,7 @@ def simulate(
     control_period_s: float = CONTROL_PERIOD_S,
     step_s: float = STEP_S,
 ) -> Motion:
-    """Drive an actuator from rest through a cyclogram.
+    """Simulate an actuator over a cyclogram, from rest.
 
     Parameters
     ----------
@@ -115,14 +116,14 @@ def simulate(
     load_slope, load_offset
         Hinge moment = slope·angle + offset, N·m/rad and N·m, shape (n,).
     degradation
-        Healthy if omitted.
+        Degradation; healthy if omitted.
     control_period_s, step_s
-        The controller acts once per period; physics take whole steps within it.
+        Control period, and integration step, of which a period contains an integer number.
 
     Raises
     ------
     ValueError
-        If a rigid gear is to have backlash, or arrays differ in length.
+        If a rigid gear has backlash, or arrays differ in length.
 
     Examples
     --------

@@ -32,7 +32,7 @@ class PlannedCondition(_Strict):
     Attributes
     ----------
     severity
-        In the fault's unit.
+        Severity in the fault's unit.
     onset, at_s
         ``constant``, ``step`` at ``at_s``, or ``growing`` from ``at_s`` to the end.
     """
@@ -67,23 +67,23 @@ class PlannedCondition(_Strict):
 
 
 class Plan(_Strict):
-    """What a campaign flies; every combination of cyclogram, condition and seed once.
+    """The flights of a campaign: every combination of cyclogram, condition and seed once.
 
     Attributes
     ----------
     seed, seeds
-        First seed, and how many flights of each combination.
+        First seed, and number of flights of each combination.
     paired
-        Whether all combinations share their seeds (the same pilot and gusts in every condition) or
-        each flight has a seed of its own.
+        Whether all combinations share their seeds (the same pilot and gusts in every condition), or
+        each flight has its own seed.
     model
         ``single-mass`` or ``two-mass``.
     individuals
-        Whether each flight has actuators of its own, or all have the data sheet's.
+        Whether each flight has individual actuators, or all use the data sheet's.
     surfaces
-        On which the condition acts.
+        Surfaces with the condition.
     tiers
-        How the actuators are reported; see :mod:`mavhums_sim.tiers`.
+        Telemetry tiers of the actuators; see :mod:`mavhums_sim.tiers`.
     data_sheet
         The type of actuator; Table 1 of the paper by default.
     rates, link
@@ -164,7 +164,7 @@ def load_plan(path: Path) -> Plan:
     OSError
         If the file cannot be read.
     ValueError
-        If it is no TOML, describes a flight twice, or an entry is unknown or impossible; one line names it.
+        If it is not TOML, describes a flight twice, or has an unknown or impossible entry.
     """
     try:
         plan = Plan.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))

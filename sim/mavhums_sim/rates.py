@@ -1,4 +1,4 @@
-"""How often the aircraft sends what."""
+"""Message rates of the aircraft."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ __all__ = ["Rates"]
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Messages per second of each stream, jittered by up to ±20 % of a period; 0 is never.
+    """Messages per second of each stream, with jitter up to ±20 % of a period; 0 disables a stream.
 
     Attributes
     ----------
     attitude, air_data, battery, servo_output, esc
-        ATTITUDE, VFR_HUD, BATTERY_STATUS, SERVO_OUTPUT_RAW and the ESC messages. The actuator's own
-        telemetry has its rate in ``Flight.rate_hz``.
+        Rates of ATTITUDE, VFR_HUD, BATTERY_STATUS, SERVO_OUTPUT_RAW and the ESC messages.
+        ``Flight.rate_hz`` is the rate of the actuator's own telemetry.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Replay of a real log: its servo commands and airspeed drive the actuators.
+"""Replay of a real log: its servo commands and airspeed drive the simulated actuators.
 
-So that real flying, not ours, decides how much they move and against what.
+Motion and load of the actuators are then those of a real flight.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ _WANTED = ["SERVO_OUTPUT_RAW", "VFR_HUD", "ATTITUDE", "PARAM_VALUE"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replay:
-    """A log made into a cyclogram.
+    """A log converted to a cyclogram.
 
     Attributes
     ----------
     channels
-        Servo output that drives each surface; surfaces without one stand at 0°.
+        Servo output of each surface; surfaces without one stay at 0°.
     rate_hz
         Commands per second in the log; between them they are interpolated.
     """
@@ -59,23 +59,23 @@ class Replay:
 def replay(path: Path, channels: Mapping[str, int] | None = None, between: Between = "linear") -> Replay:
     """Read the commands, airspeed and attitude of a ``.tlog``.
 
-    A pulse of 1500 µs (or SERVOn_TRIM) ±500 µs is ±60° of the servo. Angle of attack is pitch less
-    flight path angle, cut at ±15°; sideslip is unknown and taken as zero.
+    A pulse of 1500 µs (or SERVOn_TRIM) ±500 µs is ±60° of the servo. Angle of attack is pitch minus
+    flight path angle, limited to ±15°; sideslip is unknown and assumed zero.
 
     Parameters
     ----------
     channels
-        Servo output (1…16) per surface; by default as the log's SERVOn_FUNCTION parameters say.
+        Servo output (1…16) per surface; by default according to the log's SERVOn_FUNCTION parameters.
     between
-        What happens between two commands: ``linear`` joins them, ``hold`` keeps the last. The truth
-        lies between, for autopilots command faster than logs record.
+        Interpolation between two commands: ``linear``, or ``hold`` for the last one. The true command
+        lies between these, because autopilots command faster than logs record.
 
     Raises
     ------
     OSError
         If the file cannot be read.
     ValueError
-        If it holds no servo outputs, or nothing says which output drives a surface.
+        If it has no servo outputs, or no output is assigned to a surface.
     """
     log = _read(path)
     if len(log.servo) < 2:
@@ -129,7 +129,7 @@ class _Log:
 
 
 def _read(path: Path) -> _Log:
-    """Read the messages of the vehicle that reports most servo outputs."""
+    """Messages of the vehicle with the most servo output messages."""
     by_vehicle: dict[tuple[int, int], _Log] = {}
     outputs: Counter[tuple[int, int]] = Counter()
     connection = mavutil.mavlogfile(str(path))
@@ -169,7 +169,7 @@ def _channels(parameters: Mapping[str, float]) -> dict[str, int]:
 
 
 def _increasing(times: Array) -> NDArray[np.bool_]:
-    """Which samples are later than all before them."""
+    """Return which samples are later than all earlier ones."""
     later = np.ones(times.size, dtype=np.bool_)
     later[1:] = times[1:] > np.maximum.accumulate(times)[:-1]
     return later

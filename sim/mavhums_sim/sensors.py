@@ -1,7 +1,7 @@
-"""What sensors and telemetry see of an actuator: V1…V12 at jittered times, with noise.
+"""Sensors and telemetry of an actuator: V1…V12 at jittered times, with noise.
 
-Sampling at exact multiples of the control period would lock the samples' phase to the
-controller's and bias every average; real links jitter, and so does this one.
+Sampling at exact multiples of the control period would lock the samples to the controller's phase
+and bias every average; the sample times therefore have jitter, as on real links.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mavhums_sim.motion import Motion
 __all__ = ["ELECTRONICS_A", "EscSide", "SensorNoise", "sample_times", "sense", "sense_esc"]
 
 EscSide = Literal["motor", "bus"]
-ELECTRONICS_A = 0.05  # what the electronics of one actuator draw from the bus
+ELECTRONICS_A = 0.05  # bus current of the electronics of one actuator
 
 Array = NDArray[np.float64]
 
@@ -57,9 +57,9 @@ def sense(
 ) -> Array:
     """Return V1…V12 at ``times``, shape (n, 12), in the paper's units and signs.
 
-    Products and quotients (V6, V8, V9, V10, V12) are formed from the sensed values, as the
-    paper's are: V8 = k_t·V5 with the data sheet's k_t, V10 = V7/N with what the elastic gear adds.
-    V2 and V7 are the rotor's, V3 is the output shaft's sensor with its bias.
+    Products and quotients (V6, V8, V9, V10, V12) are computed from the measured values, as in the
+    paper: V8 = k_t·V5 with the data sheet's k_t, V10 = V7/N plus the motion of the elastic gear.
+    V2 and V7 are the rotor's, V3 is from the output shaft's sensor with its bias.
     """
 
     def read(signal: Array, deviation: float | None) -> Array:
@@ -94,9 +94,9 @@ def sense_esc(
 ) -> Array:
     """Return voltage, V, current, A, and speed, rev/min, as the actuator's ESC reports them, shape (n, 3).
 
-    On the ``motor`` side they are V4, V5 and V7. On the ``bus`` side the voltage is the supply less
-    its sag, and the current what the motor's power takes from it, I = U_s·I_s/V_bus, and the
-    electronics' own; a braking motor feeds current back.
+    On the ``motor`` side they are V4, V5 and V7. On the ``bus`` side the voltage is the supply minus
+    its sag, and the current is the motor's, I = U_s·I_s/V_bus, plus that of the electronics; a braking
+    motor feeds current back.
     """
     sensed = values[:, [3, 4, 6]].copy()
     if side == "bus":

@@ -1,4 +1,4 @@
-"""The flight live: its frames over a link, when they are due."""
+"""Live streaming of a flight: sends its frames over a link in real time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _URL = re.compile(r"(udpout|udpbcast|tcp|tcpin):[^:\s]+:\d{1,5}")
 
 @contextmanager
 def connect(url: str) -> Iterator[Callable[[bytes], object]]:
-    """Open a pymavlink connection and give its ``write``.
+    """Open a pymavlink connection and return its ``write``.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def connect(url: str) -> Iterator[Callable[[bytes], object]]:
     ValueError
         If the address has none of these forms.
     OSError
-        If nothing answers there.
+        If the address does not answer.
     """
     if not _URL.fullmatch(url):
         raise ValueError(f"{url!r} is not udpout:HOST:PORT, udpbcast:…, tcp:… or tcpin:…")
@@ -49,12 +49,12 @@ def stream(
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], object] = time.sleep,
 ) -> dict[str, int]:
-    """Write each frame when it is due and return the number of messages by type.
+    """Write each frame at its time and return the number of messages by type.
 
     Parameters
     ----------
     speed
-        Flight seconds per second; above what the machine can send it sends as fast as it can.
+        Flight seconds per second, limited by the speed of the machine.
     """
     counts: dict[str, int] = {}
     begin = clock()

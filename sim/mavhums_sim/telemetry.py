@@ -1,4 +1,4 @@
-"""The log that the flight leaves: MAVLink 2 messages in a ``.tlog``, written with pymavlink.
+"""Writer of the telemetry log: MAVLink 2 messages in a ``.tlog``, written with pymavlink.
 
 Record of a ``.tlog``: u64 big-endian microseconds of UTC at reception, then the frame.
 """
@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 BOARD = "SimBoard 4D415648 554D5353 494D0001"
-"""What the autopilot says of its board: its type and its unique id."""
+"""The autopilot's board type and unique id."""
 
 _FUNCTIONS = {"aileron_left": 4, "aileron_right": 4, "elevator": 19, "rudder": 21}
 
@@ -125,7 +125,7 @@ def _heartbeat() -> Message:
 
 
 def parameters() -> list[tuple[str, float]]:
-    """Return the autopilot's parameters that the aircraft tells."""
+    """Return the autopilot's parameters that the aircraft reports."""
     rows = []
     for servo, surface in enumerate(SURFACES, start=1):
         for key, value in (

@@ -1,4 +1,4 @@
-"""How an aircraft reports its actuators: the telemetry tiers, alone or together.
+"""The telemetry tiers by which an aircraft reports its actuators, alone or together.
 
 instrumented
     DEBUG_FLOAT_ARRAY named EMA with V1…V12 (one message per servo).
@@ -40,7 +40,7 @@ Message = Any
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One message type: when it is sent, s, and how its k-th message is built."""
+    """One message type: times of sending, s, and a function that builds its k-th message."""
 
     times: Array
     build: Callable[[int], Message]

@@ -1,7 +1,7 @@
-"""Checks that the actuator is the one of the data sheet, and that its physics are solved rightly.
+"""Validation: checks of the actuator against its data sheet, and of the numerical solution.
 
-Each check compares a simulation with a number known without it: the data sheet, a solution on
-paper, a conservation law, a finer step or the other friction method.
+Each check compares a simulation with an independent reference: the data sheet, an analytic solution,
+a conservation law, a finer step or the other friction method.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ class Check:
     Attributes
     ----------
     name, unit
-        What is compared, and in which unit.
+        Quantity and unit of the comparison.
     expected, measured
-        The number known, and the simulation's.
+        Reference value and simulated value.
     tolerance
-        Largest difference allowed, in ``unit``.
+        Largest allowed difference, in ``unit``.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Check:
 
 
 def validate() -> Iterator[Check]:
-    """Yield every check, as it is done."""
+    """Yield each check when it is complete."""
     for checks in CHECKS:
         yield from checks()
 
@@ -131,7 +131,7 @@ def coast_down() -> Iterator[Check]:
 
 
 def breakaway() -> Iterator[Check]:
-    """Load a resting shaft until it gives way, at T_s = 1.2·T_c."""
+    """Increase the load on a shaft at rest until it moves, at T_s = 1.2·T_c."""
     n = 4000
     dead = replace(Degradation.none(n), torque_factor=np.zeros(n))
     for method in ("impulse", "karnopp"):
@@ -171,10 +171,10 @@ def lost_motion() -> Iterator[Check]:
 
 
 def limit_cycle() -> Iterator[Check]:
-    """Without friction the play alone keeps the loop swinging, with an amplitude in proportion to it.
+    """Without friction, play causes a limit cycle with an amplitude proportional to the play.
 
-    The play is then the only length in equations that are otherwise linear, so doubling it doubles
-    the swing and leaves the period; without play the swing dies.
+    The play is the only length scale of otherwise linear equations, so doubling it doubles the
+    amplitude and keeps the period; without play the oscillation decays.
     """
     swings, periods = zip(*(_swing(play) for play in (0.0, 1.0, 2.0)), strict=True)
     yield Check("swing without backlash", 0.0, swings[0], "°", 1e-6)
@@ -212,7 +212,7 @@ def convergence() -> Iterator[Check]:
 
 
 def friction_methods() -> Iterator[Check]:
-    """Impulse and Karnopp friction move the shaft alike and draw the same current."""
+    """Impulse and Karnopp friction give the same motion and the same current."""
     for model, parameters in _MODELS.items():
         one, other = (_waves(replace(parameters, friction_method=m), 1e-4) for m in ("impulse", "karnopp"))
         angle = np.degrees(sqrt(np.mean((one.angle - other.angle) ** 2)))
@@ -224,7 +224,7 @@ def friction_methods() -> Iterator[Check]:
 
 
 def stiff_gear() -> Iterator[Check]:
-    """Two masses on a stiff gear without play move as the one mass of their sum."""
+    """Two masses with a stiff gear without play move like one mass of the same total."""
     gear = Gearbox(stiffness=40_000.0, damping=15.0, backlash=0.0, surface_inertia=0.0)
     rigid, stiff = (_waves(p, 1e-5) for p in (_ONE, _ONE.two_masses(gear)))
     angle = np.degrees(sqrt(np.mean((rigid.angle - stiff.angle) ** 2)))
@@ -232,7 +232,7 @@ def stiff_gear() -> Iterator[Check]:
 
 
 def _waves(parameters: EmaParameters, step_s: float) -> Motion:
-    """Ten seconds of two superposed waves against a hinge moment that grows with the deflection."""
+    """Return ten seconds of two superposed sines with a hinge moment proportional to the deflection."""
     n = 10_000
     time = np.arange(n) * 1e-3
     command = np.radians(15.0 * np.sin(2 * pi * 0.25 * time) + 5.0 * np.sin(2 * pi * 0.63 * time))

@@ -84,7 +84,7 @@ def test_several_messages_are_a_file_each(run: Run, short_log: Path, tmp_path: P
 @pytest.mark.parametrize(
     ("output", "arguments", "code", "message"),
     [
-        ("t.xls", [], ExitCode.ERROR, "end it in .parquet or .csv"),
+        ("t.xls", [], ExitCode.ERROR, "use the extension .parquet or .csv"),
         ("t.csv", ["--messages", "ATITUDE"], ExitCode.ERROR, "did you mean ATTITUDE?"),
         ("t.csv", ["--messages", "ATTITUDE,XYZ"], ExitCode.ERROR, "holds no message XYZ"),
         ("t.csv", ["--messages", "ATTITUDE", "--airframe", "paper"], ExitCode.USAGE, "--airframe is for"),
@@ -190,4 +190,4 @@ def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
     assert card["selection"]["selected"] == list(model.card.selection.selected)
     outcome = run("model", "show", tmp_path / "none")
     assert outcome.code == ExitCode.ERROR
-    assert "no model to be read" in outcome.err
+    assert "no readable model file" in outcome.err

@@ -20,7 +20,7 @@ def test_compiling_is_announced_once(
     announce_compiling()
     assert capsys.readouterr().err == ""
     for _ in range(3):
-        compiling.tell()
+        compiling.notify()
     assert capsys.readouterr().err.count("compiling its inner loops for this machine, once") == 1
 
 

@@ -87,7 +87,7 @@ def test_the_table_has_a_row_for_each_flight(run: Run, worn: Path, tmp_path: Pat
     pd.testing.assert_frame_equal(pd.read_parquet(parquet), read, check_dtype=False)
     bad = run("trend", worn, "-o", tmp_path / "t.xlsx")
     assert bad.code == ExitCode.ERROR
-    assert "end it in .parquet or .csv" in bad.err
+    assert "use the extension .parquet or .csv" in bad.err
 
 
 def test_flights_that_could_not_be_judged_count(tmp_path: Path) -> None:

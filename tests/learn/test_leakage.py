@@ -30,7 +30,7 @@ def test_one_cyclogram_for_both_classes_does_not_leak() -> None:
 
 def test_classes_flown_differently_leak_in_the_paper_s_split() -> None:
     values, emergency, flights = flown([1], [1])
-    with pytest.warns(CommandLeakWarning, match="command tells the classes apart"):
+    with pytest.warns(CommandLeakWarning, match="command distinguishes the classes"):
         leak = check_command(np.where(emergency, values + 3, values), emergency, flights)
     assert leak.leaks
 

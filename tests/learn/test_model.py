@@ -102,7 +102,7 @@ def test_card_and_network_must_agree(tmp_path: Path, network: Network, card: Car
 
 @pytest.mark.parametrize("name", ["absent", "", "nul\0"])
 def test_a_missing_file_is_named_with_the_remedy(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ModelError, match=r"no model to be read there.*mavhums train") as caught:
+    with pytest.raises(ModelError, match=r"no readable model file.*mavhums train") as caught:
         load_model(f"{tmp_path}/{name}")
     assert str(tmp_path) in caught.value.problem
 

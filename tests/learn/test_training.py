@@ -193,9 +193,9 @@ def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Pa
         ({"emergency": np.zeros(480)}, "emergency must be one boolean for each sample"),
         ({"emergency": np.zeros(479, dtype=bool)}, "emergency must be one boolean"),
         ({"flights": np.zeros(3)}, "flights must be one number for each sample"),
-        ({"networks": 0}, "at least one network"),
-        ({"hidden": ()}, "at least one network"),
-        ({"emergency": np.zeros(480, dtype=bool)}, "each class needs samples enough"),
+        ({"networks": 0}, "networks must be at least 1"),
+        ({"hidden": ()}, "networks must be at least 1"),
+        ({"emergency": np.zeros(480, dtype=bool)}, "each class needs enough samples"),
         ({"keys": ("V5", "V0")}, "not in tuple"),
     ],
 )

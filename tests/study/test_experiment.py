@@ -10,16 +10,16 @@ from mavhums.study.published import CONDITIONS, TABLE_4, TABLE_5, TEST_NM, TRAIN
 
 
 def test_the_decision_in_motion_is_kept_through_standstill() -> None:
-    said = np.array([1, 1, 0, 1, 1, 1, 0], dtype=bool)
+    decisions = np.array([1, 1, 0, 1, 1, 1, 0], dtype=bool)
     moving = np.array([0, 1, 1, 0, 0, 1, 0], dtype=bool)
-    decision, decided = held_decision(said, moving)
+    decision, decided = held_decision(decisions, moving)
     assert decided.tolist() == [False, True, True, True, True, True, True]
     assert decision[1:].tolist() == [True, False, False, False, True, True]
 
 
 def test_a_majority_of_the_last_votes_decides() -> None:
-    said = np.array([1, 1, 1, 0, 0, 0], dtype=bool)
-    decision, _ = held_decision(said, np.ones(6, dtype=bool), votes=3)
+    decisions = np.array([1, 1, 1, 0, 0, 0], dtype=bool)
+    decision, _ = held_decision(decisions, np.ones(6, dtype=bool), votes=3)
     assert decision.tolist() == [True, True, True, True, False, False]
 
 
@@ -30,9 +30,9 @@ def test_a_majority_of_the_last_votes_decides() -> None:
 def test_what_follows_never_changes_a_decision(
     rows: list[tuple[bool, bool]], votes: int, data: st.DataObject
 ) -> None:
-    said, moving = (np.array(part) for part in zip(*rows, strict=True))
+    decisions, moving = (np.array(part) for part in zip(*rows, strict=True))
     cut = data.draw(st.integers(1, len(rows)))
-    whole, part = held_decision(said, moving, votes), held_decision(said[:cut], moving[:cut], votes)
+    whole, part = held_decision(decisions, moving, votes), held_decision(decisions[:cut], moving[:cut], votes)
     np.testing.assert_array_equal(whole[0][:cut], part[0])
     np.testing.assert_array_equal(whole[1][:cut], part[1])
 

@@ -1,8 +1,8 @@
-"""Where quantities come from: one telemetry tier a file, each found by itself.
+"""Sources of quantities: one telemetry tier per module, discovered automatically.
 
 A source is a module with ``MESSAGES``, the message types that it reads, and
 ``read(tables, actuators, clocks)``, which yields a :class:`~mavhums.actuator.readings.Reading` for
-each vehicle and actuator. Their order is that of their trust, the best first.
+each vehicle and actuator. The sources are ordered by trust, best first.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ __all__ = ["SOURCES", "Source"]
 
 
 class Source(Protocol):
-    """What a module of this package offers."""
+    """The interface of the modules of this package."""
 
     MESSAGES: frozenset[str]
 
     def read(
         self, tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks
     ) -> Iterator[Reading]:
-        """Yield what these messages tell of the actuators."""
+        """Yield the readings of the actuators in these messages."""
         ...
 
 

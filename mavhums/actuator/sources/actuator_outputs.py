@@ -1,7 +1,7 @@
 """The pwm tier of a ULog: the topic actuator_outputs, sixteen outputs of each driver.
 
-Its multi ids follow the order in which drivers start: in it, as in SERVO_OUTPUT_RAW's ports, 0 is taken
-for the outputs MAIN (servos 1–16), 1 for AUX (17–32), 2 for UAVCAN (33–48).
+Its multi ids follow the order in which drivers start. As with SERVO_OUTPUT_RAW's ports, 0 is assumed to be
+the MAIN outputs (servos 1–16), 1 AUX (17–32), 2 UAVCAN (33–48).
 """
 
 from __future__ import annotations
@@ -13,19 +13,21 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading
+from mavhums.actuator.sources import pwm
 from mavhums.actuator.sources.pwm import commands
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"actuator_outputs"})
+TIER = pwm.TIER
 
 _PER_DRIVER = 16
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
-    """Yield a reading for each vehicle and servo with a pulse, if the profile tells its travel."""
+    """Yield a reading for each vehicle and servo with a pulse, if the profile has its travel."""
     table = tables.get("actuator_outputs")
     if table is None or not table.holds({"output": _PER_DRIVER}):
         return

@@ -1,4 +1,4 @@
-"""Fields that the profile maps to quantities itself: any message, any field."""
+"""Source for the fields that a profile maps to quantities: any message, any field."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TIMES = (("time_usec", 1), ("time_boot_ms", 1000))
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
-    """Yield a reading for each vehicle, actuator and kind of message that its quantities come from."""
+    """Yield a reading for each vehicle, actuator and mapped message."""
     utc_us: dict[str, NDArray[np.int64]] = {}
     for actuator in actuators:
         for mappings in _by_message(actuator):
@@ -36,7 +36,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
 
 
 def _by_message(actuator: Actuator) -> list[dict[str, FieldMapping]]:
-    """Return the mappings by quantity, those together whose fields the same messages carry."""
+    """Return the mappings by quantity, grouped by message."""
     kinds: dict[tuple[str, str], dict[str, FieldMapping]] = {}
     for key, mapping in actuator.fields.items():
         kinds.setdefault((mapping.message, repr(mapping.where)), {})[key] = mapping

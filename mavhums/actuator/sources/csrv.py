@@ -1,12 +1,12 @@
-"""The csrv tier: ArduPilot's record of what a servo tells of itself, in a DataFlash log.
+"""The csrv tier: ArduPilot's record of servo telemetry in a DataFlash log.
 
-The servo fills what it knows and leaves the rest NaN: a serial Volz position, command, voltage and
-current; a DroneCAN servo position, torque and speed. Its number is the output counted from 0 where the
-autopilot itself speaks to the servo, which its own command in the row shows, and from 1 on DroneCAN,
-whose servos do not repeat the command. A profile's ``csrv`` overrides that.
+The servo fills the fields that it measures; the others are NaN. A serial Volz servo gives position, command,
+voltage and current; a DroneCAN servo gives position, torque and speed. The servo number is the output counted
+from 0 if the autopilot itself drives the servo (the record then has its command), and from 1 on DroneCAN,
+whose servos do not repeat the command. A profile's ``csrv`` overrides this.
 
-ArduPilot before 4.7 logs no command and hands on the bus's radians. Voltage and current are those
-of the servo's supply, unless the profile says that they are the motor's.
+ArduPilot before 4.7 logs no command and gives the angle in radians. Voltage and current are those
+of the servo's supply, unless the profile assigns them to the motor.
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"CSRV"})
+TIER = Tier("csrv", "V1, V3, V4, V5, V10 and V11, as far as the servo reports them")
 
 _DEGREES = {
     "PosCmd": ("V1", 1.0),

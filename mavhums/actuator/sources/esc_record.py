@@ -1,6 +1,6 @@
-"""The esc-unsigned tier of a DataFlash log: ESC, one record per ESC, told apart by ``Instance``.
+"""The esc-unsigned tier of a DataFlash log: ESC, one record per ESC, identified by ``Instance``.
 
-Most ESCs report magnitudes, and no record says which do; so all are taken for magnitudes.
+Most ESCs report magnitudes, and no record distinguishes them, so all values are treated as magnitudes.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.sources import esc_unsigned
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"ESC"})
+TIER = esc_unsigned.TIER
 
 _FIELDS = {"V4": "Volt", "V5": "Curr", "V7": "RPM"}
 _COLUMNS = [column(key) for key in _FIELDS]

@@ -1,4 +1,4 @@
-"""The esc-signed tier: ESC_STATUS (291), speed, voltage and current of four ESCs, with their signs.
+"""The esc-signed tier: ESC_STATUS (291), signed speed, voltage and current of four ESCs.
 
 PX4 is known to repeat ESCs 0–3 in the batch whose index is 4; such a repetition is ignored.
 """
@@ -12,13 +12,19 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"ESC_STATUS"})
+TIER = Tier(
+    "esc-signed",
+    "V4, V5 and V7 with their signs, where an ESC drives a servo and no propeller",
+    from_esc=True,
+)
 
 _BATCH = 4
 _FIELDS = {"V4": "voltage", "V5": "current", "V7": "rpm"}
@@ -55,7 +61,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
 
 
 def _repeated(table: Table) -> NDArray[np.bool_]:
-    """Return which batches say the same, at the same time, as the batch just before them."""
+    """Return which batches repeat the time and values of the previous batch, shape (n,)."""
     repeated = np.zeros(len(table), dtype=bool)
     if len(table) > 1:
         same = table["index"][1:] != table["index"][:-1]

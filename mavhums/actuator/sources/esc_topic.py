@@ -1,6 +1,6 @@
 """The esc-signed tier of a ULog: the topic esc_status, up to eight ESCs in one record.
 
-An ESC that has told nothing yet has the time stamp 0.
+An ESC that has not yet reported has the time stamp 0.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.sources import esc_signed
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"esc_status"})
+TIER = esc_signed.TIER
 
 _FIELDS = {"V4": "esc_voltage", "V5": "esc_current", "V7": "esc_rpm"}
 _COLUMNS = [column(key) for key in _FIELDS]

@@ -1,6 +1,6 @@
 """The esc-unsigned tier: ESC_TELEMETRY_a_TO_b (11030–11032, 11040–11044), magnitudes only.
 
-10 mV, 10 mA and 1 rev/min, no sender's time. A row of zeros is an ESC that is not there.
+Resolutions are 10 mV, 10 mA and 1 rev/min; there is no sender time. A row of zeros is an absent ESC.
 """
 
 from __future__ import annotations
@@ -12,15 +12,19 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 _BATCH = 4
 _NAMES = tuple(f"ESC_TELEMETRY_{first}_TO_{first + _BATCH - 1}" for first in range(1, 33, _BATCH))
 MESSAGES = frozenset(_NAMES)
+TIER = Tier(
+    "esc-unsigned", "magnitudes of V4, V5 and V7, where an ESC drives a servo and no propeller", from_esc=True
+)
 
 _FIELDS = {"V4": "voltage", "V5": "current", "V7": "rpm"}
 _COLUMNS = [column(key) for key in _FIELDS]
@@ -52,6 +56,6 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) 
 
 
 def _values(table: Table) -> NDArray[np.float64]:
-    """Return voltage, current and speed of the four ESCs, V, A, rev/min, shape (n, 4, 3)."""
+    """Return voltage (V), current (A) and speed (rev/min) of the four ESCs, shape (n, 4, 3)."""
     parts = [table[field] * unit for field, unit in zip(_FIELDS.values(), _UNITS, strict=True)]
     return np.stack(parts, axis=2)

@@ -1,8 +1,8 @@
-"""The pwm tier: the commanded pulse, through the profile's calibration, is V1 and nothing more.
+"""The pwm tier: the commanded pulse, converted by the profile's calibration, gives only V1.
 
 SERVO_OUTPUT_RAW (36), whose ``port`` 0 and 1 are servos 1–16 and 17–32 and whose 32-bit time starts
-anew every 71.6 min; or ACTUATOR_OUTPUT_STATUS (375). The pulse already contains a reversal. What PX4
-sends to servos on UAVCAN, here 33–48, is no pulse but a number from 0 to 1000.
+anew every 71.6 min; or ACTUATOR_OUTPUT_STATUS (375). The pulse already contains a reversal. For servos on
+UAVCAN, here 33–48, PX4 sends a number from 0 to 1000 instead of a pulse.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "commands", "read"]
+__all__ = ["MESSAGES", "TIER", "commands", "read"]
 
 MESSAGES = frozenset({"SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS"})
+TIER = Tier("pwm", "V1, the command, alone", judged=False)
 
 _PER_PORT = 16
 _PER_STATUS = 32
@@ -28,7 +30,7 @@ _UAVCAN = (0.0, 1000.0)
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
-    """Yield a reading for each vehicle and servo with a pulse, if the profile tells its travel."""
+    """Yield a reading for each vehicle and servo with a pulse, if the profile has its travel."""
     moved = [actuator for actuator in actuators if actuator.travel_deg is not None]
     raw = tables.get("SERVO_OUTPUT_RAW")
     if raw is not None:
@@ -52,7 +54,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
 def commands(
     table: Table, pulse_us: NDArray[np.float64], field: str, actuator: Actuator, utc_us: NDArray[np.int64]
 ) -> Iterator[Reading]:
-    """Yield a reading of V1 for each vehicle; ``pulse_us`` (n,) is what an output was told, µs."""
+    """Yield a reading of V1 for each vehicle; ``pulse_us`` (n,) is the commanded pulse, µs."""
     low_deg, high_deg = actuator.travel_deg or (0.0, 0.0)
     least, most = _PULSES_US if actuator.servo <= _PER_STATUS else _UAVCAN
     there = (pulse_us >= least) & (pulse_us <= most)

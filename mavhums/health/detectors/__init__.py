@@ -1,1 +1,1 @@
-"""One module for each fault, with a class named ``Detector``; found by themselves."""
+"""Detectors: one module per fault, with a class named ``Detector``, discovered automatically."""

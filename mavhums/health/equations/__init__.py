@@ -1,4 +1,4 @@
-"""The equations that an actuator's samples obey; detectors read their coefficients.
+"""The equations of an actuator's samples; detectors read their coefficients.
 
 An equation is a module with ``TERMS``, ``prior(actuator)`` and ``terms(actuator, motion)``.
 """

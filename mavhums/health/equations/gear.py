@@ -1,10 +1,10 @@
-"""What the gear takes up between rotor and output shaft, both of whose angles are measured.
+"""Backlash and wind-up of the gear, from measured angles of rotor and output shaft.
 
     V3 - V2/N = -β/2·sgn(T) - T/k - f·sgn(ω) + bias
 
-T is the load V11, β the backlash, k the stiffness; f is the wind-up by the output bearings' friction, from
-nothing to that of all the normal friction. A small load that drives the motion may leave the teeth on
-either flank; one that opposes it never does.
+T is the load V11, β the backlash, k the stiffness; f is the wind-up by the friction of the output bearings,
+between zero and the wind-up by the whole normal friction. With a small load that assists the motion the teeth
+may be on either flank; with a load that opposes it the flank is certain.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ __all__ = ["LEAST_SLOTS", "TERMS", "prior", "terms"]
 
 TERMS = ("flank", "twist", "drag", "bias")
 LEAST_SLOTS = 3
-"""In how many slots the load must press on either flank: fewer do not show how sure they are."""
+"""Minimum number of slots with load on either flank; fewer give no reliable error."""
 _V2, _V3, _V11 = column("V2"), column("V3"), column("V11")
 
 Array = NDArray[np.float64]
 
 
 def prior(actuator: Actuator) -> Prior:
-    """Return what is known of flank and wind-up by friction: between nothing and what could be.
+    """Return the prior of backlash and wind-up: between zero and their largest plausible values.
 
-    Play reaches to twice its limit, either half of it to a flank; wind-up to that of the normal friction.
+    Backlash is at most twice its limit, half of it on either flank; wind-up is at most that of the normal
+    friction.
     """
     limits, stiffness = actuator.known_limits(), actuator.known_ema().stiffness
     flank = _up_to(-limits.backlash_deg if limits.backlash_deg else None)
@@ -40,12 +41,12 @@ def prior(actuator: Actuator) -> Prior:
 
 
 def _up_to(most: float | None) -> tuple[float, float]:
-    """Return mean and deviation of what lies anywhere between zero and ``most``; None: anywhere at all."""
+    """Return mean and deviation for a value between zero and ``most``; None means unbounded."""
     return (0.0, np.inf) if most is None else (most / 2, abs(most) / np.sqrt(12.0))
 
 
 def terms(actuator: Actuator, motion: Motion) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return terms (n, 4), left side (n,), °, and which samples can be used."""
+    """Return terms (n, 4), left side (n,), °, and the mask of usable samples (n,)."""
     values, load = motion.values, motion.values[:, _V11]
     angle = values[:, _V3] - values[:, _V2] / actuator.known_ema().gear_ratio
     X = np.stack([np.sign(load), load, np.sign(motion.speed), np.ones(len(load))], axis=1)

@@ -1,4 +1,4 @@
-"""The voltage of the actuator's supply, where its ESC measures it at the bus: a constant."""
+"""The supply voltage of the actuator, a constant, for an ESC that measures at the bus."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 
 
 def prior(actuator: Actuator) -> Prior:
-    """Return that nothing is known of the voltage."""
+    """Return an uninformative prior."""
     return Prior(np.zeros(1), np.full(1, np.inf))
 
 
 def terms(actuator: Actuator, motion: Motion) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return terms (n, 1), left side (n,), V, and which samples can be used."""
+    """Return terms (n, 1), left side (n,), V, and the mask of usable samples (n,)."""
     return np.ones((len(motion.bus_v), 1)), motion.bus_v, np.isfinite(motion.bus_v)

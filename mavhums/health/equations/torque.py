@@ -1,10 +1,10 @@
-"""The torque balance at the output shaft, where it moves (paper, section 4).
+"""The torque balance at the moving output shaft (paper, section 4).
 
     N·k_t·V5 - V11 = T_c·sgn(ω) + N²J·dω/dt + offset + b·ω + c·V3
 
-The left side is measured; k_t is the data sheet's. Where V11 is not measured, the hinge moment is
-taken as proportional to the deflection. The inertia and the viscous drag b have priors: where
-commands come in steps, the samples show the acceleration too seldom to fit it.
+The left side is measured; k_t is from the data sheet. If V11 is not measured, the hinge moment is
+assumed proportional to the deflection. The inertia and the viscous drag b have priors: with stepwise
+commands too few samples contain the acceleration to fit it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 def prior(actuator: Actuator) -> Prior:
-    """Return what the data sheet says of the coefficients."""
+    """Return the prior of the coefficients from the data sheet."""
     ema = actuator.known_ema()
     inertia = actuator.inertia_output
     unknown = np.inf
@@ -39,7 +39,7 @@ def prior(actuator: Actuator) -> Prior:
 
 
 def terms(actuator: Actuator, motion: Motion) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return terms (n, 5), left side (n,), N·m, and which samples can be used."""
+    """Return terms (n, 5), left side (n,), N·m, and the mask of usable samples (n,)."""
     values, ema = motion.values, actuator.known_ema()
     current = values[:, _V5] * ema.torque_constant
     torque = np.where(np.isfinite(current), current, values[:, _V8]) * ema.gear_ratio

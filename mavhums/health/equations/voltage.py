@@ -1,4 +1,4 @@
-"""The voltage equation of the stator winding, its inductance left out (paper, section 4).
+"""The voltage equation of the stator winding, without inductance (paper, section 4).
 
     V4 = R·V5 + N·k_e·ω + offset
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 def prior(actuator: Actuator) -> Prior:
-    """Return what the data sheet says of the coefficients, loosely: a fault may have changed them."""
+    """Return a wide prior from the data sheet, because a fault may have changed the coefficients."""
     ema = actuator.known_ema()
     constant = ema.torque_constant * ema.gear_ratio
     return Prior(
@@ -36,7 +36,7 @@ def prior(actuator: Actuator) -> Prior:
 
 
 def terms(actuator: Actuator, motion: Motion) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return terms (n, 3), left side (n,), V, and which samples can be used."""
+    """Return terms (n, 3), left side (n,), V, and the mask of usable samples (n,)."""
     current, volts = motion.values[:, _V5], motion.values[:, _V4]
     X = np.stack([current, motion.speed, np.ones(len(volts))], axis=1)
     return X, volts, np.isfinite(X).all(axis=1) & np.isfinite(volts)

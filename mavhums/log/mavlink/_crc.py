@@ -1,8 +1,8 @@
 """CRC-16/MCRF4XX (X.25) of MAVLink frames, eight bytes at a time.
 
-The CRC is linear, so it is taken with a start value of zero, for which leading zeros do not count:
-the first word is masked instead of a tail being run byte by byte. The contribution of the real
-start value 0xFFFF depends on the length alone and comes from a table.
+The CRC is linear, so it is computed with a start value of zero, for which leading zeros have no
+effect: the first word is masked, and no tail is processed byte by byte. The contribution of the
+real start value 0xFFFF depends only on the length and comes from a table.
 Slicing: Kounavis and Berry, "A systematic approach to building high performance software-based CRC
 generators" (2005).
 """
@@ -42,7 +42,7 @@ def _slices() -> NDArray[np.uint16]:
 
 
 def _start_values() -> NDArray[np.uint16]:
-    """Return what the start value 0xFFFF contributes to the CRC of n bytes, for n = 0…265."""
+    """Return the contribution of the start value 0xFFFF to the CRC of n bytes, for n = 0…265."""
     out = np.zeros(_LONGEST + 1, dtype=np.uint16)
     out[0] = 0xFFFF
     for n in range(_LONGEST):
@@ -100,7 +100,7 @@ def _store_bytes(data: NDArray[np.uint8], index: int, word: Any) -> None:
         data[index + k] = (word >> np.uint64(8 * k)) & np.uint64(0xFF)
 
 
-# With NUMBA_BOUNDSCHECK=1 every access of the kernels is checked, these too.
+# With NUMBA_BOUNDSCHECK=1 every access of the kernels is checked, including these.
 _CHECKED = bool(getattr(config, "BOUNDSCHECK", False))
 load_word: Any = inlined(_load_bytes) if _CHECKED else intrinsic(_load_word)
 store_word: Any = inlined(_store_bytes) if _CHECKED else intrinsic(_store_word)
@@ -108,7 +108,7 @@ store_word: Any = inlined(_store_bytes) if _CHECKED else intrinsic(_store_word)
 
 @inlined
 def crc_of(data: NDArray[np.uint8], start: int, end: int) -> Any:
-    """Return the CRC of ``data[start:end]``, of at most 265 bytes, without crc_extra.
+    """Return the CRC of ``data[start:end]``, at most 265 bytes, without crc_extra.
 
     Seven bytes before ``start`` must be readable.
     """
@@ -136,15 +136,15 @@ def crc_of(data: NDArray[np.uint8], start: int, end: int) -> Any:
 
 @inlined
 def finish_crc(crc: Any, crc_extra: int) -> Any:
-    """Return the CRC after the seed of the message's definition."""
+    """Return the final CRC, after adding the message's crc_extra."""
     return (crc >> np.uint64(8)) ^ np.uint64(_T0[(crc ^ np.uint64(crc_extra)) & _BYTE])
 
 
 @kernel
 def seed_of(crc: Any, received: Any) -> int:
-    """Return the crc_extra with which ``crc`` ends in ``received``, or -1 if there is none.
+    """Return the crc_extra that turns ``crc`` into ``received``, or -1 if none does.
 
-    One of 256 damaged frames has one by chance.
+    One in 256 damaged frames has one by chance.
     """
     entry = np.uint64(received) ^ (crc >> np.uint64(8))
     index = np.uint64(_BY_HIGH_BYTE[(entry >> np.uint64(8)) & _BYTE])

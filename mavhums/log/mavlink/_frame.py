@@ -1,4 +1,4 @@
-"""Where a frame's parts lie."""
+"""Positions of the parts of a frame."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = [
 ]
 
 YES, NO, WAIT = 1, 0, -1
-"""Answers; ``WAIT`` where it lies in bytes to come."""
+"""Answers; ``WAIT`` means that more bytes are needed."""
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 HEAD_V1, HEAD_V2 = 6, 10
@@ -33,7 +33,7 @@ SIGNATURE = 13
 
 @inlined
 def frame_end(data: NDArray[np.uint8], start: int) -> int:
-    """Return where the frame at ``start`` ends, ``NO`` if none begins there, ``WAIT`` if its head is cut."""
+    """Return the end of the frame at ``start``, ``NO`` if there is none, ``WAIT`` if its header is cut."""
     if start >= data.size:
         return WAIT
     if data[start] == MAGIC_V2:
@@ -62,7 +62,7 @@ def follows(data: NDArray[np.uint8], end: int, stamp: int, final: bool) -> int:
 
 @inlined
 def parts_of(data: NDArray[np.uint8], start: int) -> tuple[int, int, int, int]:
-    """Return of the frame at ``start``: message id, where the sequence number and the CRC lie, flags."""
+    """Return message id, positions of sequence number and CRC, and flags of the frame at ``start``."""
     length = int(np.int64(data[start + 1]))
     if data[start] == MAGIC_V1:
         return int(np.int64(data[start + 5])), start + 2, start + HEAD_V1 + length, MAVLINK1

@@ -1,4 +1,4 @@
-"""From rows in the order of the stream to columns by message: a counting sort and a copy."""
+"""Converts rows in stream order to columns per message: a counting sort and a copy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SPARE = 8
 
 @kernel
 def count(rows: NDArray[np.void], wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the number of rows of each wanted message, shape as ``wanted``."""
+    """Return the number of rows of each wanted message, same shape as ``wanted``."""
     counts = np.zeros(wanted.size, dtype=np.int64)
     for k in range(rows.size):
         message = rows[k].message
@@ -31,7 +31,7 @@ def _copy(
 ) -> None:
     """Copy ``kept`` bytes and fill up to ``size`` with zeros; ``out`` has a word to spare behind it.
 
-    Whole words are written: what runs over the end is the next record's, which is written later.
+    Whole words are written; bytes beyond the end belong to the next record, which is written later.
     """
     for j in range(0, size, 8):
         left = kept - j
@@ -60,22 +60,22 @@ def gather(
     header: NDArray[np.uint8],
     payloads: NDArray[np.uint8],
 ) -> int:
-    """Copy the wanted rows to columns; the zeros that senders trim are put back.
+    """Copy the wanted rows to columns, and restore the zeros that senders trim.
 
     Parameters
     ----------
     data, base, stamp
-        The buffer that was scanned, the stream offset of its first byte after the guard, and the
-        bytes of time stamp before each frame.
+        The scanned buffer, the stream offset of its first byte after the guard, and the number of
+        time stamp bytes before each frame.
     ordinal
         Number of known frames before this batch.
     wanted, sizes
         By message: whether it is wanted, and its record size in bytes.
     row_of, byte_of
-        By message: where its next row and payload go; advanced.
+        By message: position of its next row and payload; advanced.
     frame, time_us, header, payloads
-        Written. ``header`` has shape (4, n): system, component, sequence, flags. Behind each
-        message's payloads ``SPARE`` bytes are overwritten.
+        Output. ``header`` has shape (4, n): system, component, sequence, flags. ``SPARE`` bytes
+        after each message's payloads are overwritten.
 
     Returns
     -------

@@ -1,16 +1,19 @@
 """The scan kernel: one pass over a block, from bytes to one row per intact frame.
 
-The rules, in the order in which they are asked at each place:
+The scan is in step when a record starts directly after the previous one. The rules, in the order
+in which they are applied at each position:
 
-1. A magic byte after the time stamp; in MAVLink 2 no incompatibility flag but "signed".
-2. A known message counts with a good CRC. One in 64 Ki fits by chance, so out of step it must also
-   bear a time within a day of the last, or come from the last frame's sender with one of its next
-   eight sequence numbers, or be followed by a magic byte. Its time stamp may have been cut off, or
-   the signature before it.
-3. A known message of MAVLink 2 with a bad CRC, in step and followed by a magic byte, is tried with
-   the zeros that a sender trimmed after it had computed the CRC; such a frame is flagged.
-4. An unknown message counts in step only, if some crc_extra fits its CRC and a magic byte follows.
-5. Anything else: one byte is skipped.
+1. A frame starts with a magic byte after the time stamp; in MAVLink 2 the only accepted
+   incompatibility flag is "signed".
+2. A known message is accepted if its CRC is good. One in 64 Ki is good by chance, so out of step
+   the frame must also have a time within a day of the last one, or be from the last frame's sender
+   with one of its next eight sequence numbers, or be followed by a magic byte. Its time stamp, or
+   the signature before it, may be missing.
+3. A known message of MAVLink 2 with a bad CRC, in step and followed by a magic byte, is checked
+   again with the zeros that some senders trim after they compute the CRC; such a frame is flagged.
+4. An unknown message is accepted only in step, if some crc_extra fits its CRC and a magic byte
+   follows.
+5. Otherwise one byte is skipped.
 """
 
 from __future__ import annotations
@@ -72,14 +75,15 @@ STATE = np.dtype(
         ("trials", "i8"),
     ]
 )
-"""What is carried from block to block.
+"""State carried from block to block.
 
-``base`` is the stream offset of the buffer's first byte after the guard, ``position`` where in the
-buffer the scan stopped. Since the last frame ``lost_step`` tells whether the next record was not
-where it ought to be, ``skipped`` counts the bytes skipped, negative while a record is tried that
-the cut-off end of that frame would have swallowed, and ``zeros`` the zero bytes at their end;
-``reserve`` is the size of that frame's signature, ``sender`` 256 · system + component of the last
-frame of a known message and ``sequence`` its number. ``trials`` counts the padded lengths tried.
+``base`` is the stream offset of the buffer's first byte after the guard; ``position`` is the
+position in the buffer where the scan stopped. Since the last frame, ``lost_step`` is set if the
+next record was not at the expected position, ``skipped`` counts the skipped bytes (negative while
+the scan tries a record inside the last frame, whose end may be missing), and ``zeros`` counts the
+zero bytes at their end. ``reserve`` is the size of that frame's signature; ``sender`` is
+256 · system + component of the last frame of a known message, and ``sequence`` its sequence number.
+``trials`` counts the padded lengths tried.
 ``time_us`` is -1 before the first frame.
 """
 
@@ -87,16 +91,16 @@ _REWIND_US = 1_000_000
 _STEP_US = 60 * 1_000_000
 
 Record = Any
-"""An element of a structured array, within compiled code."""
+"""An element of a structured array in compiled code."""
 
 
 @kernel
 def _tries_until_crc_fits(
     data: NDArray[np.uint8], start: int, length: int, largest: int, seed: int, scratch: NDArray[np.uint8]
 ) -> int:
-    """Try payloads padded with zeros, from ``largest`` bytes down; most such senders trimmed a whole payload.
+    """Try payloads padded with zeros, from ``largest`` bytes down; most such senders trim a full payload.
 
-    Return the number of lengths tried until the CRC fitted, or minus that number if none did.
+    Return the number of lengths tried until the CRC matched, or minus that number if none did.
     """
     covered = 9 + length
     scratch[GUARD : GUARD + covered] = data[start + 1 : start + 1 + covered]
@@ -125,7 +129,7 @@ def _accept(
     largest: NDArray[np.int32],
     scratch: NDArray[np.uint8],
 ) -> tuple[int, int]:
-    """Return whether a frame, its number at ``sender`` and its CRC at ``place``, counts, and its flags."""
+    """Return whether a frame (sequence number at ``sender``, CRC at ``place``) is accepted, and its flags."""
     start = position + stamp
     received = np.uint64(data[place]) | np.uint64(data[place + 1]) << np.uint64(8)
     crc = crc_of(data, start + 1, place)
@@ -160,7 +164,7 @@ def _is_near(last: int, time_us: int) -> bool:
 
 @inlined
 def _goes_on(state: Record, data: NDArray[np.uint8], sender: int) -> bool:
-    """Return whether a frame is of the last one's sender, with one of its next eight numbers."""
+    """Return whether a frame has the last one's sender and one of its next eight sequence numbers."""
     identity = np.int64(data[sender + 1]) << 8 | np.int64(data[sender + 2])
     ahead = (np.int64(data[sender]) - state.sequence) & 0xFF
     return bool(identity == state.sender and 1 <= ahead <= 8)
@@ -178,16 +182,16 @@ def _note_frame(state: Record, data: NDArray[np.uint8], sender: int, message: in
 
 @inlined
 def _has_stamp(state: Record) -> bool:
-    """Return whether there is room for a stamp between the last frame's CRC and this frame."""
+    """Return whether a time stamp fits between the last frame's CRC and this frame."""
     return bool(state.skipped + state.reserve >= 0)
 
 
 @inlined
 def _step_on(data: NDArray[np.uint8], position: int, stamp: int, state: Record) -> int:
-    """Return where to look next.
+    """Return the next position to scan.
 
-    Out of step that is first right behind the last frame's CRC, for what is missing may be its
-    signature or the next record's stamp; then byte by byte.
+    Out of step the scan continues directly after the last frame's CRC, because its signature or
+    the next record's time stamp may be missing; then byte by byte.
     """
     if state.lost_step == 0:
         state.lost_step = 1
@@ -201,7 +205,7 @@ def _step_on(data: NDArray[np.uint8], position: int, stamp: int, state: Record) 
 
 @inlined
 def _end_region(state: Record, region: Record, offset: int, stamp: int) -> int:
-    """Note the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
+    """Record the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
     size = state.skipped if _has_stamp(state) else state.skipped + stamp
     region.offset = offset - state.skipped
     region.size = size
@@ -247,17 +251,17 @@ def scan(
     stamp
         Bytes of time stamp before each frame: 8, or 0 in a stream without them.
     final
-        Whether nothing follows; an unfinished record is skipped then, else it waits.
+        Whether this is the end of the stream; an unfinished record is then skipped, else it waits.
     carried
         Shape (1,) of `STATE`, updated.
     ids
-        Row of the definition by message id, -1 where unknown.
+        Row of the definition by message id; -1 for unknown ids.
     seeds, largest, bad_crc
         By row: crc_extra, largest payload in bytes, and the count of bad CRCs, updated.
     rows, regions
-        Written: the frames, and the skipped regions that a frame has ended.
+        Output: the frames, and the skipped regions that end at a frame.
     spare
-        Written, shape (GUARD + 265,).
+        Scratch space, shape (GUARD + 265,).
 
     Returns
     -------

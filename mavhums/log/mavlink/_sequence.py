@@ -1,11 +1,11 @@
-"""Per sender: how many messages of each type, and what its sequence numbers say was lost on the way.
+"""Message counts per sender, and frames lost on the link according to the sequence numbers.
 
-A sender counts its frames modulo 256, one counter on each of its links, and a ground station may
-log several links, one of them twice. So up to four counters are followed per (system, component).
-A frame belongs to the counter that expects it, or that lately missed or saw it; one that fits none
-opens a counter. If the counter that spoke before stays silent while the new one goes on, the step
-between them was a loss (modulo 256, so a lower bound); if it speaks again, they are two links. A
-frame that comes late, overtaken by up to 127 others, is no longer missing.
+A sender counts its frames modulo 256, with one counter per link, and a ground station may log
+several links, or one link twice. Up to four counters are therefore tracked per (system, component).
+A frame belongs to the counter that expects it, or that recently missed or received it; otherwise it
+opens a new counter. If the previous counter stops while the new one continues, the step between
+them was a loss (modulo 256, so a lower bound); if it continues, they are two links. A late frame,
+overtaken by up to 127 others, is no longer counted as missing.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def _belongs(link: Any, sequence: int, crc: int) -> bool:
 
 @kernel
 def _choose(sender: Any, sequence: int, crc: int) -> int:
-    """Return the counter that the frame belongs to: the one with the smallest step; -1 if to none."""
+    """Return the frame's counter: the matching one with the smallest step; -1 if none matches."""
     best, least = -1, 1000
     for k in range(_LINKS):
         if _belongs(sender.links[k], sequence, crc):
@@ -133,7 +133,7 @@ def _open(sender: Any, sequence: int) -> int:
 
 @kernel
 def _settle(sender: Any, link: Any) -> None:
-    """Decide whether a new counter goes on where another broke off, or runs beside it."""
+    """Decide whether a new counter continues one that stopped, or runs in parallel."""
     before = sender.links[link.before]
     if before.used < link.opened:
         first = link.high - link.age + 1
@@ -172,7 +172,7 @@ def _follow(sender: Any, sequence: int, crc: int) -> None:
 
 @inlined
 def _goes_on(sender: Any, link: Any, sequence: int, crc: int) -> bool:
-    """Take the common case: the counter that spoke last counts one further."""
+    """Handle the common case: the last active counter increases by one."""
     if link.before >= 0 or link.used == 0 or (sequence - link.high) & 0xFF != 1:
         return False
     _advance(link, 1)
@@ -191,12 +191,12 @@ def account(
     counts: NDArray[np.int64],
     totals: NDArray[np.int64],
 ) -> tuple[int, int]:
-    """Follow the frames ``rows[first:]``, until there is no room for a new sender.
+    """Process the frames ``rows[first:]``, until there is no room for a new sender.
 
     Parameters
     ----------
     places
-        Row of each sender in ``senders`` and ``counts``, -1 where it has none; shape (65536,).
+        Row of each sender in ``senders`` and ``counts``, -1 if it has none; shape (65536,).
     known
         Number of rows in use.
     senders, counts
@@ -207,7 +207,7 @@ def account(
 
     Returns
     -------
-    Number of rows followed in all, number of senders.
+    Total number of rows processed, number of senders.
     """
     for k in range(first, rows.size):
         row = rows[k]

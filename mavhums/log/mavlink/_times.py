@@ -1,8 +1,8 @@
-"""Whether a record's time stamp can be believed.
+"""Plausibility of a record's time stamp.
 
-A time more than a minute from the last is held against the next record's: if the way over it is a
-detour of more than two minutes it is damaged, else the clock was set or the link was silent. Where
-no record follows, a step of up to a day is believed.
+A time more than a minute from the last one is compared with the next record's: if the path over it
+is a detour of more than two minutes, the time stamp is damaged; otherwise the clock was set or the
+link was silent. If no record follows, a step of up to a day is accepted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mavhums.log.mavlink._frame import NO, WAIT, YES, follows, frame_end
 __all__ = ["DAY_US", "STAMP", "judge_time", "plausible", "stamp_at", "time_without_stamp"]
 
 STAMP = 8
-"""Bytes of a time stamp."""
+"""Size of a time stamp, bytes."""
 
 DAY_US = 86_400 * 1_000_000
 _STEP_US = 60 * 1_000_000
@@ -58,10 +58,10 @@ def _is_detour(last: int, time_us: int, following: int) -> bool:
 def _judge_first_time(
     data: NDArray[np.uint8], time_us: int, following: int, end: int, final: bool
 ) -> tuple[int, int]:
-    """Return whether the first frame's time is sound, and the time to take.
+    """Return whether the first frame's time is valid, and the time to use.
 
-    Where it is a day off the second record's, which begins at ``end``, the third one's decides; if
-    no record begins there, or the third one's is none, the first is believed.
+    If it differs by a day from the time of the second record, which begins at ``end``, the third
+    record's time decides. If there is no second or no third record, the first time is accepted.
     """
     sound = plausible(time_us)
     if following < 0:
@@ -88,9 +88,9 @@ def _judge_first_time(
 
 @inlined
 def judge_time(data: NDArray[np.uint8], position: int, end: int, last: int, final: bool) -> tuple[int, int]:
-    """Return whether the stamp of the record from ``position`` to ``end`` is sound, and the time to take.
+    """Return whether the time stamp of the record from ``position`` to ``end`` is valid, and the time to use.
 
-    ``last`` is the time before, -1 if there is none. ``WAIT`` where the answer lies in bytes to come.
+    ``last`` is the previous time, -1 if there is none. ``WAIT`` means that more bytes are needed.
     """
     time_us = stamp_at(data, position)
     if last >= 0 and plausible(time_us) and abs(time_us - last) <= _STEP_US:

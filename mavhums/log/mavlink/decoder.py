@@ -1,4 +1,4 @@
-"""Blocks of bytes in, tables of messages out."""
+"""Decoder of MAVLink streams: converts blocks of bytes to tables of messages."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from mavhums.log.losses import Losses, Region
 from mavhums.log.mavlink._gather import SPARE, count, gather
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.intake import Intake
-from mavhums.log.mavlink.ledger import Ledger
 from mavhums.log.mavlink.scanner import Batch, FrameScanner
 from mavhums.log.mavlink.sender_clock import SenderClocks
 from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.stream_stats import StreamStats
 from mavhums.log.mavlink.vehicles import vehicles_of
 from mavhums.log.tables import Table
 
 __all__ = ["MavlinkDecoder"]
 
-_REGIONS_TOLD = 100
+_REGIONS_LISTED = 100
 
 
 class MavlinkDecoder:
@@ -63,7 +63,7 @@ class MavlinkDecoder:
         self._sizes = np.array([d.wire.itemsize for d in definitions], dtype=np.int32)
         self._by_row = list(definitions)
         self._intake = Intake(self._dialect)
-        self._ledger = Ledger(self._dialect)
+        self._stats = StreamStats(self._dialect)
         self._clocks = SenderClocks(self._dialect)
         self._guard = None if key is None else Guard(key)
         self._scanner: FrameScanner | None = None
@@ -75,28 +75,28 @@ class MavlinkDecoder:
 
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:
-        """Number of intact messages by (system, component, name), wanted or not."""
-        return self._ledger.counts
+        """Number of intact messages by (system, component, name), including unwanted ones."""
+        return self._stats.counts
 
     @property
     def vehicles(self) -> tuple[int, ...]:
         """System ids of the vehicles."""
-        return vehicles_of(self._ledger.counts)
+        return vehicles_of(self._stats.counts)
 
     @property
     def first_time_us(self) -> int | None:
         """Time of the first frame, microseconds of UTC; None before it."""
-        return self._ledger.first_time_us
+        return self._stats.first_time_us
 
     @property
     def last_time_us(self) -> int | None:
         """Time of the latest frame, microseconds of UTC; None before the first."""
-        return self._ledger.last_time_us
+        return self._stats.last_time_us
 
     @property
     def unknown(self) -> dict[int, int]:
         """Number of frames by message id that the dialect does not define."""
-        return dict(self._ledger.unknown)
+        return dict(self._stats.unknown)
 
     @property
     def undated(self) -> bool:
@@ -105,7 +105,7 @@ class MavlinkDecoder:
 
     @property
     def losses(self) -> Losses:
-        """What could not be read so far."""
+        """Losses so far."""
         if self._scanner is None:
             return Losses()
         totals = self._scanner.totals
@@ -115,10 +115,10 @@ class MavlinkDecoder:
             bytes_skipped=totals.skipped,
             damaged_regions=totals.regions,
             bad_crc_frames=int(bad.sum()),
-            unknown_frames=sum(self._ledger.unknown.values()),
+            unknown_frames=sum(self._stats.unknown.values()),
             implausible_times=totals.odd_times,
             cut_end_bytes=totals.cut_end,
-            regions=tuple(Region(offset=o, size=n) for o, n in self._scanner.regions[:_REGIONS_TOLD]),
+            regions=tuple(Region(offset=o, size=n) for o, n in self._scanner.regions[:_REGIONS_LISTED]),
             bad_crc_by_message={self._by_row[k].name: int(bad[k]) for k in np.flatnonzero(bad)},
             padded_frames=totals.padded,
             padded_false_bound=totals.trials / 65536,
@@ -126,7 +126,7 @@ class MavlinkDecoder:
             line_ends_restored=self._intake.line_ends,
             time_jumps=totals.jumps,
             time_rewinds=totals.rewinds,
-            sequence=tuple(self._ledger.sequence_losses()),
+            sequence=tuple(self._stats.sequence_losses()),
             unsigned_frames=guard.unsigned if guard else 0,
             bad_signatures=guard.bad if guard else 0,
             replayed_frames=guard.replayed if guard else 0,
@@ -144,8 +144,8 @@ class MavlinkDecoder:
             batch = replace(batch, rows=batch.rows[self._guard.admit(batch)])
         if batch.stamp == 0:
             self._clocks.set_times(batch)
-        ordinal = self._ledger.frames
-        self._ledger.add(batch.rows)
+        ordinal = self._stats.frames
+        self._stats.add(batch.rows)
         return self._tables(batch, ordinal)
 
     def _tables(self, batch: Batch, ordinal: int) -> dict[str, Table]:

@@ -1,7 +1,7 @@
 """MAVLink message definitions as numpy record types, from the dialects' XML.
 
-The shipped set is ardupilotmega with all that it includes and development, as pymavlink carries
-them, and ``messages/*.xml`` beside this module for what those lack. A user's own XML goes before.
+The shipped set consists of pymavlink's ardupilotmega, with all its includes, and development, and of
+``messages/*.xml`` beside this module for messages that these lack. A user's XML takes precedence.
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ class DialectError(MavhumsError):
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """What the XML says of a field beyond its type.
+    """Attributes of a field in the XML, besides its type.
 
     Attributes
     ----------
     units
-        As in the XML, for example ``cdegC``; empty where it has none.
+        Units as in the XML, for example ``cdegC``; empty if there are none.
     enum
-        Name of the enum that its values are of; empty where there is none.
+        Name of the enum of its values; empty if there is none.
     elements
         Array length; 1 for a scalar, and the width of a char field.
     extension
-        Whether MAVLink 1 leaves the field out.
+        Whether the field is an extension, which MAVLink 1 omits.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Definition:
     crc_extra
         Seed by which sender and receiver agree on the definition.
     fields
-        In wire order.
+        Fields in wire order.
     """
 
     id: int
@@ -93,7 +93,7 @@ class Definition:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dialect:
-    """Definitions by message id in ascending order, and the enums' names by value."""
+    """Definitions by message id, ascending, and names of enum values."""
 
     definitions: dict[int, Definition]
     enums: dict[str, dict[int, str]]
@@ -101,14 +101,14 @@ class Dialect:
 
 @cache
 def load_dialect(path: Path | None = None) -> Dialect:
-    """Return the shipped definitions, and before them those of a user's MAVLink XML.
+    """Return the shipped definitions, overridden by those of a user's MAVLink XML.
 
-    Where two shipped dialects define one id, the larger definition is kept; a user's always wins.
+    If two shipped dialects define the same id, the larger definition is kept; a user's always wins.
 
     Parameters
     ----------
     path
-        A MAVLink XML file; its includes are looked for beside it, then among the shipped ones.
+        A MAVLink XML file; its includes are searched beside it, then among the shipped ones.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def _pymavlink_folder() -> Path:
 
 
 def _documents(path: Path, seen: set[Path]) -> Iterator[Any]:
-    """Yield a parsed XML file, then those that it includes, each once."""
+    """Yield a parsed XML file, then its includes, each once."""
     if path in seen:
         return
     seen.add(path)

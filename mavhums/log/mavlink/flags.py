@@ -1,4 +1,4 @@
-"""Bits of ``Table.flags``: how a frame came."""
+"""Bits of ``Table.flags``: how a frame was received."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ __all__ = ["MAVLINK1", "ODD_TIME", "PADDED", "SIGNED"]
 
 MAVLINK1 = 1
 SIGNED = 2
-"""It bears a signature, which was not verified."""
+"""The frame has a signature, which was not verified."""
 PADDED = 4
-"""Accepted with zeros put back that the sender had trimmed after it computed the CRC."""
+"""The CRC matched only with restored zeros, which the sender trimmed after it computed the CRC."""
 ODD_TIME = 8
-"""Its time stamp was damaged; its time is that of a neighbour."""
+"""The time stamp was damaged; the time is that of a neighbouring frame."""

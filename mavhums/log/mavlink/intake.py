@@ -1,9 +1,9 @@
-"""Two kinds of damage to a whole log, found and undone while it streams in.
+"""Detection of missing time stamps and of text conversion, and its reversal, in a stream.
 
-A log without time stamps (``.tlog.raw``) has its frames back to back; a capture of a serial line may
-begin with boot text or amid a frame. A log that a program copied
-as text has a carriage return before every line feed; that is undone without a doubt, because a
-carriage return that was there before has got a second one.
+A log without time stamps (``.tlog.raw``) has its frames back to back; a capture of a serial line
+may begin with boot text or in the middle of a frame. A log that a program copied as text has a
+carriage return before every line feed. The reversal of this conversion is unambiguous, because an
+original carriage return is followed by a second one.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ _STAMP = 8
 
 
 class Intake:
-    """Decides how a stream is to be read, from its bytes alone, and passes them on.
+    """Detects a stream's format from its bytes, reverses text conversion, and passes the bytes on.
 
-    Bytes are held back only while a question is open: a kilobyte if the stream begins with a magic
-    byte, 16 kilobytes if it begins with no record either; and if the first line feed follows a
-    carriage return, until one comes that does not, or four kilobytes have shown that more frames are
-    found without the carriage returns.
+    Bytes are buffered only until the format is known: up to 1 KiB if the stream begins with a magic
+    byte, up to 16 KiB if it does not begin with a record. If the first line feed follows a carriage
+    return, bytes are buffered until a line feed without one, or until 4 KiB contain more frames
+    without the carriage returns.
 
     Attributes
     ----------
     stamp
-        Bytes of time stamp before each frame, 8 or 0; None while that is open.
+        Size of the time stamp before each frame, bytes: 8 or 0; None until it is known.
     line_ends
-        Number of carriage returns that were taken out.
+        Number of carriage returns removed.
     """
 
     def __init__(self, dialect: Dialect) -> None:
@@ -49,7 +49,7 @@ class Intake:
         self._head = b""
 
     def feed(self, block: bytes, *, final: bool = False) -> bytes:
-        """Return the bytes that can be read now; ``final`` says that nothing follows."""
+        """Return the bytes that can be decoded now; ``final`` marks the end of the stream."""
         data = self._restore(block, final)
         if self.stamp is not None:
             return data
@@ -85,7 +85,7 @@ class Intake:
         return before + data
 
     def _is_text(self, data: bytes, final: bool) -> bool | None:
-        """Return whether ``data``, which begins at the first line feed, was converted; None if open."""
+        """Return whether ``data``, from the first line feed on, was converted; None if not yet known."""
         head = data[:_HELD]
         if head.count(_LF) > head.count(_CRLF):
             return False
@@ -98,7 +98,7 @@ class Intake:
         return FrameScanner(self._dialect).feed(data, final=True).rows.size
 
     def _stamp_of(self, head: bytes, final: bool) -> int | None:
-        """Return the bytes of time stamp before each frame, by the stream's beginning; None if open."""
+        """Return the size of the time stamp before each frame, bytes; None if not yet known."""
         if not head:
             return None
         if head[0] in _MAGIC:
@@ -117,7 +117,7 @@ class Intake:
         return bool(rows.size and rows["offset"][0] == 0)
 
     def _is_capture(self, head: bytes) -> bool:
-        """Return whether more frames follow another at once than after the bytes of a time stamp."""
+        """Return whether more frames follow another directly than after the size of a time stamp."""
         rows = FrameScanner(self._dialect, stamp=0).feed(head, final=True).rows
         gaps = rows["offset"][1:] - (rows["offset"] + frame_sizes(rows))[:-1]
         adjacent = int((gaps == 0).sum())

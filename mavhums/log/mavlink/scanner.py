@@ -1,7 +1,7 @@
-"""Find the MAVLink frames in a stream of bytes, and tell what could not be read.
+"""Scanner that finds the MAVLink frames in a stream of bytes, and reports the unreadable parts.
 
 A record is the u64 big-endian time of reception in microseconds of UTC, then a MAVLink 1 or 2
-frame. Where a block of bytes ends never matters: an unfinished record waits.
+frame. Results do not depend on how the stream is divided into blocks: an unfinished record waits.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Totals(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
-    """What a block completed: the buffer that was scanned, and its frames as ``_kernel.ROW``."""
+    """The frames that a block completed, as ``_kernel.ROW``, and the scanned buffer."""
 
     data: NDArray[np.uint8]
     base: int
@@ -53,21 +53,21 @@ class Batch:
 
 
 class FrameScanner:
-    """Incremental scanner; feed it blocks of any size.
+    """Incremental scanner of blocks of any size.
 
     Parameters
     ----------
     dialect
-        Whose messages are known.
+        Dialect of the known messages.
     stamp
-        Bytes of time stamp before each frame: 8, or 0 for frames back to back.
+        Size of the time stamp before each frame, bytes: 8, or 0 for back-to-back frames.
     mend
-        Whether frames with a bad CRC are tried with the zeros that some senders trim.
+        Whether frames with a bad CRC are checked again with the zeros that some senders trim.
 
     Attributes
     ----------
     bad_crc
-        Number of frames with a bad CRC in step, by row of the dialect, shape (messages,).
+        Number of frames in step with a bad CRC, by row of the dialect, shape (messages,).
     regions
         Offset and size of the first thousand damaged regions.
     """
@@ -88,7 +88,7 @@ class FrameScanner:
         self._final = False
 
     def feed(self, block: bytes, *, final: bool = False) -> Batch:
-        """Return the frames that ``block`` completes; ``final`` says that nothing follows."""
+        """Return the frames that ``block`` completes; ``final`` marks the end of the stream."""
         joined = self._rest + block
         data = np.frombuffer(joined, dtype=np.uint8)
         most = (data.size - GUARD) // (8 + self._stamp) + 1
@@ -119,7 +119,7 @@ class FrameScanner:
 
     @property
     def totals(self) -> Totals:
-        """What was skipped and found odd so far."""
+        """Counts of skipped bytes and irregular frames so far."""
         state = self._carried[0]
         waiting = int(state["skipped"])
         zeros, cut = (int(state["zeros"]), 0) if self._final else (0, 0)
@@ -142,7 +142,7 @@ class FrameScanner:
         self.regions += [(int(offset), int(size)) for offset, size in regions[:room]]
 
     def _finish(self) -> None:
-        """Tell what follows the last frame: zeros, a cut record, or damage if it is too long for one."""
+        """Classify the bytes after the last frame: zeros, a cut record, or (if too long) damage."""
         self._final = True
         state = self._carried[0]
         zeros = int(state["zeros"]) if state["zeros"] >= _ZERO_RUN else 0
@@ -155,7 +155,7 @@ class FrameScanner:
 
 @cache
 def _by_row(dialect: Dialect) -> tuple[NDArray[np.int16], NDArray[np.uint8], NDArray[np.int32]]:
-    """Return a dialect as the kernel takes it: row by message id, then crc_extra and size by row."""
+    """Return a dialect as arrays for the kernel: row by message id, then crc_extra and size by row."""
     definitions = dialect.definitions
     ids = np.full(max(definitions) + 1, -1, dtype=np.int16)
     ids[list(definitions)] = np.arange(len(definitions))

@@ -1,4 +1,4 @@
-"""Times for a log without time stamps, from what its senders say of their own clocks."""
+"""Times for a log without time stamps, from the boot times that its senders report."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _FIELD = "time_boot_ms"
 
 
 class SenderClocks:
-    """Gives each frame the latest ``time_boot_ms`` that the first system to send one has sent.
+    """Assigns each frame the latest ``time_boot_ms`` of the first system that sends one.
 
-    Until then the time is 0. It never runs backwards by less than a reboot: a step back of up to a
-    minute, as from a message that waited in a queue, does not move it.
+    Before the first one the time is 0. A step back of up to a minute, for example from a message
+    that waited in a queue, is ignored; a larger one is a reboot.
     """
 
     def __init__(self, dialect: Dialect) -> None:

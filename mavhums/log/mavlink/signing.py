@@ -1,7 +1,7 @@
-"""MAVLink 2 signatures: which frames were signed with the user's key, each for the first time.
+"""MAVLink 2 signatures: admits frames signed with the user's key, and rejects replays.
 
-A signed frame ends with its link's number, a 48-bit time stamp counting 10 µs since 2015, and the
-first six bytes of SHA-256 over key, frame, link number and time stamp (MAVLink's "Message Signing").
+A signed frame ends with its link id, a 48-bit time stamp in units of 10 µs since 2015, and the
+first six bytes of SHA-256 over key, frame, link id and time stamp (MAVLink's "Message Signing").
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mavhums.log.mavlink.scanner import Batch
 __all__ = ["TICKS_PER_MINUTE", "Guard", "KeyFileError", "frame_sizes", "load_key", "signing_ticks"]
 
 TICKS_PER_MINUTE = 60 * 100_000
-"""Of a signature's time stamp."""
+"""Ticks of a signature's time stamp in a minute; a tick is 10 µs."""
 
 _KEY_BYTES = 32
 _DIGEST_BYTES = 6
@@ -39,7 +39,7 @@ class KeyFileError(MavhumsError):
 
 
 def load_key(path: str | os.PathLike[str]) -> bytes:
-    """Return the 32 bytes of a signing key from a file that holds them raw, or as 64 hexadecimal digits.
+    """Read the 32 bytes of a signing key from a file, raw or as 64 hexadecimal digits.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def load_key(path: str | os.PathLike[str]) -> bytes:
 
 
 def signing_ticks(time_us: int) -> int:
-    """Return the time stamp of a signature made at a time, microseconds of UTC.
+    """Return a signature's time stamp for a time in microseconds of UTC.
 
     Examples
     --------
@@ -84,13 +84,13 @@ def frame_sizes(rows: NDArray[np.void]) -> NDArray[np.int64]:
 
 
 class Guard:
-    """Admits the frames that were signed with a key, and each of them once.
+    """Admits frames that are signed with a key, each once.
 
-    Nothing a frame says has an effect before its signature is found good. Per link, system and
-    component the time stamps must increase; the first one of a new stream may be up to a minute
-    older than the newest of all. Twice: among what was admitted before, and in this session as if it
-    were the first. So the frames that a session admits are admitted, all of them, by one that knows
-    of nothing before: a recording is judged as the session was.
+    A frame has no effect before its signature is verified. Per link, system and component the time
+    stamps must increase; the first one of a new stream may be up to a minute older than the newest
+    of all streams. A frame must pass this rule twice: with the frames of former sessions and without
+    them. A later session without this history therefore admits every frame that this one admits,
+    and judges the recording as the session was judged.
 
     Parameters
     ----------

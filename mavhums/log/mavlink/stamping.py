@@ -1,9 +1,9 @@
-"""From what arrives over links to the records of a telemetry log.
+"""Converts bytes received over links to time-stamped records of a telemetry log.
 
-Each sender's bytes are a stream of their own: a frame may be cut anywhere between two pieces of one
-sender, and never joins pieces of two. Every frame that counts becomes one record, stamped with the
-arrival of the piece that completed it. A frame with a bad CRC never counts, not even one whose zeros
-could be put back: on a link a bad CRC is a bit error, far more often than such a sender.
+Each sender has its own stream of bytes: a frame may be divided between two pieces of one sender, but
+never between two senders. Every accepted frame becomes one record, with the reception time of the
+piece that completed it. A frame with a bad CRC is always rejected, even if restored zeros would
+correct it: on a link, bit errors are far more frequent than senders that trim after the CRC.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _STAMP = 8
 
 
 class Piece(NamedTuple):
-    """A datagram, or bytes of a stream: who sent it, and when it came (microseconds of UTC).
+    """A datagram, or bytes of a stream, with sender and time of reception (microseconds of UTC).
 
-    Of several links a sender is a pair: the link, and who it is there.
+    With several links, a sender is a pair: the link, and the sender on that link.
     """
 
     sender: Hashable
@@ -42,10 +42,10 @@ class Piece(NamedTuple):
 
 @dataclass(slots=True)
 class Counts:
-    """What came over the links so far.
+    """Counts of what the links received so far.
 
-    ``frames`` are those that became records, ``unknown_frames`` among them of messages that the
-    dialect lacks. ``bytes_skipped`` are no part of any frame.
+    ``frames`` counts the frames that became records; ``unknown_frames`` are those among them whose
+    message the dialect lacks. ``bytes_skipped`` belong to no frame.
     """
 
     pieces: int = 0
@@ -60,7 +60,7 @@ class Counts:
 
 
 class _Found(NamedTuple):
-    """Frames of one sender: the buffer they lie in, their rows, times, and the order of arrival."""
+    """Frames of one sender: their buffer, rows, times, and order of arrival."""
 
     sender: Hashable
     batch: Batch
@@ -69,30 +69,30 @@ class _Found(NamedTuple):
 
 
 class Hear(Protocol):
-    """Told which systems' frames came from a sender, how many bytes, and when, microseconds of UTC."""
+    """Callback for accepted frames: the sender, its systems, bytes, and time, microseconds of UTC."""
 
     def __call__(self, sender: Hashable, systems: set[int], size: int, time_us: int, /) -> None: ...
 
 
 class Stamper:
-    """Makes records of pieces, in memory that does not grow.
+    """Converts pieces to records, in bounded memory.
 
-    Of more than 64 senders one is forgotten, with the beginning of a frame that it had left: of the
-    link with most senders one that never sent a frame, else the one that was silent longest.
+    If there are more than 64 senders, one of the link with most senders is dropped, with its
+    incomplete frame: one that never sent a frame, else the least recently active one.
 
     Parameters
     ----------
     dialect
-        Whose messages are known.
+        Dialect of the known messages.
     guard
-        Who decides which signed frames count; None if signatures do not matter.
+        Decides which signed frames are accepted; None ignores signatures.
     hear
-        Told of each sender whose frames count.
+        Called for each sender with accepted frames.
 
     Attributes
     ----------
     speaks_mavlink2
-        Whether a frame of MAVLink 2 has come.
+        Whether a MAVLink 2 frame has been received.
     """
 
     def __init__(self, dialect: Dialect, guard: Guard | None = None, *, hear: Hear | None = None) -> None:
@@ -105,7 +105,7 @@ class Stamper:
 
     @property
     def counts(self) -> Counts:
-        """What came so far."""
+        """Counts so far."""
         counts = Counts(**{name: getattr(self._counts, name) for name in Counts.__slots__})
         for stream in self._streams.values():
             _add_losses(counts, stream)
@@ -142,7 +142,7 @@ class Stamper:
         return self._records(found)
 
     def close(self, time_us: int) -> bytes:
-        """Return the records of frames that only waited for what would follow; nothing follows."""
+        """Return the records of the last frames, which waited for more bytes; the stream ends."""
         streams, self._streams = self._streams, OrderedDict()
         found = []
         for sender, stream in streams.items():
@@ -162,7 +162,7 @@ class Stamper:
             _add_losses(self._counts, stream)
 
     def _records(self, found: Sequence[_Found]) -> bytes:
-        """Pack frames as records, in the order of their arrival, and leave out what is not admitted."""
+        """Pack admitted frames as records, in order of arrival."""
         if not found:
             return b""
         rows, data, starts, time_us, owner = _in_order(found)
@@ -187,7 +187,7 @@ class Stamper:
         owner: NDArray[np.int64],
         time_us: int,
     ) -> None:
-        """Tell whose frames came from which sender."""
+        """Call ``hear`` for each sender with its frames' systems."""
         assert self._hear
         order = np.argsort(owner, kind="stable")
         cuts = np.flatnonzero(np.diff(owner[order])) + 1
@@ -203,7 +203,7 @@ class Stamper:
 
 
 class _Stream:
-    """One sender's bytes."""
+    """The byte stream of one sender."""
 
     def __init__(self, dialect: Dialect) -> None:
         self.scanner = FrameScanner(dialect, stamp=0, mend=False)
@@ -211,7 +211,7 @@ class _Stream:
         self._fed = 0
 
     def feed(self, pieces: Sequence[bytes]) -> tuple[Batch, NDArray[np.int64]]:
-        """Return the frames that these pieces complete, and which piece completed each."""
+        """Return the frames that these pieces complete, and the index of each frame's last piece."""
         batch = self.scanner.feed(b"".join(pieces))
         ends = self._fed + np.cumsum([len(piece) for piece in pieces])
         self._fed = int(ends[-1])
@@ -222,9 +222,9 @@ class _Stream:
 def _in_order(
     found: Sequence[_Found],
 ) -> tuple[NDArray[np.void], NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the frames of all senders in the order of their arrival.
+    """Return the frames of all senders in order of arrival.
 
-    Their rows, the buffer they lie in and where they begin there, their times, and whose they are.
+    Returned are their rows, buffer, positions in it, times and senders.
     """
     if len(found) == 1:
         one = found[0].batch
@@ -263,7 +263,7 @@ def _pack(
     time_us: NDArray[np.int64],
     out: NDArray[np.uint8],
 ) -> None:
-    """Write records to ``out``: eight bytes of time, big-endian, then a frame of ``data``."""
+    """Write records to ``out``: the time, eight bytes big-endian, then a frame of ``data``."""
     place = 0
     for k in range(starts.size):
         for j in range(8):

@@ -1,4 +1,4 @@
-"""Tell vehicles from ground stations and other senders."""
+"""Distinguishes vehicles from ground stations and other senders."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VEHICLE_MESSAGES = frozenset(
 
 
 def vehicles_of(counts: Mapping[tuple[int, int, str], int]) -> tuple[int, ...]:
-    """Return the system ids that sent what only a vehicle sends; a heartbeat alone does not tell.
+    """Return the system ids that sent messages of vehicles; a heartbeat alone is not sufficient.
 
     Examples
     --------

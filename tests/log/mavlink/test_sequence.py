@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mavhums.log.losses import SequenceLoss
 from mavhums.log.mavlink._kernel import ROW
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.ledger import Ledger
+from mavhums.log.mavlink.stream_stats import StreamStats
 
 
 def follow(frames: list[tuple[int, int]], *, system: int = 1, cut: int | None = None) -> SequenceLoss | None:
@@ -20,10 +20,10 @@ def follow(frames: list[tuple[int, int]], *, system: int = 1, cut: int | None = 
     rows["system"], rows["component"] = system, 1
     rows["sequence"] = [sequence % 256 for sequence, _ in frames]
     rows["crc"] = [crc for _, crc in frames]
-    ledger = Ledger(load_dialect())
+    stats = StreamStats(load_dialect())
     for part in np.split(rows, [cut or 0]):
-        ledger.add(part)
-    return next(ledger.sequence_losses(), None)
+        stats.add(part)
+    return next(stats.sequence_losses(), None)
 
 
 def numbered(sent: range, lost: Collection[int] = ()) -> list[tuple[int, int]]:
@@ -94,30 +94,30 @@ def test_a_long_silence_is_one_gap_modulo_256() -> None:
 
 
 def test_senders_do_not_disturb_each_other() -> None:
-    ledger = Ledger(load_dialect())
+    stats = StreamStats(load_dialect())
     rows = np.zeros(20_000, dtype=ROW)
     senders = np.arange(rows.size) % 200
     rows["system"], rows["component"] = senders % 20, senders // 20
     rows["sequence"] = (np.arange(rows.size) // 200 + senders) % 256
     rows["message"] = senders % 3
     rows["time_us"] = np.arange(rows.size)
-    ledger.add(rows)
-    assert list(ledger.sequence_losses()) == []
-    assert len(ledger.counts) == 200
-    assert set(ledger.counts.values()) == {100}
-    assert (ledger.first_time_us, ledger.last_time_us) == (0, rows.size - 1)
+    stats.add(rows)
+    assert list(stats.sequence_losses()) == []
+    assert len(stats.counts) == 200
+    assert set(stats.counts.values()) == {100}
+    assert (stats.first_time_us, stats.last_time_us) == (0, rows.size - 1)
 
 
 def test_any_number_of_unknown_ids_fills_no_memory() -> None:
     rows = np.zeros(5000, dtype=ROW)
     rows["message"], rows["id"] = -1, np.arange(5000) + 60_000
-    ledger = Ledger(load_dialect())
+    stats = StreamStats(load_dialect())
     for part in np.split(rows, 10):
-        ledger.add(part)
-        ledger.add(part)
-    assert len(ledger.unknown) == 1001
-    assert ledger.unknown[60_000] == 2
-    assert sum(ledger.unknown.values()) == 10_000
+        stats.add(part)
+        stats.add(part)
+    assert len(stats.unknown) == 1001
+    assert stats.unknown[60_000] == 2
+    assert sum(stats.unknown.values()) == 10_000
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 40), st.sets(st.integers(1, 8999), max_size=5))
@@ -133,7 +133,7 @@ def test_any_number_of_senders_fills_no_memory_and_none_is_uncounted(
     steady = np.arange(0, 9000, 10)
     rows["system"][steady], rows["component"][steady] = 77, 1
     rows["sequence"][steady] = np.arange(steady.size) % 256
-    whole, cut = Ledger(load_dialect()), Ledger(load_dialect())
+    whole, cut = StreamStats(load_dialect()), StreamStats(load_dialect())
     whole.add(rows)
     for part in np.split(rows, sorted(cuts)):
         cut.add(part)

@@ -1,1 +1,1 @@
-"""Detectors of one actuator's faults; every module with a ``DETECTOR`` is found."""
+"""Detectors of an actuator's faults; every module with a ``DETECTOR`` is discovered."""

@@ -1,4 +1,4 @@
-"""Play of the gear, from what lies between rotor and output shaft when the load changes flanks."""
+"""Backlash of the gear, from the angle between rotor and output shaft when the load changes flanks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _WIDEST_DEG = 0.05
 
 
 class Detector(EquationDetector):
-    """Backlash at the output shaft; it takes both angles and the load."""
+    """Backlash at the output shaft; needs both angles and the load."""
 
     fault: ClassVar[str] = "backlash"
     quantity: ClassVar[str] = "backlash"
@@ -34,7 +34,7 @@ class Detector(EquationDetector):
         return not actuator.blanks
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
-        """Return the backlash; undecidable unless the load presses on both flanks."""
+        """Return the backlash; undecidable unless the load acts on both flanks."""
         fit = fits["gear"]
         half_play, half_error = fit["flank"]
         both = fit.spread & (fit.both_ways("flank", "bias") >= LEAST_SLOTS)

@@ -47,13 +47,13 @@ class Detector(EquationDetector):
         return not actuator.blanks
 
     def overall(self, flight: Mapping[str, Fit]) -> Estimates:
-        """Return the friction over the whole flight; what the balance leaves out does not average out."""
+        """Return the friction over the whole flight; effects outside the balance do not average out."""
         return self._widened(self.read(flight, flight), 0.0)
 
     def conclusion(self, flight: Mapping[str, Fit]) -> Estimates:
-        """Return the friction over the whole flight from motion that lasts, or from each sample's own.
+        """Return the friction over the whole flight, from lasting motion or from single samples.
 
-        It is the one of which the flight shows more: light air knows only motion that is over at once.
+        The one with the smaller error is used; in calm air the autopilot moves only briefly.
         """
         tail = tail_of(FALSE_ALARMS)
         lasting, brief = self.overall(flight), self._brief(flight)
@@ -61,9 +61,9 @@ class Detector(EquationDetector):
         return brief if np.isnan(lasting.value[0]) or shows_less[0] else lasting
 
     def _brief(self, flight: Mapping[str, Fit]) -> Estimates:
-        """Return the friction that samples show each by itself; none where their balance does not hold.
+        """Return the friction from single samples; NaN if their balance does not hold.
 
-        A rotor that winds up its gear against a jammed shaft moves, too, but leaves most torque unexplained.
+        A rotor that winds up its gear against a jammed shaft also moves, but most torque is unexplained.
         """
         fit = flight["brief"]
         mean = self._widened(self._scaled(fit, flight), _BRIEF_ERROR)

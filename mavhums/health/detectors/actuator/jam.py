@@ -1,8 +1,8 @@
 """A surface that is commanded and does not move: jammed, disconnected or without power.
 
-It takes the command and the output shaft's angle, and none of the actuator's constants. An angle that
-was integrated from a speed whose sign the command gave is no witness. One that was divided from the rotor's
-is the rotor's, which takes up the gear's play and winds the gear up even where the shaft is held.
+It needs the command and the output shaft's angle, and none of the actuator's constants. An angle integrated
+from a speed whose sign is derived from the command is no evidence. An angle calculated from the rotor's moves
+with the rotor, which moves through the gear's play and winds up the gear even if the shaft is jammed.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ Array = NDArray[np.float64]
 
 
 class Detector:
-    """Share of the commanded travel that the shaft leaves out, within three seconds.
+    """Fraction of the commanded travel that the shaft does not follow within three seconds.
 
-    Where three seconds command too little, within ten. The command's last second does not count: the shaft
-    may not have followed yet.
+    If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
+    does not count, because the shaft may not have followed yet.
     """
 
     fault: ClassVar[str] = "jam"
@@ -55,11 +55,11 @@ class Detector:
 
     @staticmethod
     def suits(actuator: Actuator) -> bool:
-        """Return True: nothing of the actuator need be known."""
+        """Return True: no constants of the actuator are needed."""
         return True
 
     def feed(self, seen: Seen) -> Estimates:
-        """Return the share; undecidable where less than 4° of travel was commanded."""
+        """Return the fraction; undecidable if less than 4° of travel was commanded."""
         own, start = seen.slots.values[seen.slots.judged], seen.slots.start
         extremes = np.stack(
             [
@@ -79,7 +79,7 @@ class Detector:
         return Estimates.of(share, np.zeros_like(share), np.ones_like(share), np.isfinite(share))
 
     def _left_out(self, windows: Array) -> Array:
-        """Return the share of the commanded travel left out; NaN where too little was commanded."""
+        """Return the fraction of the commanded travel not followed; NaN if too little was commanded."""
         commanded = windows[:, : -self._following, :2].max(axis=1).sum(axis=1)
         travelled = windows[:, :, 2:4].max(axis=1).sum(axis=1) - windows[:, :, 4].max(axis=1)
         enough = np.where(commanded >= _LEAST_COMMAND_DEG, commanded, np.nan)

@@ -1,4 +1,4 @@
-"""Error of the output shaft's position sensor, against the rotor's."""
+"""Bias of the output shaft's position sensor relative to the rotor's."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WIDEST_DEG = 0.05
 
 
 class Detector(EquationDetector):
-    """Difference of the two angles that gear play and wind-up do not explain."""
+    """Difference of the two angles that backlash and wind-up do not explain."""
 
     fault: ClassVar[str] = "sensor_bias"
     quantity: ClassVar[str] = "bias of the position sensor"
@@ -38,7 +38,7 @@ class Detector(EquationDetector):
         return not actuator.blanks
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
-        """Return the bias; where the load presses on one flank alone, within the play that there may be."""
+        """Return the bias; with load on only one flank, its error includes the possible backlash."""
         fit = fits["gear"]
         one_sided = fit.both_ways("flank", "bias") < LEAST_SLOTS
         bias, error = fit["bias"]

@@ -1,7 +1,7 @@
-"""Voltage lost on the actuator's supply, where the log carries the supply's voltage.
+"""Voltage lost on the actuator's supply, for logs with the supply voltage.
 
-An ESC at the supply bus does. The motor's voltage V4 shows the supply's only for the milliseconds in which
-the controller asks for all of it, so a motor-side ESC cannot tell.
+An ESC at the supply bus measures it. The motor's voltage V4 equals the supply voltage only for milliseconds
+at full controller output, so a motor-side ESC cannot measure it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SENSOR_V = 0.1
 
 
 class Detector(EquationDetector):
-    """Supply voltage below the healthy supply's."""
+    """Supply voltage drop relative to the healthy supply."""
 
     fault: ClassVar[str] = "supply_sag"
     quantity: ClassVar[str] = "supply voltage lost"

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Detector(EquationDetector):
-    """Share of the data sheet's torque constant that is lost."""
+    """Fraction of the data sheet's torque constant that is lost."""
 
     fault: ClassVar[str] = "torque_constant"
     quantity: ClassVar[str] = "torque constant lost"
@@ -35,9 +35,9 @@ class Detector(EquationDetector):
         self.levels = Levels(actuator.limits.torque_constant_loss if actuator.limits else None)
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
-        """Return the loss; undecidable where the shaft moves too little to show the back-EMF.
+        """Return the loss; undecidable if the shaft moves too little for evidence of the back-EMF.
 
-        A loss or gain of half contradicts the data sheet: this motor is not the profile's.
+        A loss or gain of half contradicts the data sheet: the motor is not the profile's.
         """
         ema = self.actuator.known_ema()
         fit = fits["voltage"]

@@ -1,6 +1,6 @@
 """Resistance of the stator winding and its connections, from the voltage equation.
 
-Copper gains 0.39 % a kelvin: a limit must leave room for a warm motor.
+Copper gains 0.39 % per kelvin: a limit must allow for a warm motor.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _WIDEST = 0.05
 
 
 class Detector(EquationDetector):
-    """Winding resistance, against the data sheet's."""
+    """Winding resistance, relative to the data sheet's."""
 
     fault: ClassVar[str] = "winding_resistance"
     quantity: ClassVar[str] = "winding resistance"
@@ -33,7 +33,7 @@ class Detector(EquationDetector):
         self.levels = Levels(None if gain is None else nominal * (1.0 + gain))
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
-        """Return the resistance; undecidable where the current varies too little to show it."""
+        """Return the resistance; undecidable if the current varies too little."""
         fit, nominal = fits["voltage"], self.actuator.known_ema().resistance
         resistance, error = fit.corrected("resistance", noisy="resistance")
         shown = fit.spread & (error < _WIDEST * nominal)

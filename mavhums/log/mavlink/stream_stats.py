@@ -1,4 +1,4 @@
-"""The account of a stream: who sent how much of what, and what its sequence numbers lack."""
+"""Statistics of a stream: message counts and sequence losses per sender."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from mavhums.log.losses import SequenceLoss
 from mavhums.log.mavlink import _sequence
 from mavhums.log.mavlink.dialect import Dialect
 
-__all__ = ["Ledger"]
+__all__ = ["StreamStats"]
 
 _IDS_KEPT = 1000
 _SENDERS_KEPT = 1024
 _SUMS = ("frames", "missing", "gaps", "reordered", "duplicated")
 
 
-class Ledger:
-    """Counts the frames of a stream, in memory that does not grow.
+class StreamStats:
+    """Message counts, times and sequence losses of a stream, in bounded memory.
 
-    Of more than about a thousand senders those that were silent longest are counted together, as
-    component 0 (MAVLink's "all") of their system.
+    If there are more than about a thousand senders, the least recently active ones are counted
+    together, as component 0 (MAVLink's "all") of their system.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Ledger:
         self._counts = np.zeros((8, len(self._names)), dtype=np.int64)
 
     def add(self, rows: NDArray[np.void]) -> None:
-        """Take the next frames into account."""
+        """Add the next frames."""
         if rows.size == 0:
             return
         done, before = 0, self.frames
@@ -69,12 +69,12 @@ class Ledger:
 
     @property
     def first_time_us(self) -> int | None:
-        """Time of the first of them; None before it."""
+        """Time of the first frame, microseconds of UTC; None before it."""
         return int(self._totals[1]) if self.frames else None
 
     @property
     def last_time_us(self) -> int | None:
-        """Time of the latest of them; None before the first."""
+        """Time of the latest frame, microseconds of UTC; None before the first."""
         return int(self._totals[2]) if self.frames else None
 
     @property
@@ -88,7 +88,7 @@ class Ledger:
         return out
 
     def sequence_losses(self) -> Iterator[SequenceLoss]:
-        """Yield an account of each sender whose sequence numbers are not in one unbroken order."""
+        """Yield the losses of each sender whose sequence numbers have gaps, reordering or duplicates."""
         for sender in self._senders[: self._known]:
             found = {name: int(sender[name]) for name in ("missing", "gaps", "reordered", "duplicated")}
             if any(found.values()):
@@ -96,7 +96,7 @@ class Ledger:
                 yield SequenceLoss(system=system, component=component, frames=int(sender["frames"]), **found)
 
     def _fold(self) -> None:
-        """Add the half of the senders that were silent longest to component 0 of their systems."""
+        """Merge the least recently active half of the senders into component 0 of their systems."""
         identity = self._senders["id"]
         single = np.flatnonzero(identity & 0xFF)
         folded = single[np.argsort(self._senders["latest"][single], kind="stable")[: _SENDERS_KEPT // 2]]
