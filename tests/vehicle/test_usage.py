@@ -109,3 +109,9 @@ def test_it_does_not_depend_on_the_blocks(pulses: list[float], armed: list[float
 
 def cut_out(signal: Signal, a: int, b: int) -> Signal:
     return signal._replace(frame=signal.frame[a:b], time_us=signal.time_us[a:b], values=signal.values[a:b])
+
+
+def test_a_pulse_holds_until_the_next_sample() -> None:
+    step = used(outputs(np.array([1500.0, 1500.0, 1900.0]))).outputs[1]
+    assert step.mean_us == 1500.0
+    assert step.at_stops_s(1100, 1900) == (0.0, 0.0)
