@@ -3,7 +3,7 @@
     python examples/pictures.py demo docs/recordings
 
 takes the logs that ``make demo`` leaves in the first folder, flies and judges what is missing there, and
-draws every recording as the viewer opens it. The picture of a real log needs one: MAVHUMS_REAL_LOGS names
+draws every recording as the viewer opens it. The pictures of real logs need them: MAVHUMS_REAL_LOGS names
 the folder.
 """
 
@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from examples import readme_picture
 from examples.picture import save
-from mavhums import Engine, EngineOptions, analyse
+from mavhums import Engine, EngineOptions, Options, analyse
 from mavhums.learn import default_model
 from mavhums.log import read_blocks
 from mavhums.show import LiveViewer
@@ -30,6 +30,12 @@ from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
 
 REAL_LOG = "UAVLogViewer__vtol.tlog"
+ALFA = {
+    "aileron-jammed": "2018-09-11-17-55-30_1_right_aileron_failure.tlog",
+    "no-fault": "2018-09-11-15-05-11_2_no_failure.tlog",
+    "engine-failed": "2018-07-18-15-53-31_1_engine_failure.tlog",
+}
+PROFILE = Path(__file__).parents[1] / "benchmarks" / "alfa.toml"
 HOUR_S, REPEATS = 3600, 10
 
 
@@ -41,6 +47,7 @@ def main(demo: Path, pictures: Path) -> None:
         "growing-friction": lambda folder, out: _judged(folder / "friction-growing.tlog", folder, out),
         "growing-friction-detail": _detail,
         "real-log": _real,
+        **dict.fromkeys(ALFA, _alfa),
         "ten-hours": _ten_hours,
         "live": _live,
         "importer": _imported,
@@ -68,6 +75,18 @@ def _real(demo: Path, picture: Path) -> None:
         _judged(log, demo, picture)
     else:
         print(f"  kept as it is: no {REAL_LOG} in MAVHUMS_REAL_LOGS")
+
+
+def _alfa(demo: Path, picture: Path) -> None:
+    """Draw a flight of the ALFA data set, judged by its outputs and the aircraft's answer alone."""
+    log = Path(os.environ.get("MAVHUMS_REAL_LOGS", "")) / "alfa" / ALFA[picture.stem]
+    if not log.exists():
+        print(f"  kept as it is: no {log.name} in MAVHUMS_REAL_LOGS/alfa")
+        return
+    recording = demo / f"{picture.stem}.rrd"
+    shutil.copyfile(log, demo / log.name)
+    analyse(demo / log.name, Options(airframe=PROFILE), recording=recording)
+    save(recording, picture)
 
 
 def _ten_hours(demo: Path, picture: Path) -> None:

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 WIDTH = 900
-VIEWS = (("Condition of every actuator", "1200x1000"), ("Friction, N·m, against its limits", "2890x1500"))
+VIEWS = (
+    ("Condition of every axis and actuator", "1200x1000"),
+    ("Friction, N·m, against its limits", "2890x1500"),
+)
 """Views by title, and the window in which each is about as wide as the picture."""
 
 

@@ -11,11 +11,17 @@ from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe, packaged_airframes
 from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.app.judgeable import judgeable
 from mavhums.core.quantities import KEYS
+from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
+from mavhums.engine.axes import Axes
+from mavhums.engine.crowd import Crowd
+from mavhums.engine.usage import vehicle_usage
 from mavhums.health.obstacles import obstacle
 from mavhums.log import Decoder, decode_blocks
 from mavhums.report.inspection import ActuatorTelemetry, Inspection, MessageRate, VehicleTelemetry
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
+from mavhums.vehicle.texts import TEXT_MESSAGES
 
 __all__ = ["inspect_log"]
 
@@ -27,7 +33,7 @@ def inspect_log(
     dialect: str | os.PathLike[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Inspection:
-    """Read a log and say what it holds, without judging.
+    """Read a log and say what it holds, what it allows to judge, and what was used of the servos.
 
     Parameters
     ----------
@@ -50,12 +56,22 @@ def inspect_log(
         If the XML cannot be used.
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
-    decoder = Decoder(messages_for(given.actuators if given else ()) | IDENTITY_MESSAGES, dialect=dialect)
-    fleet, identities = VehicleMappers(given), Identities()
+    telemetry = messages_for(given.actuators if given else ())
+    decoder = Decoder(telemetry | IDENTITY_MESSAGES | AXIS_MESSAGES, dialect=dialect)
+    fleet, identities, axes = VehicleMappers(given), Identities(), Axes(given)
+    crowd = Crowd(telemetry - TEXT_MESSAGES)
     size = 0
     for tables, size, final in decode_blocks(path, decoder, dialect=dialect):
         identities.feed(tables)
-        for _ in (*fleet.listen(tables), *fleet.feed(tables, final=final)):
+        crowd.heed(tables)
+        start_us = decoder.first_time_us or 0
+        for said, named in fleet.listen(tables):
+            if named is not None:
+                axes.announce(said.vehicle, said.time_us, start_us, named)
+        for _ in (
+            *axes.feed(tables, start_us, admits=crowd.admits, final=final),
+            *fleet.feed(tables, final=final),
+        ):
             pass
         if progress:
             progress(size)
@@ -70,7 +86,7 @@ def inspect_log(
         else datetime.fromtimestamp(first / 1e6, tz=UTC).isoformat(),
         duration_s=duration_s,
         vehicles=tuple(
-            _vehicle(identities.of(vehicle), fleet.tier(vehicle, decoder.counts), fleet.mapper(vehicle))
+            _vehicle(identities.of(vehicle), fleet.tier(vehicle, decoder.counts), fleet.mapper(vehicle), axes)
             for vehicle in vehicles
         ),
         messages=tuple(
@@ -93,7 +109,7 @@ def _iso(time_us: int) -> str:
     return datetime.fromtimestamp(time_us / 1e6, tz=UTC).isoformat()
 
 
-def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None) -> VehicleTelemetry:
+def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes: Axes) -> VehicleTelemetry:
     """Return what is known of a vehicle of which ``sent`` is the richest tier, whosever it is."""
     vehicle = identity.vehicle
     airframe = mapper.airframe if mapper else None
@@ -110,6 +126,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None) -> Ve
             )
         )
     tier = sent if airframe is None else next((tier for tier in TIERS if tier.name in own), None)
+    followed, parameters = axes.vehicle(vehicle), axes.parameters(vehicle)
     judged = tier is not None and tier.judged and not (airframe is None and identity.multirotor)
     return VehicleTelemetry(
         vehicle=vehicle,
@@ -123,6 +140,8 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None) -> Ve
         judged=judged,
         remedy=_remedy(airframe, tier, sent, identity),
         actuators=tuple(rows),
+        subjects=tuple(judgeable(identity, sent, mapper, followed)),
+        usage=vehicle_usage(identity, followed, parameters, airframe) if followed else None,
     )
 
 

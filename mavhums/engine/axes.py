@@ -17,10 +17,11 @@ from mavhums.log import Table
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.inference import inferred
-from mavhums.vehicle.parameters import Sent
+from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
 from mavhums.vehicle.signals import Signal
 from mavhums.vehicle.surfaces import AXES, Surfaces, of_parameters
+from mavhums.vehicle.usage import Usage
 
 __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
 
@@ -51,12 +52,15 @@ class VehicleAxes:
     ----------
     surfaces, flight, monitor
         As far as known.
+    usage
+        Of its outputs.
     """
 
     def __init__(self, vehicle: int, start_us: int, surfaces: Surfaces | None) -> None:
         self.surfaces = surfaces
         self.monitor = AxisMonitor(vehicle)
         self.flight = Flight(surfaces)
+        self.usage = Usage()
         self._vehicle = vehicle
         self._grid = Grid(start_us)
         self._told: list[tuple[int, Surfaces]] = []
@@ -69,6 +73,7 @@ class VehicleAxes:
 
     def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[ConditionChanged | Indication]:
         """Take new samples; yield the changes of condition."""
+        self.usage.feed(signals)
         seconds = self._grid.feed(signals, final=final)
         while seconds is not None:
             now, seconds = self._next(seconds)
@@ -166,6 +171,10 @@ class Axes:
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
         """Return the axes of a vehicle; None if it never told anything of its flight."""
         return self._vehicles.get(vehicle)
+
+    def parameters(self, vehicle: int) -> Parameters:
+        """Return what a vehicle told of its outputs."""
+        return self._sent.of(vehicle)
 
     def flown_s(self) -> float:
         """Return how many seconds all vehicles flew forward."""

@@ -18,6 +18,7 @@ from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
+from mavhums.engine.usage import vehicle_usage
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
 from mavhums.health.baseline import Baseline
 from mavhums.health.flight_record import ActuatorRecord
@@ -35,6 +36,7 @@ from mavhums.report.assessment import (
     ModelSummary,
     Verdict,
 )
+from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
@@ -137,6 +139,7 @@ class Engine:
             airframe=", ".join(names) or None,
             model=next((said for said in map(_summary, self._models) if said in voted), None),
             verdicts=verdicts,
+            usage=tuple(self._usage(vehicles)),
         )
 
     def records(self) -> dict[tuple[int, str], ActuatorRecord]:
@@ -146,6 +149,13 @@ class Engine:
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
         return dict(self._profiles)
+
+    def _usage(self, vehicles: tuple[int, ...]) -> Iterator[VehicleUsage]:
+        for vehicle in vehicles:
+            followed, mapper = self._axes.vehicle(vehicle), self._mappers.mapper(vehicle)
+            if followed is not None:
+                parameters, airframe = self._axes.parameters(vehicle), mapper.airframe if mapper else None
+                yield vehicle_usage(self._identities.of(vehicle), followed, parameters, airframe)
 
     def _identity(self, vehicle: int) -> FlightIdentity:
         """Say which flight a vehicle's was."""

@@ -19,6 +19,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
 from mavhums.log.losses import Losses
+from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -277,7 +278,8 @@ class LogSummary(Contract):
 class Assessment(Contract):
     """Every verdict that a log supports.
 
-    ``model`` is the richest network among those of the verdicts.
+    ``model`` is the richest network among those of the verdicts, ``usage`` what each vehicle's log tells of
+    the use of its servos.
 
     Examples
     --------
@@ -297,6 +299,7 @@ class Assessment(Contract):
     airframe: str | None
     model: ModelSummary | None
     verdicts: tuple[Verdict, ...]
+    usage: tuple[VehicleUsage, ...] = ()
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the assessment as JSON that follows ``schema/assessment-2.json``."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from mavhums.core.models import Frozen
 from mavhums.log.losses import Losses
+from mavhums.report.usage import VehicleUsage
 
-__all__ = ["ActuatorTelemetry", "Inspection", "MessageRate", "VehicleTelemetry"]
+__all__ = ["ActuatorTelemetry", "Inspection", "Judgeable", "MessageRate", "VehicleTelemetry"]
 
 
 class MessageRate(Frozen):
@@ -27,6 +30,17 @@ class ActuatorTelemetry(Frozen):
     missing: tuple[str, ...]
 
 
+class Judgeable(Frozen):
+    """An axis or an actuator, and whether the log allows to judge it; if not, why and what would."""
+
+    subject: Literal["actuator", "axis"]
+    name: str
+    surfaces: tuple[str, ...]
+    judgeable: bool
+    reason: str | None
+    remedy: str | None
+
+
 class VehicleTelemetry(Frozen):
     """What the log carries of one vehicle's actuators, and how to get more.
 
@@ -45,6 +59,8 @@ class VehicleTelemetry(Frozen):
     judged: bool
     remedy: str | None
     actuators: tuple[ActuatorTelemetry, ...]
+    subjects: tuple[Judgeable, ...] = ()
+    usage: VehicleUsage | None = None
 
 
 class Inspection(Frozen):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 import rerun as rr
@@ -23,8 +24,8 @@ from mavhums.engine.events import (
     Window,
 )
 from mavhums.health.detector import detectors_for
-from mavhums.report.assessment import Assessment
-from mavhums.show._craft import craft_path
+from mavhums.report.assessment import Assessment, Verdict
+from mavhums.show._craft import Surface, craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track
 from mavhums.show._vehicle import Vehicle
@@ -114,8 +115,10 @@ class Scene:
             track.now(assessment.log.duration_s)
         for verdict in assessment.verdicts:
             self._track(verdict.vehicle, verdict.actuator).conclude(verdict.condition)
-        for track in self._tracks.values():
-            track.finish()
+            if verdict.subject == "axis":
+                self._track(verdict.vehicle, verdict.actuator).moved = list(self._moved(verdict))
+        for track in sorted(self._tracks.values(), key=lambda track: bool(track.moved)):
+            track.finish()  # an axis after the actuators whose surfaces it colours
         for vehicle in self._vehicles.values():
             vehicle.finish()
         self._flush_texts()
@@ -211,6 +214,15 @@ class Scene:
         if not craft.surfaces:
             craft.fit(known[0].actuators)
         track.surface = craft.surfaces.get(track.actuator)
+
+    def _moved(self, verdict: Verdict) -> Iterator[Surface]:
+        """Yield the surfaces of an axis that no telemetry of their own tells of."""
+        known = self._airframes.get(verdict.vehicle) or self._airframes.get(None)
+        servos = {int(servo) for text in verdict.surfaces for servo in re.findall(r"servo (\d+)", text)}
+        for actuator in known[0].actuators if known else ():
+            track = self._tracks.get((verdict.vehicle, actuator.name))
+            if actuator.servo in servos and track and track.surface and track.held == "unmonitored":
+                yield track.surface
 
     def _say(self, time_s: float, level: str, text: str) -> None:
         self._texts.append((time_s, level, text))

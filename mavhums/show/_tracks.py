@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import ConditionChanged, Indication, Samples, Window
+from mavhums.health.axis.detector import Limits
 from mavhums.health.detector import Detector
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
@@ -21,6 +22,14 @@ __all__ = ["STALE_S", "Track", "actuator_path"]
 
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
+
+AXIS_LIMITS: Final[Mapping[str, tuple[tuple[str, float, Condition], ...]]] = {
+    "effectiveness": (
+        ("reference", 1.0, "normal"),
+        (f"emergency up to {Limits().effectiveness:g}", Limits().effectiveness, "emergency"),
+    )
+}
+"""What the curves of an axis are held against: name, value and whose colour."""
 
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
@@ -53,6 +62,8 @@ class Track:
         The entity path of the actuator.
     surface
         The actuator's surface in the airframe; None without a profile.
+    moved
+        Surfaces of an axis that take its colour because they have no telemetry of their own.
     detectors
         Detectors by fault, with quantity and limits; empty without a profile.
     known_s
@@ -77,6 +88,7 @@ class Track:
         self.vehicle, self.actuator = vehicle, actuator
         self.root = actuator_path(vehicle, actuator)
         self.surface: Surface | None = None
+        self.moved: list[Surface] = []
         self.detectors: Mapping[str, Detector] = {}
         self.known_s = 0.0
         self.held: Condition = "undecided"
@@ -143,6 +155,8 @@ class Track:
             self._stream.log(self.faults[event.fault], _interval_style(event.fault), static=True)
         rows = np.stack([event.value, event.low, event.high], axis=1)
         middle = event.end_s - _HALF_WINDOW_S
+        if event.fault in AXIS_LIMITS:  # nothing else says from when to when an axis is followed
+            self._seen(0.0, float(event.end_s[-1]))
         send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
 
     def changed(self, event: ConditionChanged) -> None:
@@ -158,6 +172,11 @@ class Track:
 
     def conclude(self, condition: Condition) -> None:
         """Show over the whole flight what only its comparison with the flights before told."""
+        if condition == "unmonitored":
+            self.held = self.worst = condition
+            self._states.clear()
+            self._state_s = None
+            return
         if condition not in _COMPARED or self._first_s == np.inf:
             return
         self._states = [(at_s, condition if state == self.held else state) for at_s, state in self._states]
@@ -232,14 +251,16 @@ class Track:
         if states:
             time = [time_s for time_s, _ in states]
             self._send("", time, rr.StateChange.columns(state=[state for _, state in states]))
-            if self.surface:
-                self.surface.colour(time, [_STATES[state] for _, state in states])
+            for surface in filter(None, (self.surface, *self.moved)):
+                surface.colour(time, [_STATES[state] for _, state in states])
 
     def _flush_limits(self) -> None:
         """Draw the limits of the indicators up to the latest data."""
-        for fault, detector in self.detectors.items():
+        known = {fault: list(_limits(detector)) for fault, detector in self.detectors.items()}
+        for fault in self.faults.keys() & AXIS_LIMITS.keys():
+            known[fault] = [(title, value, COLOURS[colour]) for title, value, colour in AXIS_LIMITS[fault]]
+        for fault, limits in known.items():
             path = self.root if fault == "friction" else self.faults.get(fault)
-            limits = list(_limits(detector))
             if path is None or not limits:
                 continue
             names, values, colours = zip(*limits, strict=True)

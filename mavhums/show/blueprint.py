@@ -30,6 +30,8 @@ _PLOTS: Final = (
     ("rotor rotation", ("V2",)),
 )
 _QUANTITIES = {quantity.key: quantity for quantity in QUANTITIES}
+_AXIS_PLOTS: Final = {"effectiveness": "Control effectiveness, share of the reference"}
+_EFFECTIVENESS_SPAN: Final = (-0.2, 1.8)
 _MAP_PIXELS: Final = 100
 _LIVE_SIGNALS_S, _LIVE_EVIDENCE_S = 30, 120
 
@@ -113,7 +115,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     axes = (
         _Axes(_latest(_LIVE_SIGNALS_S), _latest(_LIVE_EVIDENCE_S)) if live else _Axes(*[whole_flight()] * 2)
     )
-    tabs = [_actuator(lane, axes) for lane in lanes if lane.present]
+    tabs = [_actuator(lane, axes) for lane in lanes if lane.present or lane.faults]
     around = around or Surroundings()
     middle = _vehicle(around)
     below = rrb.Horizontal(rrb.Tabs(*tabs, active_tab=0), middle, column_shares=[5, 3]) if tabs else middle
@@ -122,7 +124,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     conditions = rrb.StateTimelineView(
         origin="/",
         contents=[*around.modes, *(lane.root for lane in lanes)],
-        name="Condition of every actuator",
+        name="Condition of every axis and actuator",
         time_view=whole_flight(),
     )
     report = rrb.TextDocumentView(origin="/report", name="Report")
@@ -213,8 +215,9 @@ def _faults(lane: Lane, axis: rrb.TimeAxis) -> list[rrb.View]:
         contents = [f"{lane.root}/friction", f"{lane.root}/limits"]
         plots["friction"] = _plot("Friction, N·m, against its limits", contents, axis)
     for name, unit, path in lane.faults:
-        title = ", ".join(filter(None, (name.replace("_", " ").capitalize(), unit)))
-        plots[name] = _plot(title, [path, f"{path}/limits"], axis)
+        title = _AXIS_PLOTS.get(name) or ", ".join(filter(None, (name.replace("_", " ").capitalize(), unit)))
+        span = _EFFECTIVENESS_SPAN if name in _AXIS_PLOTS else None
+        plots[name] = _plot(title, [path, f"{path}/limits"], axis, span=span)
     return [plots[name] for name in sorted(plots, key=lambda name: name != lane.cause)]
 
 

@@ -10,7 +10,8 @@ from rich.table import Table
 
 from mavhums.core.text import printable
 from mavhums.report.inspection import Inspection, VehicleTelemetry
-from mavhums.show._words import link_loss
+from mavhums.show import _usage
+from mavhums.show._words import join, link_loss
 
 __all__ = ["render_inspection"]
 
@@ -48,8 +49,11 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
         f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}",
         highlight=False,
     )
+    axes = any(one.judgeable and one.subject == "axis" for one in vehicle.subjects)
     if not vehicle.judged:
-        console.print("  Health cannot be judged from this log.", highlight=False)
+        what = "Wear of the servos" if axes else "Health"
+        console.print(f"  {what} cannot be judged from this log.", highlight=False)
+    _judgeable(vehicle, console)
     if vehicle.remedy:
         console.print(f"  Remedy: {escape(printable(vehicle.remedy))}", highlight=False)
     nothing = "nothing without travel_deg" if "travel_deg" in (vehicle.remedy or "") else "no telemetry"
@@ -61,6 +65,27 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
             markup=False,
             highlight=False,
         )
+    told = list(_usage.lines(vehicle.usage)) if vehicle.usage else []
+    if vehicle.usage and told:
+        title = _usage.title(vehicle.usage, several=False)
+        for line in (title, *(f"  {line}" for line in told)):
+            console.print(f"  {line}", markup=False, highlight=False)
+
+
+def _judgeable(vehicle: VehicleTelemetry, console: Console) -> None:
+    """Print what can be judged, and once for each reason what cannot."""
+    refused: dict[tuple[str, str], list[str]] = {}
+    for one in vehicle.subjects:
+        title = f"{one.name} control" if one.subject == "axis" and one.name != "axes" else one.name
+        if one.judgeable:
+            by = f", moved by {join(one.surfaces)}" if one.surfaces else ""
+            what = "control effectiveness" if one.subject == "axis" else "wear"
+            console.print(printable(f"  {title}: {what} can be judged{by}"), markup=False, highlight=False)
+        elif one.subject == "axis":
+            refused.setdefault((one.reason or "", one.remedy or ""), []).append(title)
+    for (reason, remedy), titles in refused.items():
+        text = f"  {join(titles)}: cannot be judged: {reason}; remedy: {remedy}"
+        console.print(printable(text), markup=False, highlight=False)
 
 
 def _who(vehicle: VehicleTelemetry) -> str:

@@ -9,6 +9,7 @@ from typing import Final
 
 from mavhums.core.quantities import QUANTITIES
 from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
+from mavhums.show import _usage
 from mavhums.show._words import (
     advice,
     clock,
@@ -30,6 +31,7 @@ from mavhums.show._words import (
 __all__ = ["markdown", "so_far"]
 
 _HEAD: Final = ("| actuator | condition | friction, N·m | network | since |", "|---|---|---|---|---|")
+_COLUMNS: Final = ("condition", "control left", "friction, N·m", "network", "since")
 _FIRST, _LAST = 4, 6
 _NUMBER = re.compile(r"(\d+)")
 _ACTIVE = re.compile(r"([\\`*\[\]<|])")
@@ -58,6 +60,7 @@ def markdown(assessment: Assessment) -> str:
     sections += _explained(assessment)
     sections += _doubtful(assessment)
     sections += _undecided(assessment)
+    sections += _used(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
     return "\n\n".join(sections) + "\n"
@@ -93,12 +96,24 @@ def _row(
 
 
 def _table(assessment: Assessment) -> str:
-    lines = list(_HEAD)
-    for verdict in assessment.ranked():
-        since_s = verdict.since.flight_time_s if verdict.since else None
-        title, torque = name(verdict, assessment), verdict.friction_nm
-        lines.append(_row(title, _condition(verdict), torque, verdict.p_emergency, since_s))
-    return "\n".join(lines)
+    """Return a row for each subject; what no row tells has no column."""
+    rows = [_cells(verdict, name(verdict, assessment)) for verdict in assessment.ranked()]
+    subjects = {verdict.subject for verdict in assessment.verdicts}
+    head = ("actuator" if subjects == {"actuator"} else "subject", *_COLUMNS)
+    told = [k for k in range(len(head)) if k < 2 or any(row[k] != "—" for row in rows)]
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line[k] for k in told)} |" for line in lines)
+
+
+def _cells(verdict: Verdict, title: str) -> tuple[str, ...]:
+    return (
+        _literal(title),
+        _condition(verdict),
+        effectiveness(verdict.effectiveness) if verdict.effectiveness else "—",
+        friction(verdict.friction_nm) if verdict.friction_nm else "—",
+        percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
+        clock(verdict.since.flight_time_s) if verdict.since else "—",
+    )
 
 
 def _condition(verdict: Verdict) -> str:
@@ -198,6 +213,17 @@ def _undecided(assessment: Assessment) -> Iterator[str]:
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
         why, todo = _literal(reason), _literal(remedy)
         yield f"## {names}: unmonitored\n\n**Why:** {why}.\n\n**What to do:** {todo}."
+
+
+def _used(assessment: Assessment) -> Iterator[str]:
+    """Yield a table of what was used of each vehicle's servos."""
+    for usage in assessment.usage:
+        rows = [tuple(map(_literal, row)) for row in _usage.rows(usage)]
+        table = "\n".join(
+            f"| {' | '.join(row)} |" for row in (_usage.HEAD, ("---",) * len(_usage.HEAD), *rows)
+        )
+        title = _literal(_usage.title(usage, several=len(assessment.usage) > 1))
+        yield f"## {title}" + (f"\n\n{table}" if rows else "")
 
 
 def _provenance(assessment: Assessment) -> Iterator[str]:

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Assessment, Verdict
+from mavhums.show import _usage
 from mavhums.show._words import (
     COLOURS,
     advice,
@@ -138,3 +139,7 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     for (reason, remedy), verdicts in unmonitored(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: unmonitored"), [f"why: {reason}", f"what to do: {remedy}"])
+    for used in assessment.usage:
+        told = list(_usage.lines(used))
+        if told:
+            yield (_usage.title(used, several=len(assessment.usage) > 1), told)

@@ -41,7 +41,7 @@ def tree(assessment: Assessment, **present: frozenset[str]) -> list[str]:
 def test_the_answer_comes_first_then_the_worst_actuator(assessment: Assessment) -> None:
     found = tree(assessment, aileron_left=ALL, elevator=ALL, rudder=ALL)
     assert found[:4] == [
-        "Condition of every actuator",
+        "Condition of every axis and actuator",
         "elevator: emergency",
         "Friction, N·m, against its limits",
         "Network: P(emergency)",

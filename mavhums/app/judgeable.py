@@ -1,0 +1,78 @@
+"""What a log allows to judge, subject by subject, in the words in which a verdict would refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Final
+
+from mavhums.actuator.mapping import Mapper
+from mavhums.actuator.profile import packaged_airframes
+from mavhums.actuator.tiers import Tier, tier_named
+from mavhums.engine.axes import VehicleAxes
+from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
+from mavhums.health.verdict import unjudged_actuator, unjudged_vehicle
+from mavhums.report.assessment import ALL, Verdict
+from mavhums.report.inspection import Judgeable
+from mavhums.vehicle.identity import Identity
+from mavhums.vehicle.surfaces import AXES
+
+__all__ = ["judgeable"]
+
+_UNDATED: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def judgeable(
+    identity: Identity, sent: Tier | None, mapper: Mapper | None, axes: VehicleAxes | None
+) -> Iterator[Judgeable]:
+    """Yield what can be judged of a vehicle, and what not and why: its axes first, then its actuators.
+
+    Parameters
+    ----------
+    identity
+        Who it is.
+    sent
+        Its richest tier of telemetry.
+    mapper
+        Of its profile; None without one.
+    axes
+        What followed its flight; None if it told nothing of it.
+    """
+    for verdict in _axes(identity.vehicle, axes):
+        told = {verdict.condition, verdict.worst} != {"undecided"}
+        yield _said(verdict, judged=told)
+    if mapper is None:
+        surfaces = axes.surfaces if axes else None
+        for verdict in unjudged_vehicle(
+            identity.vehicle, sent, packaged_airframes(), identity, surfaces=surfaces
+        ):
+            yield _said(verdict, judged=False)
+        return
+    for actuator in mapper.airframe.actuators:
+        name = mapper.tier(identity.vehicle, actuator)
+        tier = tier_named(name) if name else None
+        provenance = mapper.provenance(identity.vehicle, actuator)
+        verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
+        yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
+
+
+def _axes(vehicle: int, axes: VehicleAxes | None) -> Iterator[Verdict]:
+    if axes is None:
+        return
+    why = why_not_at_all(axes.flight)
+    if why is not None:
+        yield unjudged_axes(vehicle, *why)
+        return
+    for axis in AXES:
+        yield judged_axis(vehicle, axes.monitor.findings(axis), axes.surfaces, axes.flight, _UNDATED)
+
+
+def _said(verdict: Verdict, *, judged: bool) -> Judgeable:
+    return Judgeable(
+        subject=verdict.subject,
+        name="every actuator" if verdict.actuator == ALL else verdict.actuator,
+        surfaces=verdict.surfaces,
+        judgeable=judged,
+        reason=None if judged else verdict.reason,
+        remedy=None if judged else verdict.remedy,
+    )

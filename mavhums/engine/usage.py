@@ -1,0 +1,97 @@
+"""The use of a vehicle's servos, with the names and ranges that a profile or the log's parameters give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from mavhums.actuator.profile import Airframe
+from mavhums.engine.axes import VehicleAxes
+from mavhums.report.usage import OutputUsage, VehicleUsage
+from mavhums.vehicle.identity import Identity
+from mavhums.vehicle.outputs import control_surfaces
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.signals import OUTPUTS
+from mavhums.vehicle.surfaces import Surfaces
+from mavhums.vehicle.usage import OutputUse
+
+__all__ = ["vehicle_usage"]
+
+
+class _Known(NamedTuple):
+    """What is known of an output: its name, who says so, and its calibrated range."""
+
+    name: str
+    by: str
+    range_us: tuple[int, int, int] | None
+
+
+def vehicle_usage(
+    identity: Identity, axes: VehicleAxes, parameters: Parameters, airframe: Airframe | None
+) -> VehicleUsage:
+    """Return the use of one vehicle.
+
+    Parameters
+    ----------
+    identity
+        Who it is.
+    axes
+        What followed its flight.
+    parameters
+        Those that the log told.
+    airframe
+        Its profile, which goes before the parameters; None without one.
+    """
+    known = dict(_known(parameters, airframe, axes.surfaces))
+    used = axes.usage.outputs
+    armed_s = axes.usage.armed_s
+    return VehicleUsage(
+        vehicle=identity.vehicle,
+        kind=identity.kind,
+        firmware=identity.firmware or identity.autopilot,
+        armed_s=None if armed_s is None else round(armed_s, 3),
+        forward_s=axes.flight.flown_s,
+        outputs=tuple(_output(servo, used.get(servo), known.get(servo)) for servo in sorted(used | known)),
+    )
+
+
+def _known(
+    parameters: Parameters, airframe: Airframe | None, surfaces: Surfaces | None
+) -> Iterator[tuple[int, _Known]]:
+    """Yield by servo what is known; what comes later goes before."""
+    if surfaces is not None and surfaces.origin == "inferred":
+        yield from ((moved.servo, _Known(moved.surface, "inferred", None)) for moved in surfaces.moved)
+    for output in control_surfaces(parameters):
+        if output.servo <= OUTPUTS:
+            yield output.servo, _Known(output.surface, "parameters", output.pwm_us)
+    for actuator in airframe.actuators if airframe else ():
+        if actuator.servo <= OUTPUTS:
+            low, zero, high = (round(pulse) for pulse in actuator.pwm_us)
+            yield actuator.servo, _Known(actuator.name, "profile", (low, zero, high))
+
+
+def _output(servo: int, use: OutputUse | None, known: _Known | None) -> OutputUsage:
+    span_us = range_us = at_low_s = at_high_s = None
+    if known is not None and known.range_us is not None:
+        range_us = known.range_us
+        span_us = range_us[2] - range_us[0]
+        if use is not None:
+            at_low_s, at_high_s = (round(time_s, 3) for time_s in use.at_stops_s(range_us[0], range_us[2]))
+    mean_us = use.mean_us if use else None
+    return OutputUsage(
+        servo=servo,
+        name=known.name if known else None,
+        named_by=known.by if known else None,
+        commanded=use is not None and use.commanded,
+        range_us=range_us,
+        least_us=use.least_us if use else None,
+        greatest_us=use.greatest_us if use else None,
+        span=round((use.greatest_us - use.least_us) / span_us, 4) if use and span_us else None,
+        travelled_us=use.travelled_us if use else 0,
+        travelled=round(use.travelled_us / span_us, 3) if use and span_us else None,
+        reversals=use.reversals if use else 0,
+        held_s=round(use.held_s, 3) if use else 0.0,
+        at_low_s=at_low_s,
+        at_high_s=at_high_s,
+        mean_us=None if mean_us is None else round(mean_us, 1),
+    )

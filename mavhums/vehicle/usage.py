@@ -1,0 +1,201 @@
+"""How far, how often and where the servo outputs of a vehicle were commanded, in memory that does not grow.
+
+Pulses count in whole microseconds and times in whole microseconds, so that every sum is exact and does not
+depend on how a log is cut into blocks. A pulse holds until the next sample, but no longer than
+:data:`HELD_S`. A reversal counts once the output has come back by :data:`BAND_US`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import kernel
+from mavhums.vehicle.signals import OUTPUTS, Signal
+
+__all__ = ["BAND_US", "HELD_S", "OutputUse", "Usage"]
+
+BAND_US: Final = 8
+"""Movement that counts: 1 % of the usual travel of 800 µs, above the dead band of a usual servo."""
+
+HELD_S: Final = 2.0
+"""Longest time for which a sample of an output, or a state, is taken to hold."""
+
+_OFF: Final = -1
+_LEAST_US, _GREATEST_US = 800, 2200
+_STOP: Final = 0.01
+_HELD_US: Final = round(HELD_S * 1e6)
+
+Counts = NDArray[np.int64]
+
+
+class OutputUse(NamedTuple):
+    """What one output did.
+
+    Attributes
+    ----------
+    least_us, greatest_us
+        Shortest and longest pulse.
+    travelled_us
+        Sum of all movements.
+    reversals
+        Changes of direction.
+    held_us
+        Microseconds for which each pulse from 800 to 2200 µs was held while armed, shape (1401,).
+    """
+
+    least_us: int
+    greatest_us: int
+    travelled_us: int
+    reversals: int
+    held_us: Counts
+
+    @property
+    def commanded(self) -> bool:
+        """Whether it moved at all."""
+        return self.greatest_us - self.least_us >= BAND_US
+
+    @property
+    def held_s(self) -> float:
+        """Time for which it was followed while armed."""
+        return float(self.held_us.sum()) / 1e6
+
+    @property
+    def mean_us(self) -> float | None:
+        """Mean pulse over that time; None of no time."""
+        total = int(self.held_us.sum())
+        return float(self.held_us @ np.arange(_LEAST_US, _GREATEST_US + 1)) / total if total else None
+
+    def at_stops_s(self, low_us: int, high_us: int) -> tuple[float, float]:
+        """Return for how long it stood within 1 % of the calibrated range of either end, or beyond."""
+        near = max(round((high_us - low_us) * _STOP), 1)
+        low = self.held_us[: max(low_us + near - _LEAST_US + 1, 0)].sum()
+        high = self.held_us[max(high_us - near - _LEAST_US, 0) :].sum()
+        return float(low) / 1e6, float(high) / 1e6
+
+
+class Usage:
+    """Follows the servo outputs and the armed state of one vehicle, block after block.
+
+    Examples
+    --------
+    >>> Usage().armed_s is None, Usage().outputs
+    (True, {})
+    """
+
+    def __init__(self) -> None:
+        self._held = np.zeros((OUTPUTS, _GREATEST_US - _LEAST_US + 1), dtype=np.int64)
+        self._least = np.full(OUTPUTS, np.iinfo(np.int64).max)
+        self._greatest = np.full(OUTPUTS, _OFF)
+        self._travelled, self._reversals = np.zeros((2, OUTPUTS), dtype=np.int64)
+        self._turn, self._last = np.full((2, OUTPUTS), _OFF, dtype=np.int64)
+        self._direction = np.zeros(OUTPUTS, dtype=np.int64)
+        self._time = np.full(1, np.iinfo(np.int64).min // 2)
+        self._armed = np.nan
+        self._armed_at_us: int | None = None
+        self._armed_us = 0
+
+    @property
+    def armed_s(self) -> float | None:
+        """Time for which it was armed; None if the log does not tell."""
+        return None if self._armed_at_us is None else self._armed_us / 1e6
+
+    @property
+    def outputs(self) -> dict[int, OutputUse]:
+        """What the outputs that ever had a pulse did, by their number from 1."""
+        return {
+            k + 1: OutputUse(
+                int(self._least[k]),
+                int(self._greatest[k]),
+                int(self._travelled[k]),
+                int(self._reversals[k]),
+                self._held[k],
+            )
+            for k in np.flatnonzero(self._greatest != _OFF).tolist()
+        }
+
+    def feed(self, signals: Sequence[Signal]) -> None:
+        """Take the vehicle's signals of one block."""
+        states = [signal for signal in signals if signal.name == "state"]
+        frames = np.concatenate([[-1], *(signal.frame for signal in states)])
+        armed = np.concatenate([[self._armed], *(signal.values[:, 2] for signal in states)])
+        for signal in states:
+            self._state(signal)
+        for signal in signals:
+            if signal.name == "outputs":
+                disarmed = armed[np.searchsorted(frames, signal.frame) - 1] == 0
+                self._follow(signal, ~disarmed)
+
+    def _state(self, signal: Signal) -> None:
+        if not len(signal.time_us):
+            return
+        start = signal.time_us[0] if self._armed_at_us is None else self._armed_at_us
+        times = np.concatenate([[start], signal.time_us])
+        armed = np.concatenate([[self._armed], signal.values[:-1, 2]]) > 0
+        self._armed_us += int(np.clip(np.diff(times), 0, _HELD_US)[armed].sum())
+        self._armed_at_us, self._armed = int(times[-1]), float(signal.values[-1, 2])
+
+    def _follow(self, signal: Signal, counts: NDArray[np.bool_]) -> None:
+        if not len(signal.values):
+            return
+        known = np.isfinite(signal.values)
+        pulses = np.where(known, np.clip(np.rint(signal.values), _LEAST_US, _GREATEST_US), _OFF)
+        pulses = pulses.astype(np.int64)
+        self._least = np.minimum(self._least, np.where(known, pulses, self._least).min(axis=0))
+        self._greatest = np.maximum(self._greatest, pulses.max(axis=0))
+        _followed(
+            pulses,
+            signal.time_us.astype(np.int64),
+            counts,
+            self._held,
+            self._travelled,
+            self._reversals,
+            self._turn,
+            self._direction,
+            self._last,
+            self._time,
+        )
+
+
+@kernel
+def _followed(
+    pulses: Counts,
+    time_us: Counts,
+    counts: NDArray[np.bool_],
+    held: Counts,
+    travelled: Counts,
+    reversals: Counts,
+    turn: Counts,
+    direction: Counts,
+    last: Counts,
+    last_time: Counts,
+) -> None:
+    """Add samples, pulses of shape (n, outputs) with -1 where an output is off, to the sums."""
+    for k in range(pulses.shape[0]):
+        passed = min(time_us[k] - last_time[0], _HELD_US)
+        fresh = time_us[k] - last_time[0] > 1 << 60
+        last_time[0] = time_us[k]
+        for j in range(pulses.shape[1]):
+            pulse, before = pulses[k, j], last[j]
+            last[j] = pulse
+            if before != _OFF and not fresh and counts[k] and passed > 0:
+                held[j, before - _LEAST_US] += passed
+            if pulse == _OFF:
+                continue
+            if before != _OFF:
+                travelled[j] += abs(pulse - before)
+            if turn[j] == _OFF:
+                turn[j] = pulse
+            elif direction[j] == 0:
+                if abs(pulse - turn[j]) >= BAND_US:
+                    direction[j] = 1 if pulse > turn[j] else -1
+                    turn[j] = pulse
+            elif (pulse - turn[j]) * direction[j] > 0:
+                turn[j] = pulse
+            elif (turn[j] - pulse) * direction[j] >= BAND_US:
+                reversals[j] += 1
+                direction[j] = -direction[j]
+                turn[j] = pulse

@@ -1,0 +1,102 @@
+"""What was used of the servos, and what a log allows to judge, through the commands."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import REAL_LOGS, Run
+from tests.engine.test_axes import flown
+
+PROFILE = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
+JAMMED = "alfa/2018-09-11-17-55-30_1_right_aileron_failure.tlog"
+
+needs_logs = pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("usage") / "flight.tlog"
+    path.write_bytes(flown())
+    return path
+
+
+def by_name(usage: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {output["name"]: output for output in usage["outputs"] if output["name"]}
+
+
+def test_analyse_tells_the_use_of_every_surface(run: Run, log: Path) -> None:
+    outcome = run("analyse", log)
+    assert re.search(r"Usage: fixed wing, ArduPilot; armed 2m29s, forward flight 2m2\ds", outcome.out)
+    assert "never commanded: elevator (servo 2) and rudder (servo 4)" in " ".join(outcome.out.split())
+    [usage] = json.loads(run("analyse", log, "--json").out)["usage"]
+    aileron = by_name(usage)["aileron"]
+    assert (aileron["servo"], aileron["named_by"], aileron["commanded"]) == (1, "parameters", True)
+    assert aileron["range_us"] == [1100, 1500, 1900]
+    assert aileron["span"] == pytest.approx((aileron["greatest_us"] - aileron["least_us"]) / 800, abs=1e-3)
+    assert aileron["travelled"] == pytest.approx(aileron["travelled_us"] / 800, abs=1e-2)
+    assert by_name(usage)["elevator"]["commanded"] is False
+
+
+def test_inspect_and_analyse_tell_the_same(run: Run, log: Path) -> None:
+    [usage] = json.loads(run("analyse", log, "--json").out)["usage"]
+    [vehicle] = json.loads(run("inspect", log, "--json").out)["vehicles"]
+    assert vehicle["usage"] == usage
+
+
+def test_inspect_says_what_can_be_judged_before_one_tries(run: Run, log: Path) -> None:
+    told = json.loads(run("inspect", log, "--json").out)["vehicles"][0]["subjects"]
+    verdicts = json.loads(run("analyse", log, "--json").out)["verdicts"]
+    assert {one["name"] for one in told} == {verdict["actuator"] for verdict in verdicts}
+    for verdict in verdicts:
+        [one] = [one for one in told if one["name"] == verdict["actuator"]]
+        assert one["judgeable"] == (verdict["worst"] not in ("undecided", "unmonitored"))
+        assert (one["reason"], one["remedy"]) == (verdict["reason"], verdict["remedy"])
+    text = " ".join(run("inspect", log).out.split())
+    assert "roll control: control effectiveness can be judged, moved by aileron (servo 1)" in text
+    assert "yaw control: cannot be judged:" in text
+    assert "Wear of the servos cannot be judged from this log." in text
+
+
+@pytest.mark.parametrize(("kind", "why"), [(2, "a quadrotor"), (10, "a ground rover")])
+def test_inspect_says_why_nothing_can_be_judged(run: Run, tmp_path: Path, kind: int, why: str) -> None:
+    path = tmp_path / "other.tlog"
+    path.write_bytes(flown(20, kind=kind))
+    text = " ".join(run("inspect", path).out.split())
+    assert f"axes: cannot be judged: {why}" in text
+    assert "Health cannot be judged" in text
+
+
+def test_the_profile_names_outputs_before_the_parameters(run: Run, log: Path, tmp_path: Path) -> None:
+    profile = tmp_path / "own.toml"
+    profile.write_text(
+        'name = "own"\n[[actuators]]\nname = "flap right"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
+    )
+    [usage] = json.loads(run("analyse", log, "--json", "--airframe", profile).out)["usage"]
+    flap = by_name(usage)["flap right"]
+    assert (flap["servo"], flap["named_by"], flap["range_us"]) == (1, "profile", [1000, 1500, 2000])
+
+
+@needs_logs
+def test_the_jammed_flight_of_alfa(run: Run) -> None:
+    path = REAL_LOGS / JAMMED
+    [usage] = json.loads(run("analyse", path, "--json", "--airframe", PROFILE).out)["usage"]
+    surfaces = by_name(usage)
+    assert surfaces.keys() == {"elevator", "rudder", "left aileron", "right aileron"}
+    assert all(0.1 < surface["span"] < 0.4 for surface in surfaces.values())
+    assert usage["forward_s"] == pytest.approx(130, abs=3)
+
+
+@needs_logs
+@pytest.mark.parametrize(
+    ("name", "servo", "commanded"),
+    [("onboard/mavrik464.BIN", 7, False), ("onboard/sample_log_small.ulg", 2, True)],
+)
+def test_on_board_logs_tell_it_too(run: Run, name: str, servo: int, commanded: bool) -> None:
+    [vehicle] = json.loads(run("inspect", REAL_LOGS / name, "--json").out)["vehicles"]
+    [output] = [one for one in vehicle["usage"]["outputs"] if one["servo"] == servo]
+    assert output["commanded"] is commanded

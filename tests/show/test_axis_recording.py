@@ -1,0 +1,71 @@
+"""What a recording shows of an axis whose servos report nothing back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
+
+from mavhums import analyse
+from mavhums.app.options import Options
+from mavhums.show import markdown
+from tests.engine.test_axes import flown
+from tests.show.test_recording import entities, rows, scalars, static
+
+PROFILE = """
+name = "own"
+[[actuators]]
+name = "left aileron"
+servo = 1
+pwm_us = [1100, 1500, 1900]
+[[actuators]]
+name = "elevator"
+servo = 2
+pwm_us = [1100, 1500, 1900]
+"""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    folder = tmp_path_factory.mktemp("axis")
+    log, profile, recording = folder / "flight.tlog", folder / "own.toml", folder / "flight.rrd"
+    log.write_bytes(flown())
+    profile.write_text(PROFILE)
+    return recording, analyse(log, Options(airframe=profile), recording=recording)
+
+
+def test_the_lane_of_an_axis_begins_with_the_flight(recorded: tuple[Path, Any]) -> None:
+    times, states = rows(recorded[0], "/vehicle_1/roll", "StateChange:state")
+    assert times[0] == 0.0
+    told = [state[0] for state in states]
+    assert (told[0], told[-1]) == ("undecided", "emergency")
+    _, lone = rows(recorded[0], "/vehicle_1/elevator", "StateChange:state")
+    assert [state[0] for state in lone] == ["unmonitored"]
+
+
+def test_effectiveness_is_drawn_against_reference_and_limit(recorded: tuple[Path, Any]) -> None:
+    root = "/vehicle_1/roll/faults/effectiveness"
+    times, values = scalars(recorded[0], root)
+    assert values[times < 80, 0].mean() == pytest.approx(1.0, abs=0.1)
+    assert values[-5:, 0].max() < 0.65
+    limits = scalars(recorded[0], f"{root}/limits")[1]
+    assert limits[0].tolist() == [1.0, 0.65]
+    assert static(recorded[0], f"{root}/limits")["SeriesLines:names"] == ["reference", "emergency up to 0.65"]
+
+
+def test_surfaces_without_telemetry_have_the_colour_of_their_axis(recorded: tuple[Path, Any]) -> None:
+    paths = {path for path in entities(recorded[0]) if path.endswith("surface")}
+    [aileron] = [path for path in paths if "aileron" in path]
+    [elevator] = [path for path in paths if "elevator" in path]
+    assert len(rows(recorded[0], aileron, "Boxes3D:colors")[0]) > 2
+    assert len(rows(recorded[0], elevator, "Boxes3D:colors")[0]) <= 2
+
+
+def test_the_report_has_the_columns_that_are_told(recorded: tuple[Path, Any]) -> None:
+    text = markdown(recorded[1])
+    assert "| subject | condition | control left | since |" in text
+    assert "## Usage: fixed wing, ArduPilot; armed 2m29s" in text
+    assert "| elevator (servo 2) | never commanded | — |" in text

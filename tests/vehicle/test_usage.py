@@ -1,0 +1,117 @@
+"""Travel, reversals, stops and trim of outputs whose movement is known exactly."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.vehicle.signals import OUTPUTS, Signal
+from mavhums.vehicle.usage import BAND_US, Usage
+
+STEP_US = 100_000
+
+
+def outputs(pulses: NDArray[np.float64], *, first: int = 0, servo: int = 1) -> Signal:
+    """A signal of one output at 10 Hz; the others are off."""
+    values = np.full((len(pulses), OUTPUTS), np.nan)
+    values[:, servo - 1] = pulses
+    frames = first + 2 * np.arange(len(pulses), dtype=np.int64)
+    return Signal(1, "outputs", "SERVO_OUTPUT_RAW", frames, frames // 2 * STEP_US, values)
+
+
+def state(armed: list[float], *, first: int = 1) -> Signal:
+    """The armed state, told right after each sample of the outputs."""
+    values = np.array([[1.0, 3.0, one, 10.0] for one in armed])
+    frames = first + 2 * np.arange(len(armed), dtype=np.int64)
+    return Signal(1, "state", "HEARTBEAT", frames, frames // 2 * STEP_US, values)
+
+
+def triangle(periods: int, low: int = 1100, high: int = 1900, step: int = 20) -> NDArray[np.float64]:
+    up = np.arange(low, high, step)
+    down = np.arange(high, low, -step)
+    return np.append(np.tile(np.concatenate([up, down]), periods), low).astype(np.float64)
+
+
+def used(*signals: Signal) -> Usage:
+    usage = Usage()
+    usage.feed(signals)
+    return usage
+
+
+def test_a_triangle_wave_has_its_travel_and_its_reversals() -> None:
+    wave = triangle(5)
+    found = used(outputs(wave)).outputs[1]
+    assert (found.least_us, found.greatest_us) == (1100, 1900)
+    assert found.travelled_us == 5 * 2 * 800
+    assert found.reversals == 2 * 5 - 1
+    assert found.held_s == pytest.approx((len(wave) - 1) * STEP_US / 1e6)
+    assert found.mean_us == pytest.approx(1500, abs=1e-9)
+    assert found.at_stops_s(1100, 1900) == pytest.approx((5 * 0.1, 5 * 0.1))
+    assert found.commanded
+
+
+@pytest.mark.parametrize(("amplitude", "reversals"), [(BAND_US - 1, 0), (BAND_US, 19)])
+def test_only_what_exceeds_the_band_is_a_reversal(amplitude: int, reversals: int) -> None:
+    wave = 1500.0 + amplitude * (np.arange(21) % 2).astype(np.float64)
+    found = used(outputs(wave)).outputs[1]
+    assert (found.reversals, found.commanded) == (reversals, reversals > 0)
+    assert found.travelled_us == 20 * amplitude
+
+
+def test_time_at_a_stop_counts_while_armed_or_untold() -> None:
+    stuck = np.array([1900.0] * 21)
+    assert used(outputs(stuck)).outputs[1].at_stops_s(1100, 1900) == (0.0, 2.0)
+    half = used(outputs(stuck), state([0.0] * 10 + [1.0] * 11))
+    assert half.outputs[1].at_stops_s(1100, 1900)[1] == pytest.approx(1.0)
+    assert half.armed_s == pytest.approx(1.0)
+    never = used(outputs(stuck), state([0.0] * 21))
+    assert (never.armed_s, never.outputs[1].at_stops_s(1100, 1900)) == (0.0, (0.0, 0.0))
+
+
+def test_an_output_that_is_off_is_not_there_and_a_gap_is_not_held() -> None:
+    assert used(outputs(np.full(9, np.nan))).outputs == {}
+    signal = outputs(np.array([1500.0, 1500.0, 1500.0]))
+    gap = signal._replace(time_us=np.array([0, 60_000_000, 60_100_000]))
+    assert used(gap).outputs[1].held_s == pytest.approx(2.1)
+    pause = used(outputs(np.array([1200.0, np.nan, 1800.0, 1810.0]))).outputs[1]
+    assert pause.travelled_us == 10
+    assert pause.held_s == pytest.approx(0.2)
+
+
+def test_a_clock_that_rewinds_takes_no_time_back() -> None:
+    signal = outputs(np.array([1500.0, 1600.0, 1700.0]))
+    back = signal._replace(time_us=np.array([5_000_000, 1_000_000, 1_100_000]))
+    assert used(back).outputs[1].held_s == pytest.approx(0.1)
+
+
+@given(
+    st.lists(st.one_of(st.floats(700, 2300), st.just(float("nan"))), min_size=1, max_size=60),
+    st.lists(st.sampled_from([0.0, 1.0, float("nan")]), min_size=60, max_size=60),
+    st.sets(st.integers(1, 59), max_size=6),
+)
+def test_it_does_not_depend_on_the_blocks(pulses: list[float], armed: list[float], cuts: set[int]) -> None:
+    wave, told = outputs(np.array(pulses)), state(armed[: len(pulses)])
+    whole, pieces = used(wave, told), Usage()
+    edges = [0, *sorted(cut for cut in cuts if cut < len(pulses)), len(pulses)]
+    for a, b in itertools.pairwise(edges):
+        pieces.feed([cut_out(wave, a, b), cut_out(told, a, b)])
+    assert pieces.armed_s == whole.armed_s
+    assert pieces.outputs.keys() == whole.outputs.keys()
+    for servo, found in whole.outputs.items():
+        assert pieces.outputs[servo][:4] == found[:4]
+        assert (pieces.outputs[servo].held_us == found.held_us).all()
+
+
+def cut_out(signal: Signal, a: int, b: int) -> Signal:
+    return signal._replace(frame=signal.frame[a:b], time_us=signal.time_us[a:b], values=signal.values[a:b])
+
+
+def test_a_pulse_holds_until_the_next_sample() -> None:
+    step = used(outputs(np.array([1500.0, 1500.0, 1900.0]))).outputs[1]
+    assert step.mean_us == 1500.0
+    assert step.at_stops_s(1100, 1900) == (0.0, 0.0)
