@@ -26,7 +26,7 @@ from mavhums.health.axis.scores import Scores, Sums
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
+__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "SLOWEST_STREAM_S", "Gain", "Reference", "Second", "Standards"]
 
 JUDGED_ERROR: Final = 0.2
 FULL: Final = 0.8
@@ -48,7 +48,7 @@ _WHOLE: Final = 0.75  # the lags tried lie apart by a third of the gain
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
 _AS_DRIVEN: Final = 0.5
-_SLOWEST_STREAM_S: Final = 0.42  # between samples: 3 Hz with jitter passes, 2 Hz does not
+SLOWEST_STREAM_S: Final = 0.42  # between samples: 3 Hz with jitter passes, 2 Hz does not
 _FORGET: Final = exp(-1.0 / 60.0)  # a second: what is a little weak for minutes is the reference's error
 
 Array = NDArray[np.float64]
@@ -171,7 +171,7 @@ class Gain:
     @property
     def too_slow(self) -> bool:
         """Whether the outputs or the rates come too seldom to tell a gain."""
-        return self.spacing_s > _SLOWEST_STREAM_S
+        return self.spacing_s > SLOWEST_STREAM_S
 
     def feed(self, rows: Rows) -> list[Second]:
         """Take rows; return what their seconds show, from the second on at which there is a reference."""

@@ -79,6 +79,8 @@ class AxisFindings:
         Seconds of forward flight in which its demand was known, until the reference.
     effectiveness
         Over the last ten judged seconds, with its 95 % interval.
+    spacing_s
+        Between the samples of the outputs or the rates, where a reference was sought.
     """
 
     axis: str
@@ -92,6 +94,7 @@ class AxisFindings:
     reference: Reference | None
     best: Reference | None
     usable_s: int
+    spacing_s: float
 
 
 class AxisMonitor:
@@ -260,4 +263,5 @@ class AxisMonitor:
             reference=gain.reference,
             best=gain.best,
             usable_s=gain.usable_s,
+            spacing_s=gain.spacing_s,
         )
