@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mavhums.core.lazy import lazy_exports
+from mavhums.core.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from mavhums.actuator import actuators, load_airframe
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     from mavhums.log.mavlink.dialect import DialectError
     from mavhums.log.mavlink.signing import KeyFileError
     from mavhums.report.assessment import Assessment, Verdict
-
-__version__ = "0.2.0.dev0"
 
 __all__ = [
     "AddressError",

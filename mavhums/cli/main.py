@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mavhums import __version__
 from mavhums.cli.ending import heed_signals
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
@@ -34,6 +33,7 @@ from mavhums.cli.tools import export, model, profile
 from mavhums.cli.trend import opened_history, trend
 from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.core.version import __version__
 
 if TYPE_CHECKING:
     from mavhums.report.assessment import Assessment

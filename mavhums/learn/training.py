@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import JsonValue
 
-import mavhums
 from mavhums.core.quantities import KEYS, column
+from mavhums.core.version import __version__
 from mavhums.learn.card import Card, Selection
 from mavhums.learn.inference import Network
 from mavhums.learn.network import TanhNetworkClassifier
@@ -97,7 +97,7 @@ class TrainingResult:
             selection=self.selection,
             seed=self.seed,
             command=command,
-            versions={"mavhums": mavhums.__version__} | libraries,
+            versions={"mavhums": __version__} | libraries,
         )
 
 

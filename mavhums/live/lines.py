@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from mavhums import __version__
+from mavhums.core.version import __version__
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Window
 from mavhums.live.watch import Watch, utc
 from mavhums.report.assessment import NOTICE, Assessment
