@@ -1,10 +1,11 @@
 """Control effectiveness on flights in closed loop: false alarms of healthy ones, and what finds which fault.
 
-    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N]
+    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
-bytes alone: the detectors know nothing of that model, and no limit was tuned on it. ``--share`` flies every
-so-manieth of the faulty flights. The rate of false alarms is given with its 95 % upper bound (Poisson).
+bytes alone: the detectors know nothing of that model. Seeds 0 and 1 were used to choose the gates against
+gusts. ``--share`` flies every so-manieth of the faulty flights. The rate of false alarms is given with its
+95 % upper bound (Poisson).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,12 +32,16 @@ class Row:
     outcome: Outcome
 
 
-def fly(flights: Iterable[Planned]) -> Iterator[Row]:
-    """Fly, judge, compare."""
-    for planned in flights:
-        labelled = planned.fly()
-        flight = Flight(Path(labelled.name), [*_faults(labelled)])
-        yield Row(labelled.labels[0], judge_bytes(flight, [labelled.tlog], None))
+def fly(flights: Iterable[Planned], jobs: int) -> Iterator[Row]:
+    """Fly, judge, compare; in so many processes."""
+    with ProcessPoolExecutor(jobs) as pool:
+        yield from pool.map(_fly, flights)
+
+
+def _fly(planned: Planned) -> Row:
+    labelled = planned.fly()
+    flight = Flight(Path(labelled.name), [*_faults(labelled)])
+    return Row(labelled.labels[0], judge_bytes(flight, [labelled.tlog], None))
 
 
 def _faults(labelled: Labelled) -> Iterator[Fault]:
@@ -108,8 +114,10 @@ def main() -> None:
     parser.add_argument("--healthy-hours", type=float, default=300.0)
     parser.add_argument("--share", type=int, default=1, help="every so-manieth of the faulty flights")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
     arguments = parser.parse_args()
-    false_alarms([*fly(healthy(arguments.healthy_hours, arguments.seed))])
+    jobs = arguments.jobs
+    false_alarms([*fly(healthy(arguments.healthy_hours, arguments.seed), jobs)])
     columns = ("surface", "value", "streams_hz", "turb", "phase")
     for title, plan, keys in (
         ("frozen", jams, columns),
@@ -117,7 +125,7 @@ def main() -> None:
         ("other", others, ("kind", "surface", "streams_hz")),
         ("confounders", confounders, ("kind", "streams_hz")),
     ):
-        found(title, [*fly([*plan(arguments.seed)][:: arguments.share])], keys)
+        found(title, [*fly([*plan(arguments.seed)][:: arguments.share], jobs)], keys)
 
 
 if __name__ == "__main__":

@@ -57,6 +57,8 @@ class Rows:
         Airspeed, measured or by the wind triangle, m/s.
     flying
         Whether it is a fixed wing in forward flight.
+    spacing
+        Between the samples of the outputs and of the rates that a row lies among, the longer, s.
     outputs
         Demand about roll, pitch and yaw by the servo outputs, ±1 at full travel, shape (n, 3).
     """
@@ -74,6 +76,7 @@ class Rows:
     pitch_demand: Array
     speed: Array
     flying: Flags
+    spacing: Array
     outputs: Array
 
     def __len__(self) -> int:
@@ -168,6 +171,7 @@ class Flight:
             pitch_demand=demand[:, 1],
             speed=speed,
             flying=self._flying(flat, speed, fresh),
+            spacing=_spacing(flat),
             outputs=self._demands.feed(flat["outputs"]) if self._demands else unknown,
         )
 
@@ -211,3 +215,11 @@ class Flight:
         if up.any():
             self.fastest = max(self.fastest, float(speed[up].max()))
         return flying
+
+
+def _spacing(flat: dict[str, Array]) -> Array:
+    """Return the longer of the spacings of the outputs and of whichever rates are used, (n,)."""
+    fast = np.isfinite(flat["rates"]).all(axis=1)
+    rates = np.where(fast, flat["rates_spacing"][:, 0], flat["slow_rates_spacing"][:, 0])
+    longer: Array = np.fmax(rates, flat["outputs_spacing"][:, 0])
+    return longer

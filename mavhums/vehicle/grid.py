@@ -22,7 +22,7 @@ GAP_S: Final = 1.2
 LATE_S: Final = 0.5
 SETTLED_S: Final = LATE_S + GAP_S
 _HELD_S: Final = 5.0
-_FASTEST_HZ: Final = 500.0
+_SPACED: Final = ("outputs", "rates", "slow_rates")
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -36,9 +36,8 @@ class Seconds:
     index
         Whole flight seconds, shape (k,), increasing; seconds in which nothing was heard are left out.
     signals
-        By name, shape (k, RATE_HZ, columns).
-    rates
-        Samples heard of each signal so far, by name.
+        By name, shape (k, RATE_HZ, columns); under ``outputs_spacing`` and the like one column, how far the
+        samples before and after a row lie apart, s.
     """
 
     def __init__(self, index: Times, signals: Mapping[str, Array]) -> None:
@@ -74,6 +73,7 @@ class Grid:
         shape = (index.size, RATE_HZ, -1)
         found = {name: _between(self._times[name], self._values[name], at) for name in CONTINUOUS}
         found |= {name: _held(self._times[name], self._values[name], at) for name in STEPPED}
+        found |= {f"{name}_spacing": _spacing(self._times[name], at) for name in _SPACED}
         self._settled = int(index[-1]) + 1
         self._forget()
         return Seconds(index, {name: values.reshape(shape) for name, values in found.items()})
@@ -129,6 +129,15 @@ def _between(time_s: Array, values: Array, at: Array) -> Array:
     step = b - a
     mixed = a + share * step
     out[inside] = np.where(close[:, None], mixed, np.nan)
+    return out
+
+
+def _spacing(time_s: Array, at: Array) -> Array:
+    """Return how far the samples around each time lie apart, shape (n, 1); NaN outside them."""
+    out = np.full((at.size, 1), np.nan)
+    after = np.searchsorted(time_s, at, side="right")
+    inside = (after > 0) & (after < time_s.size)
+    out[inside, 0] = time_s[after[inside]] - time_s[after[inside] - 1]
     return out
 
 

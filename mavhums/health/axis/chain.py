@@ -16,6 +16,7 @@ __all__ = ["Chain", "Columns", "Form", "Shape", "judgeable"]
 _MEAN_ROWS: Final = 8
 _SLOWEST: Final = 0.85  # of the reference speed: below, an aircraft may be stalling
 _ROLL_RAD: Final = np.radians(60)
+_LONGEST_GAP_S: Final = 0.75  # one lost sample of a stream of 3 Hz
 _PITCH_RAD: Final = np.radians(34)
 
 Array = NDArray[np.float64]
@@ -63,7 +64,8 @@ def judgeable(rows: Rows, reference_speed: float) -> Flags:
     """Return where the aircraft flies forward, fast enough, neither inverted nor diving."""
     slow = rows.speed < _SLOWEST * reference_speed
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
-    good: Flags = rows.flying & ~slow & ~tilted & np.isfinite(rows.speed)
+    gap = rows.spacing > _LONGEST_GAP_S
+    good: Flags = rows.flying & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
     return good
 
 

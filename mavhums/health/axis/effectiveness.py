@@ -12,6 +12,7 @@ from mavhums.health.axis.gain import Second
 __all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]
 
 _SURE_S: Final = 10
+_SHORT: Final = 2.0  # the gain differs from manoeuvre to manoeuvre: a single one must show twice as much
 _SHIFTED: Final = 4.0
 SHIFT_FLOOR: Final = 0.045  # rad/s: least deviation of a roll reference
 
@@ -20,7 +21,7 @@ class EffectivenessDetector:
     """Shows an axis whose level passed its limit.
 
     It is degraded at once. It is an emergency when at least ten judged seconds leave no more than the limit
-    and a slow servo does not explain them.
+    and no further lag, as of a slow servo, explains them any better.
     """
 
     axis: ClassVar[str]
@@ -41,7 +42,8 @@ class EffectivenessDetector:
     def _certain(self, second: Second, seen: Seen) -> bool:
         """Return whether a loss is certain, and no sudden shift of the trim makes the aircraft seem deaf."""
         reference = seen.gains[self.axis].reference
-        if second.level <= self.limit or reference is None:
+        limit = self.limit * (_SHORT if second.lost_s < _SURE_S else 1.0)
+        if second.level <= limit or reference is None:
             return False
         if self.axis != "roll" or second.shift is None or second.lost_s >= _SURE_S:
             return True
@@ -63,7 +65,7 @@ class EffectivenessDetector:
                 rule,
                 confidence,
             )
-        grave = second.lost_s >= _SURE_S and left <= self._limits.effectiveness
+        grave = second.lost_s >= _SURE_S and not second.later and left <= self._limits.effectiveness
         condition = "emergency" if grave else "degraded"
         rule = (
             f"{condition}: {100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left"

@@ -21,12 +21,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.axis.chain import Chain, Columns, Form, Shape, judgeable
-from mavhums.health.axis.filters import HighPass
+from mavhums.health.axis.chain import Chain, Form, Shape, judgeable
+from mavhums.health.axis.scores import Scores, Sums
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
+__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "SLOWEST_STREAM_S", "Gain", "Reference", "Second", "Standards"]
 
 JUDGED_ERROR: Final = 0.2
 FULL: Final = 0.8
@@ -35,16 +35,20 @@ REFERENCE_S: Final = 45
 _LONGEST_S: Final = 120
 _RETRY_S: Final = 10
 _LATEST_S: Final = 180
-_MEMORY_S: Final = 8.0
 _MANOEUVRES: Final = 0.2  # by which the gain of a second may differ, as a share
 _WINDOWS: Final = 0.10  # by which that of ten seconds may
 _WINDOW_S: Final = 10
 _LEAST_ROWS: Final = 14
 _EXTRA_S: Final = (0.3, 0.6, 1.0, 1.5)
 _SLOW_S: Final = 20
+_SLOW_LEAST_S: Final = 10
+_MUCH_BETTER: Final = 0.15  # share of the answer that a further lag explains beyond a loss
+_BETTER: Final = 0.05
+_WHOLE: Final = 0.75  # the lags tried lie apart by a third of the gain
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
 _AS_DRIVEN: Final = 0.5
+SLOWEST_STREAM_S: Final = 0.42  # between samples: 3 Hz with jitter passes, 2 Hz does not
 _FORGET: Final = exp(-1.0 / 60.0)  # a second: what is a little weak for minutes is the reference's error
 
 Array = NDArray[np.float64]
@@ -62,6 +66,9 @@ class Standards:
         Most relative standard error of the gain.
     scatter
         Least variance of a second's score, relative to the gain's square: quiet air does not last.
+    noise
+        Most variance that no gain explains, relative to what the reference gain makes of the drive, in
+        seconds that may count for a loss.
     delays_s, taus_s
         Among which the axis's own delay and lag are sought.
     loss
@@ -71,6 +78,7 @@ class Standards:
     explained: float
     error: float
     scatter: float
+    noise: float
     delays_s: tuple[float, ...]
     taus_s: tuple[float, ...]
     loss: float = 0.4
@@ -120,6 +128,8 @@ class Second:
         Flight second from which the level has not been zero: where a loss began, if there is one.
     slow_s
         By which lag more the answer is explained better than by a loss; None if it is not.
+    later
+        Whether a further lag explains the answer a little better, so that the kind of the loss is open.
     shift
         Mean of the answer over the last three seconds that nothing explains; None where that is not known.
     left_over, lost_s
@@ -132,6 +142,7 @@ class Second:
     level: float
     since_s: int
     slow_s: float | None
+    later: bool
     shift: float | None
     left_over: float | None
     lost_s: int
@@ -155,6 +166,12 @@ class Gain:
         self.reference: Reference | None = None
         self.best: Reference | None = None
         self.usable_s = 0
+        self.spacing_s = 0.0
+
+    @property
+    def too_slow(self) -> bool:
+        """Whether the outputs or the rates come too seldom to tell a gain."""
+        return self.spacing_s > SLOWEST_STREAM_S
 
     def feed(self, rows: Rows) -> list[Second]:
         """Take rows; return what their seconds show, from the second on at which there is a reference."""
@@ -181,6 +198,9 @@ class Gain:
     def _refer(self, rows: Rows) -> None:
         """Take the waiting rows as the reference if they are good enough."""
         speed = float(np.median(rows.speed[rows.flying])) if rows.flying.any() else 0.0
+        self.spacing_s = _median(rows.spacing[rows.flying])
+        if self.too_slow:
+            return
         if judgeable(rows, speed).sum() < REFERENCE_S * _LEAST_ROWS:
             return
         wanted = self._standards
@@ -204,7 +224,7 @@ class Gain:
         beta, left = _least_squares(design, answer)
         _, without = _least_squares(design[:, 1:], answer)
         explained = 1.0 - left / without if without > 0 else 0.0
-        sums = _Scores(beta[1:]).feed(columns)
+        sums = Scores(beta[1:]).feed(columns)
         inside = np.unique(at // RATE_HZ)
         drive2, cross = sums.drive2[inside], sums.cross[inside]
         total = float(drive2.sum())
@@ -226,16 +246,16 @@ class Gain:
         assert reference is not None
         extras = (0.0, *_EXTRA_S)
         self._chains = [Chain(self._form, reference.speed, reference.shape, extra) for extra in extras]
-        self._scores = [_Scores(reference.others) for _ in extras]
+        self._scores = [Scores(reference.others) for _ in extras]
         self._level, self._full = 0.0, 0
         self._since = reference.end_s
-        self._window: deque[tuple[float, float, float]] = deque(maxlen=_WINDOW_S)
+        self._window: deque[Array] = deque(maxlen=_WINDOW_S)
         self._recent: deque[Array] = deque(maxlen=_SLOW_S)
         self._left: deque[tuple[float, int]] = deque(maxlen=_SHIFT_S)
         self._sums(rows)
         self._waiting.clear()
 
-    def _sums(self, rows: Rows) -> list[_Sums]:
+    def _sums(self, rows: Rows) -> list[Sums]:
         return [
             scores.feed(chain.feed(rows)) for scores, chain in zip(self._scores, self._chains, strict=True)
         ]
@@ -257,9 +277,9 @@ class Gain:
         if count >= _LEAST_ROWS:
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
-            self._window.append((drive2, cross, float(sums[0, 2])))
+            self._window.append(sums)
             ratio = _ratio(score, drive2, reference, self._standards.loss)
-            if ratio < 0.0 or self._excited(reference):
+            if ratio < 0.0 or self._informs(reference):
                 self._level = min(_MOST, max(0.0, _FORGET * self._level + ratio))
                 self._recent.append(sums)
         value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
@@ -276,7 +296,7 @@ class Gain:
             error,
             self._level,
             self._since,
-            self._slower(reference),
+            *self._slower(reference),
             self._shifted(),
             *self._run(reference),
         )
@@ -295,7 +315,7 @@ class Gain:
         """Return the effectiveness of the last ten judged seconds and its standard error."""
         if len(self._window) < _WINDOW_S:
             return None, np.inf
-        drive2, cross, _ = np.array(self._window).T
+        drive2, cross, _ = np.array(self._window)[:, 0].T
         total = float(drive2.sum())
         if total <= 0.0:
             return None, np.inf
@@ -306,61 +326,37 @@ class Gain:
         error = np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + _WINDOWS**2)
         return k, float(error)
 
-    def _excited(self, reference: Reference) -> bool:
-        """Return whether the last seconds were driven as the reference was, or nearly.
+    def _informs(self, reference: Reference) -> bool:
+        """Return whether demand, not gusts, makes what the last seconds show.
 
         Gusts move the aircraft and, through the autopilot, the surfaces against it: where little else drives
-        them, the gain looks lower than it is.
+        them, the gain looks lower than it is. So they must be driven nearly as the reference was, and some
+        gain, with some lag, must explain most of the answer.
         """
-        drive2 = sum(one[0] for one in self._window) / len(self._window)
-        return drive2 >= _AS_DRIVEN * reference.power
+        drive2, cross, answer2 = np.sum(self._window, axis=0).T
+        if drive2[0] < _AS_DRIVEN * reference.power * len(self._window):
+            return False
+        driven = drive2 > 0
+        unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]
+        return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
 
-    def _slower(self, reference: Reference) -> float | None:
-        """Return the further lag that explains what happens since the loss began much better than a loss."""
-        if len(self._recent) < _SLOW_S * 3 // 4:
-            return None
+    def _slower(self, reference: Reference) -> tuple[float | None, bool]:
+        """Return the further lag that explains much better than a loss what happens, and whether one may."""
+        if len(self._recent) < _SLOW_LEAST_S:
+            return None, False
         drive2, cross, answer2 = np.sum(list(self._recent), axis=0).T
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = cross / drive2
             share = cross**2 / (drive2 * answer2)
         best = int(np.argmax(np.nan_to_num(share)))
-        slower = best > 0 and gain[best] / reference.gain >= 0.8 and share[best] - share[0] >= 0.15
-        return _EXTRA_S[best - 1] if slower else None
+        better = float(share[best] - share[0])
+        slower = better >= _MUCH_BETTER and gain[best] / reference.gain >= _WHOLE
+        return (_EXTRA_S[best - 1] if slower else None), better >= _BETTER
 
 
-@dataclass(frozen=True, slots=True)
-class _Sums:
-    """Sums over each second, shape (seconds,)."""
-
-    drive2: Array
-    cross: Array
-    answer2: Array
-    driven: Array
-    raw: Array
-    count: NDArray[np.int64]
-
-
-class _Scores:
-    """Takes the nuisances and the slow parts away, and sums products over each second."""
-
-    def __init__(self, others: Array) -> None:
-        self._others = others
-        self._drive, self._answer = HighPass(_MEMORY_S), HighPass(_MEMORY_S)
-
-    def feed(self, columns: Columns) -> _Sums:
-        good = columns.good
-        other = sum(
-            (columns.others[:, k] * weight for k, weight in enumerate(self._others)),
-            start=np.zeros(len(good)),
-        )
-        driven = np.where(good, columns.drive, 0.0)
-        raw = np.where(good, columns.answer - other, 0.0)
-        drive, answer = self._drive.feed(driven), self._answer.feed(raw)
-        shape = (-1, RATE_HZ)
-        products = (drive * drive, drive * answer, answer * answer, driven, raw)
-        summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]
-        drive2, cross, answer2, total, left = summed
-        return _Sums(drive2, cross, answer2, total, left, good.reshape(shape).sum(axis=1))
+def _median(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else 0.0
 
 
 def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:

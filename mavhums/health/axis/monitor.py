@@ -26,9 +26,9 @@ _MASKED_S: Final = 20
 _MOST_EPISODES: Final = 100
 
 _STANDARDS: Final = {
-    "roll": Standards(0.5, 0.10, 0.002, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2)),
-    "pitch": Standards(0.35, 0.06, 0.004, (0.0, 0.05, 0.1), (0.0, 0.1)),
-    "yaw": Standards(0.5, 0.06, 0.004, (0.1, 0.2, 0.3), (0.0, 0.2)),
+    "roll": Standards(0.75, 0.10, 0.002, 0.3, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2)),
+    "pitch": Standards(0.35, 0.06, 0.004, 0.5, (0.0, 0.05, 0.1), (0.0, 0.1)),
+    "yaw": Standards(0.5, 0.06, 0.004, 0.5, (0.1, 0.2, 0.3), (0.0, 0.2)),
 }
 
 
@@ -79,6 +79,8 @@ class AxisFindings:
         Seconds of forward flight in which its demand was known, until the reference.
     effectiveness
         Over the last ten judged seconds, with its 95 % interval.
+    spacing_s
+        Between the samples of the outputs or the rates, where a reference was sought.
     """
 
     axis: str
@@ -92,6 +94,7 @@ class AxisFindings:
     reference: Reference | None
     best: Reference | None
     usable_s: int
+    spacing_s: float
 
 
 class AxisMonitor:
@@ -260,4 +263,5 @@ class AxisMonitor:
             reference=gain.reference,
             best=gain.best,
             usable_s=gain.usable_s,
+            spacing_s=gain.spacing_s,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
+from mavhums.health.axis.gain import SLOWEST_STREAM_S
 from mavhums.health.axis.monitor import AxisFindings
 from mavhums.report.assessment import Indicator, Interval, Since, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
@@ -152,6 +153,12 @@ def _no_reference(findings: AxisFindings, flight: Flight) -> tuple[str, str]:
     if findings.usable_s < _REFERENCE_S:
         reason = f"{findings.usable_s} s of forward flight with known outputs, {_REFERENCE_S} are needed"
         return reason, "analyse a longer flight"
+    if findings.spacing_s > SLOWEST_STREAM_S:
+        reason = f"the servo outputs or the rates come {1 / findings.spacing_s:.1f} times a second"
+        return (
+            f"{reason}, 3 are needed",
+            "record the servo outputs, the gyro and the attitude at 10 Hz or more",
+        )
     missing = {"pitch": "force", "yaw": "force"}.get(axis)
     if missing and missing not in flight.heard:
         return f"the log lacks the accelerometer, which {axis} needs", "record RAW_IMU or SCALED_IMU"

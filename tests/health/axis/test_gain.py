@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -74,6 +75,39 @@ def test_a_slow_servo_is_told_from_a_lost_surface() -> None:
     monitor = AxisMonitor(1)
     list(monitor.feed(rows(slowed)))
     assert "slow" in {suspect.fault for suspect in monitor.findings("roll").suspects}
+
+
+def test_a_slow_servo_is_no_emergency() -> None:
+    flight = rolling(200, lost(999, 1.0), noise=0.01)
+    value, share = 0.0, 1 - np.exp(-0.05 / 0.5)
+    slow = np.zeros(len(flight))
+    for k, wanted in enumerate(flight.outputs[:, 0]):
+        value += share * (wanted - value)
+        slow[k] = value
+    flight.roll_rate[2000:] = 2.2 * np.concatenate([np.zeros(4), slow[:-4]])[2000:]
+    monitor = AxisMonitor(1)
+    alarms = [c for c in changes_of(monitor, flight) if c.actuator == "roll" and c.after != "normal"]
+    assert alarms
+    assert {alarm.after for alarm in alarms} == {"degraded"}
+
+
+@pytest.mark.parametrize(("spacing", "told"), [(0.1, True), (0.35, True), (0.5, False)])
+def test_streams_below_three_hertz_give_no_reference(spacing: float, told: bool) -> None:
+    gain = new_gain("roll")
+    gain.feed(replace(rolling(80, lost(99, 1.0)), spacing=np.full(80 * 20, spacing)))
+    assert (gain.reference is not None) is told
+    assert gain.too_slow is not told
+
+
+def test_gusts_that_the_autopilot_fights_are_no_loss() -> None:
+    flight = rolling(300, lost(999, 1.0))
+    gusts = excited(300, seed=7, size=0.6)
+    at = slice(2400, None)
+    flight.roll_rate[at] += gusts[at]
+    late = np.concatenate([gusts[4:], np.zeros(4)])
+    flight.outputs[at, 0] -= 0.12 * late[at]
+    seconds = new_gain("roll").feed(flight)
+    assert max(second.level for second in seconds) < 9.0
 
 
 def test_a_change_of_trim_is_no_loss_of_gain() -> None:
