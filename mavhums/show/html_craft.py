@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from math import cos, radians
 from typing import Final, NamedTuple
@@ -16,14 +17,15 @@ _SCALE: Final = 150.0
 _MIDDLE: Final = (160.0, 130.0)
 _FIN: Final = 0.05
 _MOST: Final = 32
+_SIDE: Final = re.compile("left|right|port|starboard|[_ -][lr]$")
 
 
 class Part(NamedTuple):
-    """A surface on the drawing: its name, its condition, its corners, and its middle."""
+    """A surface on the drawing: its name, its condition, the corners of each side, and where its sign is."""
 
     name: str
     condition: Condition
-    points: str
+    points: tuple[str, ...]
     x: float
     y: float
 
@@ -36,13 +38,17 @@ def outline(verdicts: Iterable[Verdict]) -> list[Part]:
     """
     found: dict[str, Condition] = {}
     for verdict in verdicts:
-        names = verdict.surfaces if verdict.subject == "axis" else (verdict.actuator,)
-        for name in names:
+        moved = verdict.surfaces if verdict.subject == "axis" else (verdict.actuator,)
+        for name in moved:
             if name != ALL and kind(name):
                 held = found.get(name, verdict.gravest)
                 found[name] = max(held, verdict.gravest, key=_weight)
-    names = list(found)[:_MOST]
-    return [_part(name, found[name], place) for name, place in zip(names, places(names), strict=True)]
+    shown = list(found)[:_MOST]
+    kinds = [kind(name) for name in shown]
+    return [
+        _part(name, found[name], place, both=kinds.count(what) == 1 and not _SIDE.search(name.lower()))
+        for name, what, place in zip(shown, kinds, places(shown), strict=True)
+    ]
 
 
 def _weight(condition: Condition) -> int:
@@ -50,11 +56,14 @@ def _weight(condition: Condition) -> int:
     return -1 if condition in ("unmonitored", "undecided") else URGENCY[condition]
 
 
-def _part(name: str, condition: Condition, place: Place) -> Part:
+def _part(name: str, condition: Condition, place: Place, *, both: bool) -> Part:
+    """Return the drawing of a surface; one output that moves ``both`` sides is drawn on both."""
     corners = _corners(place, fin="rudder" in kind(name) and kind(name) != V_TAIL)
     drawn = [(_MIDDLE[0] - _SCALE * y, _MIDDLE[1] - _SCALE * x) for x, y in corners]
     middle = [sum(axis) / len(drawn) for axis in zip(*drawn, strict=True)]
-    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn)
+    mirrored = [(2 * _MIDDLE[0] - x, y) for x, y in drawn]
+    sides = [drawn, mirrored] if both and place.span[0] > 0 and place.roll == 0 else [drawn]
+    points = tuple(" ".join(f"{x:.1f},{y:.1f}" for x, y in side) for side in sides)
     return Part(name, condition, points, round(middle[0], 1), round(middle[1], 1))
 
 
