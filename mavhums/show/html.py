@@ -45,7 +45,7 @@ ICONS: Final[dict[Condition, str]] = {
 }
 """A sign per condition, so that no reader depends on its colour."""
 
-_ROWS, _PLOTS, _FINDINGS, _LETTERS = 200, 24, 8, 300
+_ROWS, _PLOTS, _FINDINGS, _LETTERS = 200, 24, 8, 600
 _KEPT: Final = Limits().effectiveness
 
 
@@ -139,7 +139,7 @@ def _plain(value: object) -> object:
     if type(value) is not str:
         return value
     text = printable(value)
-    return text if len(text) <= _LETTERS or text.startswith("M") else f"{text[:_LETTERS]}…"
+    return text if len(text) <= _LETTERS else f"{text[:_LETTERS]}…"
 
 
 def _answer(verdict: Verdict, assessment: Assessment) -> _Answer:
