@@ -77,7 +77,7 @@ def with_motors(profile: str, motors: Mapping[str, Motor]) -> str:
     --------
     >>> one = Interval(estimate=1.0, low=0.9, high=1.1)
     >>> motor = Motor(Identified(one, one, one, 1), ("a.tlog",))
-    >>> print(with_motors('[[actuators]]\\nname = "rudder"\\n', {"rudder": motor}))
+    >>> print(with_motors('[[actuators]]\\nname = "rudder"\\n', {"rudder": motor}), end="")
     [[actuators]]
     name = "rudder"
     <BLANKLINE>

@@ -227,7 +227,7 @@ class Engine:
 
     def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
         followed = self._axes.vehicle(vehicle)
-        if followed is None:
+        if followed is None or not self._crowd.admits(vehicle):
             return
         why = why_not_at_all(followed.flight)
         if why is not None:

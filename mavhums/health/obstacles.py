@@ -29,7 +29,7 @@ def obstacle(
     who = f"{identity}: " if identity is not None and str(identity) else ""
     if identity is not None and identity.multirotor:
         reason = "a multirotor has no control surfaces whose servos could be judged"
-        if tier is not None and tier.name.startswith("esc"):
+        if tier is not None and tier.from_esc:
             reason += "; its ESC telemetry is that of the propellers"
         return who + reason, "if it moves a surface by a servo after all, name its profile with --airframe"
     if tier is None:
@@ -40,6 +40,6 @@ def obstacle(
             TO_BE_JUDGED,
         )
     reason = "no airframe profile: one actuator's limits say nothing about another's"
-    if tier.name.startswith("esc"):
+    if tier.from_esc:
         reason += ", and an ESC may drive a propeller: only a profile tells which drives a servo"
     return who + reason, f"{_DRAFT}, or one of: {', '.join(airframes)}"

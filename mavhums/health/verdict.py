@@ -129,7 +129,7 @@ def unjudged_actuator(
 def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
     if tier is None:
         return f"the log carries no telemetry of servo {actuator.servo}"
-    if tier.name.startswith("esc") and actuator.esc is None:
+    if tier.from_esc and actuator.esc is None:
         return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
     return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
 

@@ -80,7 +80,11 @@ def test_more_vehicles_than_can_be_judged(tmp_path: Path) -> None:
     rig.hear(Piece("swarm", time_us, data) for time_us, data in frames)
     live = rig.end()
     assert [v for v in live.verdicts if v.reason and "more than 32 vehicles speak" in v.reason]
-    judged = {verdict.vehicle for verdict in live.verdicts if verdict.actuator != "all"}
+    judged = {
+        verdict.vehicle
+        for verdict in live.verdicts
+        if verdict.subject == "actuator" and verdict.actuator != "all"
+    }
     assert judged == set(order[:MOST])
     record = rig.recorder.path.read_bytes()
     for size in (10_000, 77_777):

@@ -256,7 +256,7 @@ def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
         schema.validate(one)
     kinds = {one["event"] for one in told}
     assert kinds == {
-        "start", "airframe", "window", "condition", "alert", "stale", "status", "end",
+        "start", "airframe", "notice", "window", "condition", "alert", "stale", "status", "end",
     }  # fmt: skip
     assert [one["event"] for one in told][0 :: len(told) - 1] == ["start", "end"]
     assert told[-1]["record"]["bytes"] == rig.recorder.bytes

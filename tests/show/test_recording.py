@@ -21,6 +21,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.report.assessment import NOTICE, Assessment, Interval, Verdict
 from mavhums.show import Recorder, markdown
+from mavhums.show._words import COLOURS
 from tests.conftest import real_logs
 
 if TYPE_CHECKING:
@@ -130,8 +131,8 @@ def test_conditions_change_where_they_did_and_not_where_it_was_certain(
     still, undecided = rows(recording, "/vehicle_1/rudder", "StateChange:state")
     assert (still.tolist(), undecided) == ([0.0], [["undecided"]])
     style = static(recording, "/vehicle_1/elevator")
-    assert style["StateConfiguration:values"] == ["normal", "degraded", "emergency", "undecided", "stale"]
-    assert len(set(style["StateConfiguration:colors"])) == 5
+    assert style["StateConfiguration:values"] == [*COLOURS, "stale"]
+    assert len(set(style["StateConfiguration:colors"])) == len(COLOURS) + 1
 
 
 def test_what_happened_is_told(recording: Path) -> None:

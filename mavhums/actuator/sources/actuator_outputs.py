@@ -13,13 +13,15 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading
+from mavhums.actuator.sources import pwm
 from mavhums.actuator.sources.pwm import commands
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"actuator_outputs"})
+TIER = pwm.TIER
 
 _PER_DRIVER = 16
 

@@ -19,13 +19,15 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"CSRV"})
+TIER = Tier("csrv", "V1, V3, V4, V5, V10 and V11, as far as the servo reports them")
 
 _DEGREES = {
     "PosCmd": ("V1", 1.0),

@@ -11,13 +11,15 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.sources import esc_unsigned
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"ESC"})
+TIER = esc_unsigned.TIER
 
 _FIELDS = {"V4": "Volt", "V5": "Curr", "V7": "RPM"}
 _COLUMNS = [column(key) for key in _FIELDS]

@@ -12,13 +12,19 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"ESC_STATUS"})
+TIER = Tier(
+    "esc-signed",
+    "V4, V5 and V7 with their signs, where an ESC drives a servo and no propeller",
+    from_esc=True,
+)
 
 _BATCH = 4
 _FIELDS = {"V4": "voltage", "V5": "current", "V7": "rpm"}

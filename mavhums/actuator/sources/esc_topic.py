@@ -11,13 +11,15 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.sources import esc_signed
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"esc_status"})
+TIER = esc_signed.TIER
 
 _FIELDS = {"V4": "esc_voltage", "V5": "esc_current", "V7": "esc_rpm"}
 _COLUMNS = [column(key) for key in _FIELDS]

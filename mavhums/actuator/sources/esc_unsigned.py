@@ -12,15 +12,19 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 _BATCH = 4
 _NAMES = tuple(f"ESC_TELEMETRY_{first}_TO_{first + _BATCH - 1}" for first in range(1, 33, _BATCH))
 MESSAGES = frozenset(_NAMES)
+TIER = Tier(
+    "esc-unsigned", "magnitudes of V4, V5 and V7, where an ESC drives a servo and no propeller", from_esc=True
+)
 
 _FIELDS = {"V4": "voltage", "V5": "current", "V7": "rpm"}
 _COLUMNS = [column(key) for key in _FIELDS]

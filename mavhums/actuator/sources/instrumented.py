@@ -12,21 +12,23 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading
+from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import KEYS
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "is_instrumented", "read"]
+__all__ = ["MESSAGES", "TIER", "is_marked", "read"]
 
 _SENT, _LOGGED = "DEBUG_FLOAT_ARRAY", "debug_array"
 MESSAGES = frozenset({_SENT, _LOGGED})
+TIER = Tier("instrumented", "V1–V12")
 
 _SERVO = {_SENT: "array_id", _LOGGED: "id"}
 _ELEMENTS = 58
 _FIELDS = {key: f"data[{k}]" for k, key in enumerate(KEYS)}
 
 
-def is_instrumented(table: Table) -> NDArray[np.bool_]:
+def is_marked(table: Table) -> NDArray[np.bool_]:
     """Return which rows of a table are actuator telemetry, shape (n,)."""
     if not table.holds({_SERVO[table.name]: 1, "data": _ELEMENTS}) or not table.holds_text("name"):
         return np.zeros(len(table), dtype=bool)
@@ -39,7 +41,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
         whole = tables.get(name)
         if whole is None:
             continue
-        rows_told = is_instrumented(whole)
+        rows_told = is_marked(whole)
         if not rows_told.any():
             continue
         table = whole.select(rows_told)

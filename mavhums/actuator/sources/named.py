@@ -14,11 +14,12 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import KEYS
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, Rows, each
 
-__all__ = ["MESSAGES", "is_named", "read"]
+__all__ = ["MESSAGES", "TIER", "is_marked", "read"]
 
 _FIELDS = {
     "NAMED_VALUE_FLOAT": ("name", "value"),
@@ -26,10 +27,11 @@ _FIELDS = {
     "debug_key_value": ("key", "value"),
 }
 MESSAGES = frozenset(_FIELDS)
+TIER = Tier("named", "the quantities that are named")
 _NAME = re.compile(rb"S\d{1,2}V(0[1-9]|1[0-2])")
 
 
-def is_named(table: Table) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def is_marked(table: Table) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which rows of a table are actuator telemetry, shape (n,)."""
     field, _ = _FIELDS[table.name]
     if not table.holds_text(field):

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.tier import Tier
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks, each
 
-__all__ = ["MESSAGES", "commands", "read"]
+__all__ = ["MESSAGES", "TIER", "commands", "read"]
 
 MESSAGES = frozenset({"SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS"})
+TIER = Tier("pwm", "V1, the command, alone", judged=False)
 
 _PER_PORT = 16
 _PER_STATUS = 32

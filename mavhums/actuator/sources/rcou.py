@@ -8,13 +8,15 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading
+from mavhums.actuator.sources import pwm
 from mavhums.actuator.sources.pwm import commands
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks
 
-__all__ = ["MESSAGES", "read"]
+__all__ = ["MESSAGES", "TIER", "read"]
 
 MESSAGES = frozenset({"RCOU", "RCO2", "RCO3"})
+TIER = pwm.TIER
 
 
 def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
