@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -20,6 +21,7 @@ from mavhums.show._words import (
     friction,
     headline,
     implausible,
+    join,
     losses,
     name,
     printable,
@@ -45,7 +47,7 @@ ICONS: Final[dict[Condition, str]] = {
 }
 """A sign per condition, so that no reader depends on its colour."""
 
-_ROWS, _PLOTS, _FINDINGS, _LETTERS = 200, 24, 8, 600
+_ROWS, _PLOTS, _FINDINGS, _LETTERS, _LIKE = 200, 24, 8, 600, 6
 _KEPT: Final = Limits().effectiveness
 
 
@@ -98,12 +100,14 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     """
     ranked = assessment.ranked()
     log = assessment.log
+    answers = [_answer(verdict, assessment) for verdict in ranked[:_ROWS]]
     return (
         _environment()
         .get_template("report.html")
         .render(
             assessment=assessment,
-            answers=[_answer(verdict, assessment) for verdict in ranked[:_ROWS]],
+            answers=answers,
+            first=_first(answers),
             left_out=max(len(ranked) - _ROWS, 0),
             headline=headline(assessment),
             file=PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
@@ -119,6 +123,7 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     )
 
 
+@cache
 def _environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -131,6 +136,7 @@ def _environment() -> Environment:
         finalize=_plain,
     )
     environment.filters["clock"] = clock
+    environment.filters["moment"] = moment
     return environment
 
 
@@ -144,6 +150,7 @@ def _plain(value: object) -> object:
 
 def _answer(verdict: Verdict, assessment: Assessment) -> _Answer:
     since, value = verdict.since, ""
+    told = SEVERITY[verdict.gravest] > SEVERITY["normal"]
     if verdict.effectiveness:
         value = f"control effectiveness {effectiveness(verdict.effectiveness)}"
     elif verdict.friction_nm:
@@ -152,7 +159,7 @@ def _answer(verdict: Verdict, assessment: Assessment) -> _Answer:
     return _Answer(
         title=name(verdict, assessment),
         verdict=verdict,
-        since=f"{clock(since.flight_time_s)} into the log ({since.utc})" if since else "",
+        since=f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since and told else "",
         why=[*_why(verdict)],
         sure=certainty(verdict) if verdict.coverage.windows else "",
         todo=todo.rstrip("."),
@@ -160,13 +167,43 @@ def _answer(verdict: Verdict, assessment: Assessment) -> _Answer:
     )
 
 
+def _first(answers: Sequence[_Answer]) -> _Answer | None:
+    """Return the answer that the page begins with: the gravest one, or several of like gravity as one."""
+    like = [one for one in answers if one.verdict.gravest == answers[0].verdict.gravest]
+    if len(like) < 2:
+        return like[0] if like else None
+    well = SEVERITY[like[0].verdict.gravest] == SEVERITY["normal"]
+    why = [f"{one.title}: {one.value if well else (*one.why, one.value)[0]}" for one in like[:_LIKE]]
+    more = [f"{len(like) - _LIKE} more below"] if len(like) > _LIKE else []
+    return like[0]._replace(
+        title=join([*(one.title for one in like[:_LIKE]), *more]),
+        since=join(f"{one.title} {one.since}" for one in like[:_LIKE]) if like[0].since else "",
+        why=why + more,
+        sure="",
+        todo="; ".join(dict.fromkeys(one.todo for one in like[:_LIKE])),
+        value="",
+    )
+
+
+def moment(utc: str) -> str:
+    """Return a time as a reader writes it.
+
+    Examples
+    --------
+    >>> moment("2026-01-01T09:01:07.003611+00:00")
+    '2026-01-01 09:01:07 UTC'
+    """
+    return f"{utc[:10]} {utc[11:19]} UTC"
+
+
 def _why(verdict: Verdict) -> Iterator[str]:
-    """Yield the reasons, the latest finding first; of many the latest ones."""
+    """Yield the reasons, the latest finding first, the network's vote after the physics."""
     if verdict.worst != verdict.condition and SEVERITY[verdict.worst] > SEVERITY["normal"]:
         yield f"{verdict.worst} during the flight, {verdict.condition} at its end; the earlier finding stands"
     if verdict.reason:
         yield verdict.reason
-    yield from (finding(item) for item in reversed(verdict.evidence[-_FINDINGS:]))
+    latest = sorted(verdict.evidence[-_FINDINGS:], key=lambda item: (item.kind == "network", -item.end_s))
+    yield from (finding(item) for item in latest)
     if len(verdict.evidence) > _FINDINGS:
         yield f"{len(verdict.evidence) - _FINDINGS} earlier findings: mavhums analyse --json has them"
     odd = implausible(verdict)

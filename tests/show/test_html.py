@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavhums.core.conditions import URGENCY
@@ -86,8 +86,8 @@ def test_the_answer_comes_first_and_answers_the_five_questions(assessment: Asses
     answer = text[: text.index("Verdicts")]
     for part in (
         "elevator: EMERGENCY since 1m12s",
-        "Since 1m12s into the log (2025-06-01T10:01:12Z)",
-        "Why 1m00s to 1m40s: >99 % the network's vote for emergency",
+        "Since 1m12s into the log (2025-06-01 10:01:12 UTC)",
+        "Why 1m12s to 1m40s: the friction interval reaches the emergency limit",
         "How sure friction 1.003 (0.973–1.033) N·m with its 95 % interval",
         "What to do do not fly; inspect gearbox, bearings and hinge line",
         "2025-06-01.tlog",
@@ -98,6 +98,19 @@ def test_the_answer_comes_first_and_answers_the_five_questions(assessment: Asses
     assert rows.index("elevator") < rows.index("rudder") < rows.index("aileron_left")
     assert "1,234 bytes skipped" in text
     assert "0" * 64 in text
+
+
+def test_like_answers_are_told_as_one(new_verdict: New, new_assessment: Assess) -> None:
+    healthy = [new_verdict(name, "normal", 0.2, 0.0) for name in ("elevator", "rudder")]
+    text = Tags(page(new_assessment(*healthy), Gathered())).text
+    answer = text[: text.index("Verdicts")]
+    assert "All 2 actuators normal What elevator and rudder: ✓ normal Why elevator: friction 0.200" in answer
+    assert "rudder: friction 0.200" in answer
+    assert "Since" not in answer
+    assert answer.count("nothing to do") == 1
+    failed = [new_verdict(f"elevator_{k}", "emergency", 1.0, 5.0) for k in range(9)]
+    text = Tags(page(new_assessment(*failed), Gathered())).text
+    assert "elevator_5 and 3 more below: ✖ emergency Since elevator_0 5.0s into the log" in text
 
 
 def test_a_plot_has_its_interval_its_limits_and_its_words(assessment: Assessment) -> None:
@@ -152,6 +165,7 @@ def test_hostile_texts_stay_texts(new_verdict: New, new_assessment: Assess) -> N
     assert "\u202e" not in written
 
 
+@settings(max_examples=30)
 @given(text=st.text(max_size=60))
 def test_any_text_leaves_the_structure_as_it_is(text: str) -> None:
     verdict = Verdict(
