@@ -108,7 +108,8 @@ def test_like_answers_are_told_as_one(new_verdict: New, new_assessment: Assess) 
     assert "rudder: friction 0.200" in answer
     assert "Since" not in answer
     assert answer.count("nothing to do") == 1
-    failed = [new_verdict(f"elevator_{k}", "emergency", 1.0, 5.0) for k in range(9)]
+    bad = new_verdict("elevator", "emergency", 1.0, 5.0)
+    failed = [bad.model_copy(update={"actuator": f"elevator_{k}"}) for k in range(9)]
     text = Tags(page(new_assessment(*failed), Gathered())).text
     assert "elevator_5 and 3 more below: ✖ emergency Since elevator_0 5.0s into the log" in text
 
