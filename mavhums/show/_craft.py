@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 import rerun as rr
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import KEYS
+from mavhums.show._places import V_TAIL, Place, kind, places
 from mavhums.show._stream import send
 
 __all__ = ["Craft", "Surface", "craft_path"]
@@ -25,47 +25,6 @@ _V1, _V3 = KEYS.index("V1"), KEYS.index("V3")
 _Floats = NDArray[np.float64]
 
 
-class _Place(NamedTuple):
-    """Hinge position of a surface: x forward, y left, z up; the half-span is 1.
-
-    Attributes
-    ----------
-    x, z
-        Position of the hinge line.
-    span
-        Start and end along the hinge line.
-    chord
-        Length behind the hinge line.
-    roll
-        Rotation of the hinge line about x, degrees; 90 for a fin.
-    """
-
-    x: float
-    z: float
-    span: tuple[float, float]
-    chord: float
-    roll: float = 0.0
-
-
-_V_TAIL: Final = "ruddervator|v.?tail"
-_PLACES: Final[tuple[tuple[str, _Place], ...]] = (
-    (_V_TAIL, _Place(-0.86, 0.04, (0.06, 0.4), 0.12, 38.0)),
-    ("rudder", _Place(-0.86, 0.03, (0.05, 0.36), 0.13, 90.0)),
-    ("elevator|stabil", _Place(-0.86, 0.03, (0.04, 0.38), 0.12)),
-    ("canard", _Place(0.5, 0.02, (0.08, 0.34), 0.1)),
-    ("spoiler|brake", _Place(0.02, 0.05, (0.3, 0.62), 0.1)),
-    ("flaperon|elevon|aileron", _Place(-0.16, 0.03, (0.5, 0.98), 0.14)),
-    ("flap", _Place(-0.16, 0.03, (0.1, 0.48), 0.14)),
-)
-_ELSEWHERE: Final = _Place(0.1, -0.3, (-0.6, 0.6), 0.1)
-_WHOLE: Final = ("elevator|stabil", "canard")
-_SIDED: Final = (_V_TAIL, "spoiler|brake", "flaperon|elevon|aileron", "flap")
-_LEFT, _RIGHT = (
-    re.compile(r"left|port|(^|[_ -])l($|[_ -])"),
-    re.compile(r"right|starboard|(^|[_ -])r($|[_ -])"),
-)
-
-
 def craft_path(vehicle: int | None) -> str:
     """Return the entity path of a vehicle's airframe; it has the heading, ``body`` the attitude."""
     return rr.new_entity_path(["airframe", "no_vehicle" if vehicle is None else f"vehicle_{vehicle}"])
@@ -75,7 +34,7 @@ class Surface:
     """One control surface, or another part that a servo moves."""
 
     def __init__(
-        self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: _Place, *, named: bool
+        self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: Place, *, named: bool
     ):
         self._stream, self._path = stream, path
         self._tick = -1.0
@@ -138,15 +97,17 @@ class Craft:
             "nose": ((0.66, 0, -0.01), (0.07, 0.035, 0.035), _DARK),
             "wing": ((0, 0, 0.03), (0.16, 1.0, 0.016), _GREY),
         }
-        kinds = [_kind(actuator) for actuator in actuators]
-        if "rudder" in kinds or _V_TAIL not in kinds:
+        kinds = [kind(words(actuator)) for actuator in actuators]
+        if "rudder" in kinds or V_TAIL not in kinds:
             parts["fin"] = ((-0.77, 0, 0.2), (0.09, 0.012, 0.18), _GREY)
-        if _V_TAIL not in kinds:
+        if V_TAIL not in kinds:
             parts["tailplane"] = ((-0.77, 0, 0.03), (0.09, 0.4, 0.012), _GREY)
         for name, (centre, half, colour) in parts.items():
             box = rr.Boxes3D(centers=[centre], half_sizes=[half], colors=[colour], fill_mode="solid")
             self._stream.log(f"{body}/{name}", box, static=True)
-        for actuator, place in zip(actuators, _places(actuators), strict=True):
+        for actuator, place in zip(
+            actuators, places([words(actuator) for actuator in actuators]), strict=True
+        ):
             path = rr.new_entity_path(
                 [*self.root.strip("/").split("/"), "body", "at", actuator.name, "surface"]
             )
@@ -166,38 +127,6 @@ class Craft:
         send(self._stream, f"{self.root}/body", time_s, rr.Transform3D.columns(quaternion=turns))
 
 
-def _words(actuator: Actuator) -> str:
-    return f"{actuator.surface} {actuator.name}".lower()
-
-
-def _kind(actuator: Actuator) -> str:
-    return next((kind for kind, _ in _PLACES if re.search(kind, _words(actuator))), "")
-
-
-def _places(actuators: Sequence[Actuator]) -> list[_Place]:
-    """Assign a hinge position to each actuator; actuators with the same position share its span."""
-    slots: list[tuple[str, int]] = []
-    sideless: list[str] = []
-    for actuator in actuators:
-        text, kind = _words(actuator), _kind(actuator)
-        side = 1 if _LEFT.search(text) else -1 if _RIGHT.search(text) else 0
-        if side == 0 and kind in _SIDED:
-            side = -1 if sideless.count(kind) % 2 else 1
-            sideless.append(kind)
-        slots.append((kind, side))
-    return [
-        _slot(kind, side, slots[:k].count((kind, side)), slots.count((kind, side)))
-        for k, (kind, side) in enumerate(slots)
-    ]
-
-
-def _slot(kind: str, side: int, number: int, of: int) -> _Place:
-    """Return the part of a hinge position for one of several actuators that share it."""
-    place = dict(_PLACES).get(kind, _ELSEWHERE)
-    begin, end = place.span
-    if side == 0 and kind in _WHOLE:
-        begin = -end
-    sign = -1 if side < 0 and kind in {*_SIDED, *_WHOLE} else 1
-    step = (end - begin) / of
-    span = (sign * (begin + number * step), sign * (begin + (number + 1) * step))
-    return place._replace(span=span, roll=sign * place.roll if kind == _V_TAIL else place.roll)
+def words(actuator: Actuator) -> str:
+    """Return what places an actuator on the airframe: its surface and its name."""
+    return f"{actuator.surface} {actuator.name}"

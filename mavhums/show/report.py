@@ -10,10 +10,10 @@ from typing import Final
 from mavhums.core.quantities import QUANTITIES
 from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
 from mavhums.show import _usage
+from mavhums.show._certainty import certainty
 from mavhums.show._words import (
     advice,
     clock,
-    effectiveness,
     explained,
     finding,
     friction,
@@ -122,7 +122,6 @@ def _condition(verdict: Verdict) -> str:
 
 
 def _section(verdict: Verdict, title: str) -> str:
-    coverage = verdict.coverage
     lines = [f"## {_literal(title)}: {verdict.worst}", f"**What to do:** {advice(verdict)}."]
     since = (
         f"{clock(verdict.since.flight_time_s)} into the log ({verdict.since.utc})" if verdict.since else ""
@@ -139,20 +138,9 @@ def _section(verdict: Verdict, title: str) -> str:
         lines.append(f"**Suspected:** {join(suspects)}.")
     if verdict.indicators:
         lines.append(_indicators(verdict.indicators))
-    sure = []
     if verdict.surfaces:
         lines.append(f"**Surfaces:** {_literal(join(verdict.surfaces))}.")
-    if verdict.effectiveness:
-        left = effectiveness(verdict.effectiveness)
-        sure.append(f"{left} of the reference's control effectiveness with its 95 % interval")
-    if verdict.friction_nm:
-        sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
-    if verdict.p_emergency is not None:
-        sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
-    moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
-    judged = f"{coverage.decidable} of {coverage.windows} windows are decidable"
-    sure.append(judged + moved if "V7" in verdict.provenance else judged)
-    lines.append(f"**How sure:** {'; '.join(sure)}.")
+    lines.append(f"**How sure:** {certainty(verdict)}.")
     return "\n\n".join(lines)
 
 

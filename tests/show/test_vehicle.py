@@ -32,7 +32,8 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 import rerun as rr
 
 from mavhums.show import Recorder, layout
-from mavhums.show._craft import _places
+from mavhums.show._craft import words
+from mavhums.show._places import places as placed
 from mavhums.show._scene import Scene
 from mavhums.show._stream import open_stream
 from mavhums.show._words import COLOURS
@@ -138,7 +139,7 @@ def test_every_kind_of_surface_has_a_place_of_its_own() -> None:
         "aileron",
         "aileron_b",
     ]
-    places = _places([actuator(k + 1, name) for k, name in enumerate(names)])
+    places = placed([words(actuator(k + 1, name)) for k, name in enumerate(names)])
     assert len({(place.x, place.span, place.roll) for place in places}) == len(names)
     by_name = dict(zip(names, places, strict=True))
     assert min(by_name["aileron_left"].span) > 0 > max(by_name["aileron_right"].span)

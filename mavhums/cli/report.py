@@ -1,0 +1,62 @@
+"""The command ``report``: the answer as one HTML file."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+
+import click
+
+from mavhums.cli.options import AIRFRAME, BASELINE_FROM, DIALECT, FALSE_ALARMS, HISTORY, KEY, LOG, PATH
+from mavhums.cli.output import say
+from mavhums.cli.progress import reading
+from mavhums.cli.trend import opened_history
+
+__all__ = ["report"]
+
+
+@click.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@LOG
+@click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
+@AIRFRAME
+@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@DIALECT
+@FALSE_ALARMS
+@HISTORY
+@BASELINE_FROM
+@KEY
+def report(
+    log: Path,
+    output: Path,
+    airframe: str | None,
+    model: str | None,
+    dialect: Path | None,
+    false_alarms: float,
+    history: Path | None,
+    dates: tuple[tuple[str | None, datetime], ...],
+    key: Path | None,
+) -> None:
+    """Write the verdicts on LOG with their evidence as one HTML file, to mail or to file.
+
+    It opens without a network, prints on paper, and holds no script. LOG may be - for the standard input.
+    Exit codes are those of analyse.
+    """
+    from mavhums.app.options import Options
+    from mavhums.app.report import write_report
+
+    if dates and history is None:
+        raise click.UsageError("--baseline-from needs --history DIR")
+    options = Options(
+        airframe=airframe,
+        model=model,
+        history=opened_history(history),
+        since=dict(dates),
+        false_alarms=false_alarms,
+        dialect=dialect,
+        key=key,
+    )
+    with reading(log) as progress:
+        assessment = write_report(log, output, options, progress=progress)
+    say(assessment.summary())
+    say(f"report: {output}   open it in a browser")
+    raise SystemExit(assessment.exit_code)

@@ -1,0 +1,258 @@
+"""The answer as one HTML page without scripts: for a browser without a network, for a phone, for paper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.version import __version__
+from mavhums.health.axis.detector import Limits
+from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.show._certainty import certainty
+from mavhums.show._words import (
+    COLOURS,
+    advice,
+    clock,
+    effectiveness,
+    finding,
+    friction,
+    headline,
+    implausible,
+    join,
+    losses,
+    name,
+    printable,
+)
+from mavhums.show.html_craft import Part, outline
+from mavhums.show.html_curves import Gathered, Key
+from mavhums.show.html_plot import Limit, Plot, plot
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["ICONS", "page"]
+
+ICONS: Final[dict[Condition, str]] = {
+    "normal": "✓",
+    "unchanged": "=",
+    "changed": "≠",
+    "degraded": "▲",
+    "emergency": "✖",
+    "learning": "…",
+    "undecided": "?",
+    "unmonitored": "○",
+}
+"""A sign per condition, so that no reader depends on its colour."""
+
+_ROWS, _PLOTS, _FINDINGS, _LETTERS, _LIKE = 200, 24, 8, 600, 6
+_KEPT: Final = Limits().effectiveness
+
+
+class _Answer(NamedTuple):
+    """The five questions about one subject."""
+
+    title: str
+    verdict: Verdict
+    since: str
+    why: Sequence[str]
+    sure: str
+    todo: str
+    value: str
+
+
+class _Shown(NamedTuple):
+    """A plot with the words that describe it."""
+
+    title: str
+    told: str
+    drawing: Plot
+
+
+class _Aircraft(NamedTuple):
+    """The outline of one vehicle."""
+
+    title: str
+    parts: list[Part]
+
+
+def page(assessment: Assessment, gathered: Gathered) -> str:
+    """Return the assessment as one HTML document, complete in itself.
+
+    Texts from the log are escaped; control characters are replaced. The document carries no script, and its
+    content security policy forbids any and every address.
+
+    Parameters
+    ----------
+    assessment
+        The verdicts of one log.
+    gathered
+        What the engine reported of the same log.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> text = page(mavhums.analyse("flight.tlog"), Gathered())
+    >>> "<h1" in text, "<script" in text
+    (True, False)
+    """
+    ranked = assessment.ranked()
+    log = assessment.log
+    answers = [_answer(verdict, assessment) for verdict in ranked[:_ROWS]]
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            assessment=assessment,
+            answers=answers,
+            first=_first(answers),
+            left_out=max(len(ranked) - _ROWS, 0),
+            headline=headline(assessment),
+            file=PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
+            losses=losses(log.losses),
+            aircraft=list(_aircraft(assessment)),
+            plots=list(_plots(assessment, gathered)),
+            notices=gathered.notices(),
+            texts=gathered.texts,
+            icons=ICONS,
+            colours=COLOURS,
+            version=__version__,
+        )
+    )
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("mavhums.show"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_plain,
+    )
+    environment.filters["clock"] = clock
+    environment.filters["moment"] = moment
+    return environment
+
+
+def _plain(value: object) -> object:
+    """Return a text without control characters and of bounded length."""
+    if type(value) is not str:
+        return value
+    text = printable(value)
+    return text if len(text) <= _LETTERS else f"{text[:_LETTERS]}…"
+
+
+def _answer(verdict: Verdict, assessment: Assessment) -> _Answer:
+    since, value = verdict.since, ""
+    told = SEVERITY[verdict.gravest] > SEVERITY["normal"]
+    if verdict.effectiveness:
+        value = f"control effectiveness {effectiveness(verdict.effectiveness)}"
+    elif verdict.friction_nm:
+        value = f"friction {friction(verdict.friction_nm)} N·m"
+    todo = verdict.remedy or advice(verdict)
+    return _Answer(
+        title=name(verdict, assessment),
+        verdict=verdict,
+        since=f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since and told else "",
+        why=[*_why(verdict)],
+        sure=certainty(verdict) if verdict.coverage.windows else "",
+        todo=todo.rstrip("."),
+        value=value,
+    )
+
+
+def _first(answers: Sequence[_Answer]) -> _Answer | None:
+    """Return the answer that the page begins with: the gravest one, or several of like gravity as one."""
+    like = [one for one in answers if one.verdict.gravest == answers[0].verdict.gravest]
+    if len(like) < 2:
+        return like[0] if like else None
+    well = SEVERITY[like[0].verdict.gravest] == SEVERITY["normal"]
+    why = [f"{one.title}: {one.value if well else (*one.why, one.value)[0]}" for one in like[:_LIKE]]
+    more = [f"{len(like) - _LIKE} more below"] if len(like) > _LIKE else []
+    return like[0]._replace(
+        title=join([*(one.title for one in like[:_LIKE]), *more]),
+        since=join(f"{one.title} {one.since}" for one in like[:_LIKE]) if like[0].since else "",
+        why=why + more,
+        sure="",
+        todo="; ".join(dict.fromkeys(one.todo for one in like[:_LIKE])),
+        value="",
+    )
+
+
+def moment(utc: str) -> str:
+    """Return a time as a reader writes it.
+
+    Examples
+    --------
+    >>> moment("2026-01-01T09:01:07.003611+00:00")
+    '2026-01-01 09:01:07 UTC'
+    """
+    return f"{utc[:10]} {utc[11:19]} UTC"
+
+
+def _why(verdict: Verdict) -> Iterator[str]:
+    """Yield the reasons, the latest finding first, the network's vote after the physics."""
+    if verdict.worst != verdict.condition and SEVERITY[verdict.worst] > SEVERITY["normal"]:
+        yield f"{verdict.worst} during the flight, {verdict.condition} at its end; the earlier finding stands"
+    if verdict.reason:
+        yield verdict.reason
+    latest = sorted(verdict.evidence[-_FINDINGS:], key=lambda item: (item.kind == "network", -item.end_s))
+    yield from (finding(item) for item in latest)
+    if len(verdict.evidence) > _FINDINGS:
+        yield f"{len(verdict.evidence) - _FINDINGS} earlier findings: mavhums analyse --json has them"
+    odd = implausible(verdict)
+    if odd:
+        yield odd
+
+
+def _aircraft(assessment: Assessment) -> Iterator[_Aircraft]:
+    vehicles = dict.fromkeys(verdict.vehicle for verdict in assessment.verdicts)
+    for vehicle in list(vehicles)[:8]:
+        parts = outline(verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle)
+        if parts:
+            yield _Aircraft(f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above", parts)
+
+
+def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:
+    """Yield the evidence of each subject, the worst first: what it suspects, friction, effectiveness."""
+    curves = gathered.curves()
+    drawn = 0
+    for verdict in assessment.ranked():
+        if verdict.vehicle is None or verdict.actuator == ALL:
+            continue
+        suspects = [item.fault for item in verdict.suspects]
+        for fault in dict.fromkeys((*suspects, "friction", "effectiveness")):
+            curve = curves.get(Key(verdict.vehicle, verdict.actuator, fault))
+            if curve is None or not curve.time_s.size or drawn == _PLOTS:
+                continue
+            drawn += 1
+            what, limits = _limits(verdict, fault)
+            since_s = verdict.since.flight_time_s if verdict.since and suspects else None
+            drawing = plot(curve, limits, assessment.log.duration_s, since_s)
+            last = curve.rows[-1]
+            told = (
+                f"{what}: {last[1]:.3g} at the end (95 % interval {last[0]:.3g} to {last[2]:.3g}), "
+                f"highest {curve.rows[:, 1].max():.3g}, lowest {curve.rows[:, 1].min():.3g}"
+            )
+            bounds = "; ".join(f"{limit.name} {limit.value:.3g}" for limit in limits)
+            title = f"{name(verdict, assessment)}: {what}"
+            yield _Shown(title, f"{told}; {bounds}" if bounds else told, drawing)
+
+
+def _limits(verdict: Verdict, fault: str) -> tuple[str, list[Limit]]:
+    """Return what a curve shows, with its unit, and the levels that it is held against."""
+    if fault == "effectiveness":
+        reference = Limit(1.0, "as at the beginning")
+        return "control effectiveness, share of the reference", [reference, Limit(_KEPT, "emergency below")]
+    found = next((item for item in verdict.indicators if item.fault == fault), None)
+    if found is None:
+        return fault.replace("_", " "), []
+    levels = [(found.limit, "degraded above"), (found.emergency, "emergency from")]
+    unit = "" if found.unit == "1" else f", {found.unit}"
+    return f"{found.quantity}{unit}", [Limit(value, word) for value, word in levels if value is not None]

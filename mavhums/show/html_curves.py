@@ -1,0 +1,106 @@
+"""The evidence of a flight as curves, gathered from the engine's events in bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.engine.events import Event, Indication, Notice
+from mavhums.show._thin import Thinner
+
+__all__ = ["Curve", "Gathered", "Key"]
+
+_POINTS: Final = 1200
+_CURVES: Final = 256
+_FIRST, _LAST = 20, 40
+
+_Floats = NDArray[np.float64]
+
+
+class Key(NamedTuple):
+    """Whose evidence a curve shows, and of which fault."""
+
+    vehicle: int
+    actuator: str
+    fault: str
+
+
+class Curve(NamedTuple):
+    """A fault indicator over flight time.
+
+    Attributes
+    ----------
+    time_s
+        Ends of its windows, shape (n,).
+    rows
+        Lower bound, value and upper bound of the 95 % interval, shape (n, 3).
+    """
+
+    time_s: _Floats
+    rows: _Floats
+
+
+class Gathered:
+    """Takes the engine's events and keeps what a page shows of them.
+
+    Curves keep every extreme: groups of neighbouring windows are replaced by their smallest and largest
+    values. Of very many curves the first 256 are kept, of very many texts the first 20 and the last 40.
+
+    Attributes
+    ----------
+    texts
+        Number of texts in the flight.
+
+    Examples
+    --------
+    >>> gathered = Gathered()
+    >>> gathered.consume([Notice(1.0, 1, "ArduPlane V4.6.0")])
+    >>> [notice.text for notice in gathered.notices()]
+    ['ArduPlane V4.6.0']
+    """
+
+    def __init__(self) -> None:
+        self.texts = 0
+        self._thinners: dict[Key, Thinner] = {}
+        self._first: list[Notice] = []
+        self._last: list[Notice] = []
+
+    def consume(self, events: Iterable[Event]) -> None:
+        """Take what the engine reports, in its order."""
+        for event in events:
+            if isinstance(event, Indication) and event.end_s.size:
+                self._indication(event)
+            elif isinstance(event, Notice):
+                self._notice(event)
+
+    def curves(self) -> dict[Key, Curve]:
+        """Return the curves, without empty ones."""
+        found = {}
+        for key, thinner in self._thinners.items():
+            time_s, rows = thinner.rows()
+            found[key] = Curve(time_s, np.sort(rows, axis=1))
+        return found
+
+    def notices(self) -> list[Notice]:
+        """Return the texts that are kept, in their order."""
+        return [*self._first, *self._last]
+
+    def _indication(self, event: Indication) -> None:
+        key = Key(event.vehicle, event.actuator, event.fault)
+        if key not in self._thinners:
+            if len(self._thinners) == _CURVES:
+                return
+            self._thinners[key] = Thinner(3, _POINTS)
+        rows = np.column_stack([event.low, event.value, event.high])
+        known = np.isfinite(rows).all(axis=1)
+        self._thinners[key].add(event.end_s[known], rows[known])
+
+    def _notice(self, event: Notice) -> None:
+        self.texts += 1
+        if len(self._first) < _FIRST:
+            self._first.append(event)
+        else:
+            self._last = [*self._last, event][-_LAST:]

@@ -1,0 +1,141 @@
+"""A curve with its interval and limits as the parts of an inline SVG; a style sheet colours them.
+
+matplotlib would fix the colours, which here follow light, dark and paper, and is not in the base install.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import ceil, floor, log10
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.show._words import clock
+from mavhums.show.html_curves import Curve
+
+__all__ = ["Limit", "Plot", "Tick", "plot"]
+
+WIDTH, HEIGHT = 640, 220
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 10, 26
+_GAP_S: Final = 3.0
+_TIME_STEPS: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000)
+
+
+class Limit(NamedTuple):
+    """A level that a curve is held against."""
+
+    value: float
+    name: str
+
+
+class Tick(NamedTuple):
+    """A mark of an axis: its place on the drawing, and its text."""
+
+    at: float
+    text: str
+
+
+class Plot(NamedTuple):
+    """What a template draws: paths, marks and levels, in the drawing's units.
+
+    Attributes
+    ----------
+    band, line
+        SVG paths of the interval and of the value.
+    x, y
+        Marks of the axes.
+    limits
+        Levels: their place and name.
+    since
+        Place of the onset; None without one.
+    """
+
+    band: str
+    line: str
+    x: tuple[Tick, ...]
+    y: tuple[Tick, ...]
+    limits: tuple[Tick, ...]
+    since: float | None
+    left: int = _LEFT
+    right: int = WIDTH - _RIGHT
+    top: int = _TOP
+    bottom: int = HEIGHT - _BOTTOM
+
+
+def plot(curve: Curve, limits: Sequence[Limit], duration_s: float, since_s: float | None = None) -> Plot:
+    """Return the drawing of a curve.
+
+    Parameters
+    ----------
+    curve
+        With at least one row.
+    limits
+        All of them are inside the drawing.
+    duration_s
+        Of the flight: the time axis shows all of it.
+    since_s
+        Onset of the condition; None without one.
+    """
+    end_s = max(duration_s, float(curve.time_s[-1]), 1.0)
+    levels = [limit.value for limit in limits]
+    low, high = _range(curve.rows, levels)
+
+    def x(seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        return np.round(_LEFT + np.asarray(seconds) / end_s * (WIDTH - _LEFT - _RIGHT), 1)
+
+    def y(values: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        share = (np.clip(values, low, high) - low) / (high - low)
+        return np.round(HEIGHT - _BOTTOM - share * (HEIGHT - _TOP - _BOTTOM), 1)
+
+    band, line = [], []
+    for part in _parts(curve.time_s):
+        at, rows = x(curve.time_s[part]), y(curve.rows[part])
+        outline = np.concatenate([rows[:, 0], rows[::-1, 2]])
+        band.append(_path(np.concatenate([at, at[::-1]]), outline) + "Z")
+        line.append(_path(at, rows[:, 1]))
+    steps = _steps(low, high)
+    digits = max(0, -floor(log10(steps[1] - steps[0]))) if len(steps) > 1 else 2
+    every = next((step for step in _TIME_STEPS if end_s / step <= 6), _TIME_STEPS[-1] * ceil(end_s / 2e5))
+    return Plot(
+        band="".join(band),
+        line="".join(line),
+        x=tuple(Tick(float(x(s)), clock(s).replace(".0s", "s")) for s in np.arange(0, end_s, every).tolist()),
+        y=tuple(Tick(float(y(v)), f"{v:z.{digits}f}") for v in steps),
+        limits=tuple(Tick(float(y(limit.value)), limit.name) for limit in limits),
+        since=None if since_s is None else float(x(min(since_s, end_s))),
+    )
+
+
+def _range(rows: NDArray[np.float64], levels: Sequence[float]) -> tuple[float, float]:
+    """Return what the drawing shows: every value and level, and of very wide intervals a part."""
+    middle = rows[:, 1]
+    low = min(float(np.percentile(rows[:, 0], 2)), float(middle.min()), 0.0, *levels)
+    high = max(float(np.percentile(rows[:, 2], 98)), float(middle.max()), *levels)
+    room = 0.05 * (high - low) or 1.0
+    return (low - room if low < 0 else low), high + room
+
+
+def _steps(low: float, high: float) -> list[float]:
+    """Return three to six round values inside a range."""
+    rough = (high - low) / 4
+    power = 10.0 ** floor(log10(rough))
+    step = min((factor * power for factor in (1, 2, 5, 10)), key=lambda one: abs(one - rough))
+    return [k * step for k in range(ceil(low / step), floor(high / step) + 1)]
+
+
+def _parts(time_s: NDArray[np.float64]) -> list[slice]:
+    """Return the parts of a curve between which nothing is known."""
+    steps = np.diff(time_s)
+    usual = 4 * float(np.median(steps)) if steps.size else 0.0
+    cuts = [0, *(np.flatnonzero(steps > max(_GAP_S, usual)) + 1).tolist(), time_s.size]
+    return [slice(a, b) for a, b in pairwise(cuts)]
+
+
+def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
+    points = [f"{a:g} {b:g}" for a, b in zip(x.tolist(), y.tolist(), strict=True)]
+    if len(points) == 1:
+        points.append(f"{x[0] + 1:g} {y[0]:g}")
+    return f"M{'L'.join(points)}"

@@ -1,0 +1,73 @@
+"""The report end to end: a log goes in, one file comes out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+from mavhums.core.errors import ExitCode
+from tests.conftest import REAL_LOGS
+from tests.logs import heartbeat, write_log
+
+if TYPE_CHECKING:
+    from tests.conftest import Run
+
+
+def test_a_growing_fault_is_told_with_its_curve(run: Run, growing_log: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    code, out, _ = run("report", growing_log, "-o", page)
+    assert code == ExitCode.EMERGENCY
+    assert f"report: {page}" in out
+    text = page.read_text(encoding="utf-8")
+    assert "elevator: EMERGENCY" in text
+    assert text.count("<svg") == 1 + 4  # the aircraft, and a curve for each actuator
+    assert "emergency from" in text
+    assert len(text.encode()) < 3_000_000
+    assert str(growing_log.parent) not in text, "whoever gets the page learns nothing of the sender's disk"
+
+
+def test_a_hostile_text_and_file_name_stay_texts(run: Run, tmp_path: Path) -> None:
+    log = tmp_path / "<img src=x onerror=alert(1)>.tlog"
+    text = v2.MAVLink_statustext_message(6, b"<script>alert(1)</script>")
+    write_log(log, [heartbeat(3), text] * 20)
+    page = tmp_path / "report.html"
+    assert run("report", log, "-o", page).code == ExitCode.UNDECIDED
+    written = page.read_text(encoding="utf-8")
+    assert "<script" not in written
+    assert "<img" not in written
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in written
+    assert "&lt;img src=x onerror=alert(1)&gt;.tlog" in written
+
+
+def test_the_log_is_never_replaced_and_a_failure_leaves_no_page(
+    run: Run, short_log: Path, tmp_path: Path
+) -> None:
+    before = short_log.read_bytes()
+    code, _, err = run("report", short_log, "-o", short_log)
+    assert code == ExitCode.ERROR
+    assert "is the log itself" in err
+    assert short_log.read_bytes() == before
+    page = tmp_path / "report.html"
+    code, _, err = run("report", tmp_path / "absent.tlog", "-o", page)
+    assert code == ExitCode.ERROR
+    assert "absent.tlog" in err
+    assert run("report", short_log, "-o", tmp_path / "none" / "report.html").code == ExitCode.ERROR
+    assert run("report", short_log).code == ExitCode.USAGE
+    assert run("report", short_log, "-o", page, "--baseline-from", "2026-01-01").code == ExitCode.USAGE
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_ordinary_log_shows_what_could_be_judged(run: Run, tmp_path: Path) -> None:
+    log = REAL_LOGS / "sitl" / "plane_normal.mavproxy.tlog"
+    if not log.exists():
+        pytest.skip("the real logs are not here")
+    page = tmp_path / "report.html"
+    code = run("report", log, "-o", page).code
+    assert code == ExitCode.UNDECIDED
+    text = page.read_text(encoding="utf-8")
+    assert "roll control: control effectiveness" in text
+    assert text.count("data-plot") >= 1
+    assert "rudder (servo 4)" in text

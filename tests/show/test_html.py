@@ -1,0 +1,312 @@
+"""The page: complete in itself, safe against hostile texts, and the same for every reader."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mavhums.core.conditions import URGENCY
+from mavhums.engine.events import Indication, Notice
+from mavhums.report.assessment import Assessment, Indicator, Interval, Verdict
+from mavhums.show.html import ICONS, page
+from mavhums.show.html_craft import outline
+from mavhums.show.html_curves import Curve, Gathered, Key
+from mavhums.show.html_plot import Limit, plot
+from tests.show.chromium import Chromium, find
+
+New = Callable[..., Verdict]
+Assess = Callable[..., Assessment]
+
+BROWSER = find()
+HOSTILE = '<script>alert(1)</script><img src=x onerror="alert(2)">"\'&{{ 7*7 }}\x1b[31m\u202e'
+
+
+class Tags(HTMLParser):
+    """Every tag of a page with its attributes, and its texts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.texts).split())
+
+
+def indication(actuator: str = "elevator", fault: str = "friction", windows: int = 90) -> Indication:
+    end = np.arange(10.0, 10.0 + windows)
+    value = np.linspace(0.2, 1.0, windows)
+    return Indication(1, actuator, fault, end, value, value - 0.03, value + 0.03)
+
+
+def gathered(*events: Indication | Notice) -> Gathered:
+    kept = Gathered()
+    kept.consume(events)
+    return kept
+
+
+def with_limits(assessment: Assessment) -> Assessment:
+    value = Interval(estimate=1.0, low=0.97, high=1.03)
+    found = Indicator(
+        fault="friction",
+        quantity="Coulomb friction",
+        unit="N·m",
+        value=value,
+        windows=9,
+        limit=0.375,
+        emergency=0.875,
+    )
+    verdicts = [
+        one.model_copy(update={"indicators": (found,)}) if one.actuator == "elevator" else one
+        for one in assessment.verdicts
+    ]
+    return assessment.model_copy(update={"verdicts": tuple(verdicts)})
+
+
+def test_the_answer_comes_first_and_answers_the_five_questions(assessment: Assessment) -> None:
+    text = Tags(page(with_limits(assessment), gathered(indication()))).text
+    answer = text[: text.index("Verdicts")]
+    for part in (
+        "elevator: EMERGENCY since 1m12s",
+        "Since 1m12s into the log (2025-06-01 10:01:12 UTC)",
+        "Why 1m12s to 1m40s: the friction interval reaches the emergency limit",
+        "How sure friction 1.003 (0.973–1.033) N·m with its 95 % interval",
+        "What to do do not fly; inspect gearbox, bearings and hinge line",
+        "2025-06-01.tlog",
+        "not an airworthiness decision",
+    ):
+        assert part in answer
+    rows = text[text.index("Verdicts") : text.index("The aircraft from above")]
+    assert rows.index("elevator") < rows.index("rudder") < rows.index("aileron_left")
+    assert "1,234 bytes skipped" in text
+    assert "0" * 64 in text
+
+
+def test_like_answers_are_told_as_one(new_verdict: New, new_assessment: Assess) -> None:
+    healthy = [new_verdict(name, "normal", 0.2, 0.0) for name in ("elevator", "rudder")]
+    text = Tags(page(new_assessment(*healthy), Gathered())).text
+    answer = text[: text.index("Verdicts")]
+    assert "All 2 actuators normal What elevator and rudder: ✓ normal Why elevator: friction 0.200" in answer
+    assert "rudder: friction 0.200" in answer
+    assert "Since" not in answer
+    assert answer.count("nothing to do") == 1
+    bad = new_verdict("elevator", "emergency", 1.0, 5.0)
+    failed = [bad.model_copy(update={"actuator": f"elevator_{k}"}) for k in range(9)]
+    text = Tags(page(new_assessment(*failed), Gathered())).text
+    assert "elevator_5 and 3 more below: ✖ emergency Since elevator_0 5.0s into the log" in text
+
+
+def test_a_plot_has_its_interval_its_limits_and_its_words(assessment: Assessment) -> None:
+    tags = Tags(page(with_limits(assessment), gathered(indication())))
+    assert "elevator: Coulomb friction, N·m" in tags.text
+    assert "highest 1, lowest 0.2; degraded above 0.375; emergency from 0.875" in tags.text
+    kinds = [attributes.get("class") for _, attributes in tags.tags]
+    assert kinds.count("limit") == 2
+    assert kinds.count("since") == kinds.count("band") == kinds.count("line") == 1
+    line = next(a["d"] for _, a in tags.tags if a.get("class") == "line")
+    assert line is not None
+    assert line.count("L") == 89
+
+
+def test_the_page_needs_nothing_from_elsewhere_and_runs_nothing(assessment: Assessment) -> None:
+    tags = Tags(page(assessment, gathered(indication())))
+    assert not {"script", "link", "img", "iframe", "object", "base", "form", "a"} & {
+        tag for tag, _ in tags.tags
+    }
+    for _, attributes in tags.tags:
+        assert not [name for name in attributes if name.startswith("on") or name in ("src", "href")]
+    policy = next(a["content"] for _, a in tags.tags if a.get("http-equiv") == "Content-Security-Policy")
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+
+
+def hostile(new_verdict: New, new_assessment: Assess, text: str) -> str:
+    found = new_verdict("elevator", "emergency", 1.0, 5.0)
+    rule = found.evidence[0].model_copy(update={"rule": text})
+    odd = found.model_copy(
+        update={"actuator": f"elevator {text}", "evidence": (rule,), "reason": text, "remedy": text}
+    )
+    axis = new_verdict("rudder", "normal", 0.2, 0.0).model_copy(
+        update={"subject": "axis", "actuator": "yaw", "surfaces": (f"rudder {text}",)}
+    )
+    whole = new_assessment(odd, axis)
+    whole = whole.model_copy(
+        update={"log": whole.log.model_copy(update={"path": f"logs/{text}"}), "airframe": text}
+    )
+    return page(whole, gathered(Notice(1.0, 1, text), indication(f"elevator {text}")))
+
+
+def test_hostile_texts_stay_texts(new_verdict: New, new_assessment: Assess) -> None:
+    written = hostile(new_verdict, new_assessment, HOSTILE)
+    plain = Tags(hostile(new_verdict, new_assessment, "harmless"))
+    tags = Tags(written)
+    assert [tag for tag, _ in tags.tags] == [tag for tag, _ in plain.tags]
+    assert [set(a) for _, a in tags.tags] == [set(a) for _, a in plain.tags]
+    assert '<script>alert(1)</script><img src=x onerror="alert(2)">' in tags.text
+    assert "{{ 7*7 }}" in tags.text
+    assert "\x1b" not in written
+    assert "\u202e" not in written
+
+
+@settings(max_examples=30)
+@given(text=st.text(max_size=60))
+def test_any_text_leaves_the_structure_as_it_is(text: str) -> None:
+    verdict = Verdict(
+        vehicle=1, actuator="elevator", condition="undecided", worst="undecided", reason=text or "x"
+    )
+    log: dict[str, Any] = {
+        "path": "a.tlog",
+        "sha256": None,
+        "start_utc": None,
+        "duration_s": 1.0,
+        "vehicles": (1,),
+    }
+    whole = Assessment.model_validate(
+        {"log": {**log, "losses": {}}, "airframe": None, "model": None, "verdicts": (verdict,)}
+    )
+    found = Tags(page(whole, gathered(Notice(0.0, 1, text))))
+    usual = Tags(page(whole, gathered(Notice(0.0, 1, "x"))))
+    assert found.tags == usual.tags
+
+
+def test_every_condition_has_a_sign_and_a_word(new_verdict: New, new_assessment: Assess) -> None:
+    assert set(ICONS) == set(URGENCY)
+    assert len(set(ICONS.values())) == len(ICONS)
+    verdicts = [
+        new_verdict("elevator", "normal", 0.2, 0.0).model_copy(
+            update={"actuator": f"elevator_{word}", "condition": word, "worst": word}
+        )
+        for word in ICONS
+    ]
+    text = Tags(page(new_assessment(*verdicts), Gathered())).text
+    for word, icon in ICONS.items():
+        assert f"{icon} {word}" in text
+
+
+def test_long_flights_and_crowds_stay_small(new_verdict: New, new_assessment: Assess) -> None:
+    names = [f"elevator_{k}" for k in range(300)]
+    verdicts = [
+        new_verdict("elevator", "emergency", 1.0, 5.0).model_copy(update={"actuator": name}) for name in names
+    ]
+    kept = Gathered()
+    for name in names[:40]:
+        kept.consume([indication(name, windows=20_000)])
+    kept.consume(Notice(float(k), 1, "x" * 5000) for k in range(5000))
+    written = page(new_assessment(*verdicts), kept)
+    assert len(written.encode()) < 3_000_000
+    text = Tags(written).text
+    assert "100 more, less grave" in text
+    assert "60 of 5000" in text
+
+
+def test_thinning_keeps_the_peak_and_the_order_of_the_bounds() -> None:
+    value = np.full(50_000, 0.2)
+    value[31_234] = 0.9
+    event = Indication(1, "elevator", "friction", np.arange(50_000.0), value, value - 0.01, value + 0.01)
+    curve = gathered(event).curves()[Key(1, "elevator", "friction")]
+    assert curve.time_s.size <= 1200
+    assert curve.rows[:, 1].max() == 0.9
+    assert (np.diff(curve.rows, axis=1) >= 0).all()
+
+
+def test_a_pause_is_not_bridged_and_levels_lie_where_they_belong() -> None:
+    time_s = np.concatenate([np.arange(10.0, 50.0), np.arange(200.0, 240.0)])
+    rows = np.tile([0.4, 0.5, 0.6], (80, 1))
+    drawn = plot(Curve(time_s, rows), [Limit(1.0, "limit")], 240.0)
+    assert drawn.line.count("M") == drawn.band.count("Z") == 2
+    (level,) = drawn.limits
+    value = float(drawn.line.split("L")[0].split()[1])
+    zero = drawn.bottom
+    assert (zero - value) / (zero - level.at) == pytest.approx(0.5, abs=0.01)
+    single = plot(Curve(np.array([5.0]), np.array([[0.0, 0.0, 0.0]])), [], 0.0)
+    assert single.line.count("L") == 1
+
+
+def test_a_surface_has_the_condition_of_what_is_known_of_it(new_verdict: New) -> None:
+    silent = new_verdict("elevator", "undecided", 0.0, None).model_copy(
+        update={"condition": "unmonitored", "worst": "unmonitored"}
+    )
+    pitch = new_verdict("elevator", "emergency", 0.2, 5.0).model_copy(
+        update={"subject": "axis", "actuator": "pitch", "surfaces": ("elevator",)}
+    )
+    motor = new_verdict("elevator", "normal", 0.2, 0.0).model_copy(update={"actuator": "motor_1"})
+    (part,) = outline([silent, pitch, motor])
+    assert (part.name, part.condition) == ("elevator", "emergency")
+
+
+def measure(browser: Chromium, file: Path, width: int) -> Any:
+    """Open a file at a width; return what the browser laid out."""
+    browser.call(
+        "Emulation.setDeviceMetricsOverride", width=width, height=844, deviceScaleFactor=1, mobile=False
+    )
+    browser.call("Page.navigate", url=file.as_uri())
+    script = """JSON.stringify({ready: document.readyState, url: location.href,
+        wide: document.documentElement.scrollWidth, heading: document.querySelector('h1')?.innerText,
+        plots: document.querySelectorAll('svg[data-plot] path.line').length,
+        drawn: Math.min(...[...document.querySelectorAll('svg[data-plot] path.line')].map(
+            p => p.getTotalLength())),
+        alarmed: window.alarmed === true, fetched: performance.getEntriesByType('resource').length})"""
+    for _ in range(200):
+        answer = browser.call("Runtime.evaluate", expression=script)["result"].get("value")
+        found = json.loads(answer) if answer else {}
+        if found.get("ready") == "complete" and found["url"] == file.as_uri():
+            return found
+        time.sleep(0.05)
+    raise AssertionError("the page does not load")
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no browser; Debian has one in the package chromium")
+def test_a_browser_opens_it_from_disk_without_a_network(
+    assessment: Assessment, new_verdict: New, new_assessment: Assess, tmp_path: Path
+) -> None:
+    assert BROWSER is not None
+    usual, odd = tmp_path / "report.html", tmp_path / "odd.html"
+    usual.write_text(page(with_limits(assessment), gathered(indication())), encoding="utf-8")
+    markup = "<img src=x onerror='window.alarmed=true'><script>window.alarmed=true</script>" + "w" * 200
+    odd.write_text(hostile(new_verdict, new_assessment, markup), encoding="utf-8")
+    with Chromium(BROWSER) as browser:
+        browser.call("Network.enable")
+        browser.call(
+            "Network.emulateNetworkConditions",
+            offline=True,
+            latency=0,
+            downloadThroughput=0,
+            uploadThroughput=0,
+        )
+        for file in (usual, odd):
+            for width in (1200, 390):
+                found = measure(browser, file, width)
+                assert found["wide"] <= width, f"{file.name} scrolls sideways at {width}"
+                assert "EMERGENCY" in found["heading"]
+                assert found["plots"] == 1
+                assert found["drawn"] > 100
+                assert not found["alarmed"]
+                assert found["fetched"] == 0
+        assert browser.errors == []
+
+
+def test_the_words_are_the_same_in_light_in_dark_and_on_paper(assessment: Assessment) -> None:
+    style = re.search(r"<style>(.*?)</style>", page(assessment, Gathered()), re.DOTALL)
+    assert style is not None
+    assert "prefers-color-scheme: dark" in style[1]
+    assert "@media print" in style[1]
+    assert "url(" not in style[1]
+    assert "@import" not in style[1]
