@@ -10,7 +10,7 @@ import click
 from mavhums.cli.options import AIRFRAME, BASELINE_FROM, DIALECT, FALSE_ALARMS, HISTORY, KEY, LOG, PATH
 from mavhums.cli.output import say
 from mavhums.cli.progress import reading
-from mavhums.cli.trend import opened_history
+from mavhums.cli.trend import indexed_history
 
 __all__ = ["report"]
 
@@ -49,7 +49,7 @@ def report(
     options = Options(
         airframe=airframe,
         model=model,
-        history=opened_history(history),
+        history=indexed_history(history),
         since=dict(dates),
         false_alarms=false_alarms,
         dialect=dialect,

@@ -14,6 +14,7 @@ from mavhums.show._certainty import certainty
 from mavhums.show._words import (
     advice,
     clock,
+    effectiveness,
     explained,
     finding,
     friction,
