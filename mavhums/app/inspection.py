@@ -19,8 +19,15 @@ from mavhums.engine.crowd import Crowd
 from mavhums.engine.usage import vehicle_usage
 from mavhums.health.obstacles import obstacle
 from mavhums.log import Decoder, decode_blocks
-from mavhums.report.inspection import ActuatorTelemetry, Inspection, MessageRate, VehicleTelemetry
+from mavhums.report.inspection import (
+    ActuatorTelemetry,
+    Inspection,
+    MessageRate,
+    NamedRate,
+    VehicleTelemetry,
+)
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
+from mavhums.vehicle.named_values import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.texts import TEXT_MESSAGES
 
 __all__ = ["inspect_log"]
@@ -57,12 +64,13 @@ def inspect_log(
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     telemetry = messages_for(given.actuators if given else ())
-    decoder = Decoder(telemetry | IDENTITY_MESSAGES | AXIS_MESSAGES, dialect=dialect)
-    fleet, identities, axes = VehicleMappers(given), Identities(), Axes(given)
+    decoder = Decoder(telemetry | IDENTITY_MESSAGES | AXIS_MESSAGES | NAMED_MESSAGES, dialect=dialect)
+    fleet, identities, axes, values = VehicleMappers(given), Identities(), Axes(given), NamedValues()
     crowd = Crowd(telemetry - TEXT_MESSAGES)
     size = 0
     for tables, size, final in decode_blocks(path, decoder, dialect=dialect):
         identities.feed(tables)
+        values.feed(tables)
         crowd.heed(tables)
         start_us = decoder.first_time_us or 0
         for said, named in fleet.listen(tables):
@@ -98,6 +106,16 @@ def inspect_log(
                 rate_hz=round(count / duration_s, 2) if duration_s else 0.0,
             )
             for (system, component, name), count in sorted(decoder.counts.items())
+        ),
+        named=tuple(
+            NamedRate(
+                system=system,
+                message=message,
+                name=name,
+                count=count,
+                rate_hz=round(count / duration_s, 2) if duration_s else 0.0,
+            )
+            for (system, message, name), count in sorted(values.counts.items())
         ),
         sender_clock=decoder.undated,
         unknown_ids=decoder.unknown,

@@ -8,7 +8,7 @@ from mavhums.core.models import Frozen
 from mavhums.log.losses import Losses
 from mavhums.report.usage import VehicleUsage
 
-__all__ = ["ActuatorTelemetry", "Inspection", "Judgeable", "MessageRate", "VehicleTelemetry"]
+__all__ = ["ActuatorTelemetry", "Inspection", "Judgeable", "MessageRate", "NamedRate", "VehicleTelemetry"]
 
 
 class MessageRate(Frozen):
@@ -16,6 +16,16 @@ class MessageRate(Frozen):
 
     system: int
     component: int
+    name: str
+    count: int
+    rate_hz: float
+
+
+class NamedRate(Frozen):
+    """How often one vehicle sent one named value, and in which message."""
+
+    system: int
+    message: str
     name: str
     count: int
     rate_hz: float
@@ -66,6 +76,7 @@ class VehicleTelemetry(Frozen):
 class Inspection(Frozen):
     """What a log holds.
 
+    ``named`` lists what was sent under names of its own, a thousand of them at most.
     ``sender_clock`` says that the log has no time stamps and that times count from the sender's boot.
     """
 
@@ -75,6 +86,7 @@ class Inspection(Frozen):
     duration_s: float
     vehicles: tuple[VehicleTelemetry, ...]
     messages: tuple[MessageRate, ...]
+    named: tuple[NamedRate, ...] = ()
     sender_clock: bool
     unknown_ids: dict[int, int]
     losses: Losses

@@ -15,6 +15,8 @@ from mavhums.show._words import join, link_loss
 
 __all__ = ["render_inspection"]
 
+_MOST_NAMED = 100
+
 
 def render_inspection(inspection: Inspection, console: Console) -> None:
     """Print an inspection: the vehicles' actuators first, then messages, then losses."""
@@ -35,11 +37,29 @@ def render_inspection(inspection: Inspection, console: Console) -> None:
         table.add_row(f"{row.system}/{row.component}", row.name, f"{row.count:,}", f"{row.rate_hz:.2f}")
     console.print()
     console.print(table)
+    if inspection.named:
+        _named(inspection, console)
     if inspection.unknown_ids:
         frames = sum(inspection.unknown_ids.values())
         ids = ", ".join(str(number) for number in sorted(inspection.unknown_ids)[:8])
         console.print(f"\n{frames} frames of messages that the dialect does not define: ids {ids}")
     _losses(inspection, console)
+
+
+def _named(inspection: Inspection, console: Console) -> None:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("vehicle", justify="right")
+    table.add_column("named value")
+    table.add_column("message")
+    table.add_column("count", justify="right")
+    table.add_column("per second", justify="right")
+    for row in inspection.named[:_MOST_NAMED]:
+        name = escape(printable(row.name))
+        table.add_row(str(row.system), name, row.message, f"{row.count:,}", f"{row.rate_hz:.2f}")
+    console.print()
+    console.print(table)
+    if len(inspection.named) > _MOST_NAMED:
+        console.print(f"… and {len(inspection.named) - _MOST_NAMED} more names, which --json lists")
 
 
 def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
