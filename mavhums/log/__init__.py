@@ -1,4 +1,4 @@
-"""From the bytes of a telemetry log to tables of messages; it knows nothing of servos."""
+"""Converts the bytes of a telemetry log to tables of messages, independently of servos."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every format's decoder offers, and the choice of one by a log's first bytes.
+"""The interface of all formats' decoders, and the choice of a decoder by a log's first bytes.
 
 A new format is a package of its own and a line in `FORMATS`.
 """
@@ -20,10 +20,10 @@ __all__ = ["FORMATS", "Decoder", "Format", "LogDecoder", "Refusal", "format_of"]
 
 
 class LogDecoder(Protocol):
-    """Blocks of a log's bytes in, tables of messages out, in memory that does not grow with the log.
+    """Converts blocks of a log's bytes to tables of messages, in bounded memory.
 
-    Names of messages and fields are the format's own. What the tables hold does not depend on where
-    blocks end; what a block leaves unfinished waits for the next.
+    Names of messages and fields are the format's own. The tables do not depend on where
+    blocks end; an unfinished record waits for the next block.
     """
 
     @property
@@ -35,7 +35,7 @@ class LogDecoder(Protocol):
     def counts(self) -> dict[tuple[int, int, str], int]:
         """Number of intact messages by (system, component, name), wanted or not.
 
-        ``system`` is the vehicle's id; ``component`` tells instances apart where a format has any.
+        ``system`` is the vehicle's id; ``component`` distinguishes instances if the format has them.
         """
         ...
 
@@ -46,12 +46,12 @@ class LogDecoder(Protocol):
 
     @property
     def unknown(self) -> dict[int, int]:
-        """Number of records by message id that nothing defines."""
+        """Number of records with an undefined message id, by id."""
         ...
 
     @property
     def losses(self) -> Losses:
-        """What could not be read so far, and what the vehicle says that it did not record."""
+        """Losses so far: unreadable data, and data that the vehicle reports as not recorded."""
         ...
 
     @property
@@ -66,7 +66,7 @@ class LogDecoder(Protocol):
 
     @property
     def undated(self) -> bool:
-        """Whether the log tells no date, so that times count from the vehicle's boot."""
+        """Whether the log contains no date, so that times count from the vehicle's boot."""
         ...
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
@@ -75,14 +75,14 @@ class LogDecoder(Protocol):
 
 
 class Refusal(NamedTuple):
-    """Why a log cannot be read, after the name of the file and a colon, and what to do."""
+    """The reason why a log cannot be read, formatted to follow "FILE: ", and the remedy."""
 
     problem: str
     remedy: str
 
 
 class _Package(Protocol):
-    """What the package of a format offers."""
+    """The interface of a format's package."""
 
     def decoder(self, messages: Collection[str] | None) -> LogDecoder:
         """Return a new decoder of the wanted message types, all if None."""
@@ -95,18 +95,18 @@ class _Package(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A log format other than MAVLink's, which is what a log without a signature is taken for.
+    """A log format other than MAVLink; a log without a signature is treated as MAVLink.
 
     Attributes
     ----------
     name
-        As inspections and assessments say it.
+        Name in inspections and assessments.
     title
-        As error messages say it: "this is …".
+        Name in error messages: "this is …".
     signature
         The first bytes of every such log.
     package
-        Where it is read; imported with the first such log.
+        Package of its decoder; imported with the first such log.
     """
 
     name: str
@@ -127,7 +127,7 @@ _LONGEST: Final = max(len(known.signature) for known in FORMATS)
 
 
 def format_of(head: bytes) -> Format | None:
-    """Return the format with whose signature ``head`` begins; None of a MAVLink log.
+    """Return the format whose signature begins ``head``; None for a MAVLink log.
 
     Examples
     --------
@@ -138,17 +138,17 @@ def format_of(head: bytes) -> Format | None:
 
 
 class Decoder:
-    """Decoder of a log in any format, which the first bytes choose: a `LogDecoder`.
+    """Decoder of a log in any format, chosen by the first bytes: a `LogDecoder`.
 
     Parameters
     ----------
     messages
-        Names of the message types that are wanted, of any format; all if None. Others are checked
+        Names of the wanted message types, of any format; all if None. Others are checked
         and counted but not unpacked.
     dialect
-        Of a MAVLink log: an XML file whose definitions go before the shipped ones.
+        For a MAVLink log: an XML file whose definitions take precedence over the shipped ones.
     key
-        Of a MAVLink log: 32 bytes; only frames signed with it count. If None, signatures are not
+        For a MAVLink log: 32 bytes; only frames signed with it count. If None, signatures are not
         looked at.
 
     Raises
@@ -191,7 +191,7 @@ class Decoder:
 
     @property
     def unknown(self) -> dict[int, int]:
-        """Number of records by message id that nothing defines."""
+        """Number of records with an undefined message id, by id."""
         return self._chosen.unknown
 
     @property
@@ -211,7 +211,7 @@ class Decoder:
 
     @property
     def undated(self) -> bool:
-        """Whether the log tells no date, so that times count from the vehicle's boot."""
+        """Whether the log contains no date, so that times count from the vehicle's boot."""
         return self._chosen.undated
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:

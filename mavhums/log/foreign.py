@@ -1,4 +1,4 @@
-"""Recognise files that are not telemetry logs, and say what to do with them."""
+"""Recognises files that are not telemetry logs, and gives the remedy."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
     Raises
     ------
     UnreadableLogError
-        Naming what the file seems to be, and the remedy.
+        If it is not; the error names the probable file type and the remedy.
     """
     if not head:
         raise UnreadableLogError(

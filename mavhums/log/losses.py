@@ -1,4 +1,4 @@
-"""What of a log could not be read."""
+"""Losses of a log: the parts that could not be read."""
 
 from __future__ import annotations
 

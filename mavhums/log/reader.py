@@ -1,4 +1,4 @@
-"""Read a ``.tlog`` from disk, block by block or whole."""
+"""Reads a log from disk, block by block or as a whole."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def read_blocks(
     size
         Bytes of a block.
     dialect
-        The MAVLink XML that the log will be decoded with, if any.
+        The MAVLink XML with which the log will be decoded, if any.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def read_blocks(
 
 
 class Decoded(NamedTuple):
-    """Tables of what a decoder made of a block, the bytes read so far, and whether nothing follows."""
+    """Tables decoded from a block, the bytes read so far, and whether it is the last block."""
 
     tables: Mapping[str, Table]
     size: int
@@ -81,7 +81,7 @@ def decode_blocks(
     *,
     dialect: str | os.PathLike[str] | None = None,
 ) -> Iterator[Decoded]:
-    """Decode a log block by block; what the decoder still holds at its end comes last.
+    """Decode a log block by block; the last tables flush the decoder.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class Log:
     Attributes
     ----------
     path
-        Where it was read from.
+        Path of the log.
     tables
         Messages by name, as columns.
     counts
@@ -123,7 +123,7 @@ class Log:
     span
         Times of reception of the first and the last frame, microseconds of UTC; None if empty.
     sender_clock
-        Whether the log tells no date, so that all times count from the sender's boot.
+        Whether the log contains no date, so that all times count from the sender's boot.
     format
         Name of the log's format.
     """
@@ -159,7 +159,7 @@ def read_log(
     messages
         Names of the message types to keep; all if None.
     dialect
-        A MAVLink XML file whose definitions go before the shipped ones.
+        A MAVLink XML file whose definitions take precedence over the shipped ones.
 
     Raises
     ------

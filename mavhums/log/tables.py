@@ -37,12 +37,12 @@ class Table:
     system, component, sequence
         From the frame's header.
     flags
-        How the frame came: bits of `mavhums.log.mavlink.flags`.
+        How the frame was received: bits of `mavhums.log.mavlink.flags`.
     fields
-        Record array as the log has it: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
+        Record array as in the log: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
     divisors
-        What a field's number is divided by, where the format's type says so; ``table["Lat"]`` and
-        every conversion do that.
+        Divisor of a field's raw number, if the format's type defines one; ``table["Lat"]`` and
+        every conversion apply it.
     """
 
     name: str
@@ -64,9 +64,9 @@ class Table:
         return values if divisor is None else values / divisor
 
     def holds(self, widths: Mapping[str, int]) -> bool:
-        """Return whether there are fields of numbers with so many elements each, 1 for a plain number.
+        """Return whether the numeric fields exist with these numbers of elements, 1 for a scalar.
 
-        What a log defines itself may be anything.
+        The definitions in a self-describing log may be arbitrary.
         """
         wire = self.fields.dtype
         for name, width in widths.items():
@@ -83,7 +83,7 @@ class Table:
         return name in (wire.names or ()) and wire[name].kind == "S"
 
     def select(self, rows: NDArray[Any]) -> Table:
-        """Return the rows that a mask or an index array names."""
+        """Return the rows that a mask or an index array selects."""
         if rows.dtype == np.bool_ and rows.all():
             return self
         parts: dict[str, Any] = {part: getattr(self, part)[rows] for part in _PARTS}

@@ -1,4 +1,4 @@
-"""Tables of the records of a batch."""
+"""Converts the records of a batch to tables."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Found(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Where rows belong: the vehicle, the number of known records before them, and what times become.
+    """Context of rows: the vehicle, the number of known records before them, and the time offsets.
 
-    ``first_us`` is the time of what stands before the first time, ``shift_us`` is added to every time.
+    ``first_us`` is the time of records before the first time; ``shift_us`` is added to every time.
     """
 
     vehicle: int = 0
@@ -40,7 +40,7 @@ _AT_BOOT = Placed()
 class Lexicon:
     """The definitions of a log, in the order of their FMT records.
 
-    A definition without names for its fields, or whose name already stands for another layout, is
+    A definition without names for its fields, or whose name already has another layout, is
     None: its records are unknown.
     """
 
@@ -52,7 +52,7 @@ class Lexicon:
         self._sizes: dict[frozenset[str] | None, NDArray[np.int64]] = {}
 
     def learn(self, bodies: NDArray[np.uint8]) -> None:
-        """Take the definitions that are new among ``bodies``."""
+        """Add the new definitions in ``bodies``."""
         for body in bodies[len(self.definitions) :]:
             definition = definition_of(body)
             if definition is not None:

@@ -1,4 +1,4 @@
-"""From rows in the order of the log to columns by definition: a counting sort and a copy."""
+"""Converts rows in log order to columns by definition: a counting sort and a copy."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ def gather(
     ordinal
         Number of records before these.
     first_us, shift_us
-        The time of what stands before the first time, and what is added to every time.
+        The time of records before the first time, and the offset added to every time.
     sizes, known
         By definition: bytes of a payload, 0 if it is not wanted; and whether its records count.
     row_of, byte_of
-        By definition: where its next row and payload go; advanced.
+        By definition: position of its next row and payload; advanced.
     frame, time_us, flags, payloads
-        Written. Behind each definition's payloads ``SPARE`` bytes are overwritten.
+        Output. ``SPARE`` bytes after each definition's payloads are overwritten.
 
     Returns
     -------

@@ -1,15 +1,15 @@
 """The scan kernel: one pass over a block, from bytes to one row per intact record.
 
-A record has no checksum. The rules, in the order in which they are asked at each place:
+A record has no checksum. The rules, in the order in which they are applied at each position:
 
 1. Two magic bytes and a type that a FMT record has defined; a FMT record must be plausible in itself.
-2. What follows must be a record's magic bytes, the end of the log, or one byte repeated to its end.
-   In step a record also counts if what follows is a magic with one bit flipped, or a gap that begins
-   right behind it: at the border of a sector, or zeros after a byte that is none.
-3. A time that runs back by more than 0.1 s, and goes on from there, is an old cluster of the disk
-   that was not overwritten: its records are left out, until the time is right again or 64 KB are
-   past. After a FMT record of FMT it is the beginning of another log.
-4. Anything else: one byte is skipped.
+2. It must be followed by a record's magic bytes, the end of the log, or one byte repeated to its end.
+   In step a record also counts if it is followed by a magic with one bit flipped, or by a gap that begins
+   directly after it: at a sector boundary, or zeros after a nonzero byte.
+3. A time that steps back by more than 0.1 s, and continues from there, is an old cluster of the disk
+   that was not overwritten: its records are omitted until the time is right again or 64 KB have
+   passed. After a FMT record of FMT it is the beginning of another log.
+4. Otherwise one byte is skipped.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ Record = Any
 def _ends_before(
     data: NDArray[np.uint8], size: int, end: int, offset: int, in_step: bool, final: bool
 ) -> int:
-    """Return whether a record counts that ends at ``end``, ``offset`` in the stream, no magic behind it."""
+    """Return whether a record ending at ``end`` (``offset`` in the stream) counts with no magic after it."""
     if end == size:
         return YES if final else WAIT
     if in_step and end + 2 <= size:
@@ -100,7 +100,7 @@ def _ends_before(
 
 @inlined
 def _end_of(data: NDArray[np.uint8], size: int, position: int, types: NDArray[np.void]) -> int:
-    """Return where the record at ``position`` ends, ``NO`` if none begins there, ``WAIT`` if it is cut."""
+    """Return the end of the record at ``position``, ``NO`` if there is none, ``WAIT`` if it is cut."""
     if data[position] != MAGIC_1:
         return NO
     if position + HEAD > size:
@@ -123,7 +123,7 @@ def _step_on(data: NDArray[np.uint8], position: int, state: Record) -> None:
 
 @inlined
 def _counts(data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, final: bool) -> int:
-    """Return whether a record from ``position`` to ``end`` counts by what follows it."""
+    """Return whether the bytes after a record from ``position`` to ``end`` confirm it."""
     if end <= NO:
         return NO if final else end
     if end + 2 <= size and begins(data, end):
@@ -133,7 +133,7 @@ def _counts(data: NDArray[np.uint8], size: int, position: int, end: int, state: 
 
 @kernel
 def _out_of_order(state: Record, how: int, time_us: int, offset: int) -> bool:
-    """Take a step of the time, and return whether its record counts."""
+    """Process a time step, and return whether its record counts."""
     if how == BACK and not state.marked:
         if state.old_from < 0:
             state.old_from = offset
@@ -152,7 +152,7 @@ def _take_time(
     data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, types: NDArray[np.void],
     final: bool,
 ) -> tuple[int, int]:  # fmt: skip
-    """Return whether a record with a time counts, and its flags; the time is noted."""
+    """Return whether a record with a time counts, and its flags; store the time."""
     time_us = time_at(data, position)
     how = judge_time(data, size, end, time_us, state.time_us, types, final)
     if how == WAIT:
@@ -172,7 +172,7 @@ def _take_time(
 def _take_definition(
     data: NDArray[np.uint8], position: int, state: Record, types: NDArray[np.void], bodies: NDArray[np.uint8]
 ) -> int:
-    """Return whether a FMT record counts; what it defines is noted."""
+    """Return whether a FMT record counts; store its definition."""
     if data[position + HEAD] == FMT and state.time_us >= 0:
         state.marked = 1
         state.epoch += 1
@@ -185,7 +185,7 @@ def _take_definition(
 
 @inlined
 def _end_region(state: Record, region: Record, offset: int) -> int:
-    """Note the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
+    """Record the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
     state.lost_step = 0
     state.fill = 0
     if state.skipped == 0:
@@ -213,15 +213,15 @@ def scan(
     ----------
     data, size
         ``GUARD`` bytes of any value, then the stream from offset ``carried[0].base`` on, up to ``size``;
-        eight bytes behind it must be readable.
+        eight bytes after it must be readable.
     final
-        Whether nothing follows; an unfinished record is skipped then, else it waits.
+        Whether this is the end of the stream; an unfinished record is then skipped, else it waits.
     carried
         Shape (1,) of `STATE`, updated.
     types, bodies
-        What FMT records have told (see `define`); updated.
+        Definitions from FMT records (see `define`); updated.
     rows, regions
-        Written: the records, and the skipped regions that a record has ended.
+        Output: the records, and the skipped regions that end at a record.
 
     Returns
     -------

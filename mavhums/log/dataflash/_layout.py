@@ -1,7 +1,7 @@
-"""Where a record's parts lie, and what a FMT record says of the records of its type.
+"""The layout of records, and the definitions in FMT records.
 
-A record is ``A3 95``, a type and a payload without padding, little-endian. Nothing tells its length
-but the FMT record of its type, which itself is of type 128: type, length of the whole record, name
+A record is ``A3 95``, a type and a payload without padding, little-endian. Its length is defined only
+by the FMT record of its type, which itself has type 128: type, length of the whole record, name
 (4 characters), a letter for each field (16), and their names, separated by commas (64).
 """
 
@@ -59,13 +59,13 @@ _NAME, _FORMAT, _COLUMNS = HEAD + 2, HEAD + 6, HEAD + 22
 
 @inlined
 def begins(data: NDArray[np.uint8], place: int) -> bool:
-    """Return whether a record's two magic bytes are at ``place``."""
+    """Return whether ``place`` holds a record's two magic bytes."""
     return bool(data[place] == MAGIC_1 and data[place + 1] == MAGIC_2)
 
 
 @kernel
 def _is_text(data: NDArray[np.uint8], start: int, end: int) -> bool:
-    """Return whether there is printable text, with zeros at its end alone."""
+    """Return whether these bytes are printable text, with zeros only at its end."""
     length = 0
     while start + length < end and data[start + length] != 0:
         if not 0x20 <= data[start + length] < 0x7F:
@@ -79,7 +79,7 @@ def _is_text(data: NDArray[np.uint8], start: int, end: int) -> bool:
 
 @kernel
 def _size_told(data: NDArray[np.uint8], start: int, end: int) -> int:
-    """Return the bytes of a record of these fields, or 0 if there is no such field."""
+    """Return the size of a record with these fields, bytes; 0 if a field type does not exist."""
     size = HEAD
     place = start
     while place < end and data[place] != 0:
@@ -110,14 +110,14 @@ def define(
     data: NDArray[np.uint8], position: int, epoch: int, types: NDArray[np.void], bodies: NDArray[np.uint8],
     known: int,
 ) -> int:  # fmt: skip
-    """Take a FMT record, and return how many definitions there are now, or -1 if it is damaged.
+    """Process a FMT record, and return the number of definitions, or -1 if it is damaged.
 
-    A type keeps its definition until a log begins anew: what says otherwise before is damage.
+    A type keeps its definition until another log begins; an earlier contradiction is damage.
 
     Parameters
     ----------
     epoch
-        How often a log has begun.
+        Number of logs that have begun.
     types, bodies
         By type, `TYPE` of shape (256,), and by definition, shape (``DEFINITIONS``, ``BODY``); updated.
     known

@@ -1,7 +1,7 @@
-"""Whether a record's TimeUS can be believed.
+"""Plausibility of a record's TimeUS.
 
-Across types times step back by less than a millisecond. What is more than a tenth of a second from the time
-before counts as a step only if the next records go on from there; alone it is a damaged stamp.
+Across types times step back by less than a millisecond. A time more than a tenth of a second from the one
+before counts as a step only if the next records continue from there; otherwise the stamp is damaged.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def _confirm(
     data: NDArray[np.uint8], size: int, place: int, time_us: int, last: int, types: NDArray[np.void],
     final: bool,
 ) -> int:  # fmt: skip
-    """Judge a time by those of the records from ``place`` on."""
+    """Judge a time by the times of the records from ``place`` on."""
     before, agreed = time_us, 0
     for _ in range(_LOOKED_AT):
         if place + HEAD > size:
@@ -65,7 +65,7 @@ def judge_time(
     data: NDArray[np.uint8], size: int, end: int, time_us: int, last: int, types: NDArray[np.void],
     final: bool,
 ) -> int:  # fmt: skip
-    """Return how the time of a record that ends at ``end`` stands to ``last``, -1 if there is none."""
+    """Compare the time of a record that ends at ``end`` with ``last``, -1 if there is none."""
     if last >= 0 and -_TOLERANCE_US <= time_us - last <= _TOLERANCE_US:
         return IN_ORDER
     if not 0 <= time_us < _LATEST_US:

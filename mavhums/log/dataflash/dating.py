@@ -1,7 +1,7 @@
-"""Whose log it is, and which UTC its time since boot stands for.
+"""Determines the vehicle of a log, and the UTC of its boot.
 
-Both must be known before anything is handed out, so that no block's end shows: the records of a log
-are held back until the vehicle's id and the first valid GPS time have passed, for at most a megabyte.
+Both must be known before any output, so that results do not depend on block ends: the records of a log
+are buffered until the vehicle's id and the first valid GPS time have passed, for at most a megabyte.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _LEAP_SECONDS: Final = (
 
 
 class Dating:
-    """What one log of a stream tells of its vehicle and of UTC.
+    """The vehicle and the UTC offset that one log of a stream reports.
 
     Parameters
     ----------
@@ -50,11 +50,11 @@ class Dating:
     Attributes
     ----------
     vehicle
-        Its id, 1 if the log does not tell.
+        Id of the vehicle, 1 if the log does not report it.
     offset_us
-        UTC at boot, microseconds; None if the log does not tell.
+        UTC at boot, microseconds; None if the log does not report it.
     end
-        Offset in the stream from which on nothing is listened to.
+        Offset in the stream from which on records are ignored.
     """
 
     def __init__(self, start: int) -> None:
@@ -64,7 +64,7 @@ class Dating:
         self.end = start + _HELD
 
     def listen(self, tables: Mapping[str, Table]) -> None:
-        """Heed what records before ``end`` say."""
+        """Process the records before ``end``."""
         parameters, positions = tables.get("PARM"), tables.get("GPS")
         if parameters is not None and not self._identified:
             told = np.isin(parameters["Name"], _IDS)
@@ -75,7 +75,7 @@ class Dating:
             self._date(positions)
 
     def is_settled(self, position: int) -> bool:
-        """Return whether no record before ``position`` of the stream, or behind it, changes the answer."""
+        """Return whether the result is final at ``position`` of the stream."""
         return (self._identified and self.offset_us is not None) or position >= self.end
 
     def _date(self, positions: Table) -> None:

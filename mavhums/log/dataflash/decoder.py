@@ -1,4 +1,4 @@
-"""Blocks of a DataFlash log in, tables of messages out."""
+"""Decoder of DataFlash logs: converts blocks of bytes to tables of messages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DROPS: Final = frozenset({"DSF"})
 
 
 class _Part(NamedTuple):
-    """Records of one log of the stream, within one batch."""
+    """The records of one log of the stream within one batch."""
 
     batch: Batch
     rows: NDArray[np.void]
@@ -34,14 +34,14 @@ class DataFlashDecoder:
     """Incremental decoder of ArduPilot's on-board logs, in memory that does not grow with them.
 
     A file may hold several logs, one after the other, and a log several flights. Messages and fields
-    keep the names that the log gives them; ``system`` is the id that the vehicle has on MAVLink, so
-    that the telemetry log of the same flight meets this one. Times are UTC by the first valid GPS
+    keep their names in the log; ``system`` is the id of the vehicle on MAVLink, so
+    that the telemetry log of the same flight can be matched. Times are UTC by the first valid GPS
     time; a log without any is undated.
 
     Parameters
     ----------
     messages
-        Names of the message types that are wanted; all if None.
+        Names of the wanted message types; all if None.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class DataFlashDecoder:
 
     @property
     def losses(self) -> Losses:
-        """What could not be read so far, and what the logger says that it dropped."""
+        """Losses so far: unreadable data, and records that the logger reports as dropped."""
         totals = self._scanner.totals
         return Losses(
             bytes_skipped=totals.skipped,
@@ -132,7 +132,7 @@ class DataFlashDecoder:
         """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows."""
         self._held.append(block)
         if self._pending and not final and sum(map(len, self._held)) < _PIECE:
-            return {}  # nothing is handed out yet, and small pieces would be dear
+            return {}  # no output yet, and small pieces would be inefficient
         batch = self._scanner.feed(b"".join(self._held), final=final)
         self._held.clear()
         self._lexicon.learn(self._scanner.bodies)
@@ -157,7 +157,7 @@ class DataFlashDecoder:
             dating.listen(self._lexicon.tables(part.batch, rows, NEEDED).tables)
 
     def _settled(self, *, final: bool) -> Iterator[dict[str, Table]]:
-        """Yield the tables of the parts whose vehicle and date nothing changes any more."""
+        """Yield the tables of the parts whose vehicle and date are final."""
         while self._pending:
             part = self._pending[0]
             followed = self._pending[-1].boot > part.boot
@@ -184,7 +184,7 @@ class DataFlashDecoder:
         return {name: table for name, table in found.tables.items() if name in self._messages}
 
     def _shift_of(self, boot: int) -> int:
-        """Return what a log's times are moved by; one without a date goes on where the last one ended."""
+        """Return the time offset of a log; an undated log continues where the previous one ended."""
         if boot not in self._shift:
             offset = self._datings[boot].offset_us
             if not self._shift:
@@ -202,7 +202,7 @@ class DataFlashDecoder:
 
 
 def _by_boot(batch: Batch) -> Iterator[_Part]:
-    """Yield the rows of each log in a batch."""
+    """Yield the rows of a batch, divided by log."""
     rows = batch.rows
     if not rows.size:
         return

@@ -1,4 +1,4 @@
-"""What the FMT records of a log define."""
+"""The message definitions in the FMT records of a log."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ FMT_BODY += b"Type,Length,Name,Format,Columns".ljust(64, b"\0")
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """Records of one type.
+    """Definition of the records of one type.
 
     Attributes
     ----------
     number
-        Of the type.
+        Number of the type.
     name
-        Of the message.
+        Name of the message.
     wire
         Layout of the payload.
     divisors
-        What a field's number is divided by, for the letters that say so.
+        Divisor of a field's raw number, for the type letters that define one.
     """
 
     number: int
@@ -46,7 +46,7 @@ class Definition:
 
 
 def definition_of(body: NDArray[np.uint8]) -> Definition | None:
-    """Return what the payload of a FMT record defines; None if its fields have no names of their own.
+    """Return the definition in the payload of a FMT record; None if its fields lack distinct names.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""DataFlash logs that cannot be read, and what to do with them."""
+"""Reasons and remedies for DataFlash logs that cannot be read."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Find the records in the bytes of a DataFlash log, and tell what could not be read.
+"""Scanner that finds the records in a DataFlash log, and reports the unreadable parts.
 
-Where a block of bytes ends never matters: an unfinished record waits.
+Results do not depend on where a block of bytes ends: an unfinished record waits.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Totals(NamedTuple):
     """Counts of a scan so far; bytes and records.
 
     ``skipped`` and ``regions`` are damage between records, ``cut_end`` an unfinished last record,
-    ``filler`` equal bytes after the last record; ``old`` the records of old clusters.
+    ``filler`` equal bytes after the last record, ``old`` the records of old clusters.
     """
 
     skipped: int
@@ -44,7 +44,7 @@ class Totals(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
-    """What a block completed: the buffer that was scanned, and its records as ``_kernel.ROW``."""
+    """The scanned buffer, and the records that a block completed, as ``_kernel.ROW``."""
 
     data: NDArray[np.uint8]
     base: int
@@ -52,7 +52,7 @@ class Batch:
 
 
 class RecordScanner:
-    """Incremental scanner; feed it blocks of any size.
+    """Incremental scanner of blocks of any size.
 
     Attributes
     ----------
@@ -102,12 +102,12 @@ class RecordScanner:
 
     @property
     def position(self) -> int:
-        """How many bytes of the stream have been decided on."""
+        """Number of bytes of the stream that are fully processed."""
         return int(self._carried["base"][0])
 
     @property
     def totals(self) -> Totals:
-        """What was skipped and found odd so far."""
+        """Counts of skipped bytes and irregular records so far."""
         state = self._carried[0]
         waiting = int(state["skipped"])
         return Totals(
@@ -128,7 +128,7 @@ class RecordScanner:
         self.regions += [(int(offset), int(size)) for offset, size in regions[:room]]
 
     def _finish(self) -> None:
-        """Tell what follows the last record: filler, a cut record, or damage if it is too long for one."""
+        """Classify the bytes after the last record: filler, a cut record, or (if too long) damage."""
         state = self._carried[0]
         self._filler = int(state["fill"]) if state["fill"] >= _FILLER else 0
         rest = int(state["skipped"]) - self._filler

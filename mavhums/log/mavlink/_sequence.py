@@ -68,7 +68,7 @@ def _step(link: Any, sequence: int) -> int:
 
 @inlined
 def _came(link: Any, back: int) -> bool:
-    """Return whether the number ``high - back`` came."""
+    """Return whether the number ``high - back`` was received."""
     word = link.seen if back < _WORD else link.older
     return bool((word >> np.uint64(back % _WORD)) & _ONE)
 
@@ -84,7 +84,7 @@ def _mark(link: Any, back: int, came: bool) -> None:
 
 @inlined
 def _advance(link: Any, step: int) -> None:
-    """Go on by 1 to 63 numbers, of which the last one came."""
+    """Advance by 1 to 63 numbers, the last of which was received."""
     link.older = (link.older << np.uint64(step)) | (link.seen >> np.uint64(_WORD - step))
     link.seen = (link.seen << np.uint64(step)) | _ONE
     link.high += step

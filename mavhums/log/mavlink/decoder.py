@@ -34,7 +34,7 @@ class MavlinkDecoder:
         Names of the message types that are wanted; all if None. Others are checked and counted
         but not unpacked.
     dialect
-        A MAVLink XML file whose definitions go before the shipped ones.
+        A MAVLink XML file whose definitions take precedence over the shipped ones.
     key
         32 bytes; only frames signed with it count. If None, signatures are not looked at.
 

@@ -1,4 +1,4 @@
-"""From data messages in the order of the stream to columns by layout: a counting sort and a copy."""
+"""Converts data messages in stream order to columns by layout: a counting sort and a copy."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ def gather(
         The buffer that was scanned, with seven bytes more at its end, and the stream offset of its
         first byte.
     ordinal, offset_us
-        Number of messages before these rows, and what is added to their times.
+        Number of messages before these rows, and the offset added to their times.
     wanted, sizes
         By layout: whether it is wanted, and the bytes of a record.
     row_of, byte_of
-        By layout: where its next row and record go; advanced.
+        By layout: position of its next row and record; advanced.
     frame, time_us, header, records
-        Written. ``header`` has shape (2, n): multi id, and 1 where the time is odd. Behind each layout's
+        Output. ``header`` has shape (2, n): multi id, and 1 where the time is odd. After each layout's
         records ``SPARE`` bytes are overwritten.
     """
     for k in range(rows.size):

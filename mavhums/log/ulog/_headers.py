@@ -1,7 +1,7 @@
-"""Whether a ULog message begins at a place of a buffer.
+"""Checks whether a ULog message begins at a position of a buffer.
 
 A message is its size (u16) without these three bytes, its kind (one letter) and its body. ULog has no
-checksum; what tells a message from other bytes is its kind, the size that this kind must have, and the
+checksum; a message is distinguished from other bytes by its kind, the size of this kind, and the
 header that follows.
 """
 
@@ -59,7 +59,7 @@ _LONGEST_TEXT = 2048
 
 @inlined
 def size_of(data: NDArray[np.uint8], place: int) -> int:
-    """Return the size of the body that the header at ``place`` tells."""
+    """Return the body size in the header at ``place``."""
     return int(np.int64(data[place]) | np.int64(data[place + 1]) << 8)
 
 
@@ -77,19 +77,19 @@ def topic_of(data: NDArray[np.uint8], place: int) -> int:
 
 @inlined
 def _is_letter(byte: int) -> bool:
-    """Return whether a byte is a letter of a name."""
+    """Return whether a byte is a valid character of a name."""
     return 97 <= byte <= 122 or 65 <= byte <= 90 or byte == 95
 
 
 @inlined
 def _cut(final: bool) -> int:
-    """Answer for a header that the end of the buffer cuts: at the end of a log it may be one."""
+    """Return the result for a header cut by the end of the buffer: at the end of a log it may be valid."""
     return YES if final else WAIT
 
 
 @kernel
 def header_fits(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]) -> int:
-    """Return whether a message of a known kind, with a size that it may have, begins at ``place``."""
+    """Return whether a message of a known kind with a valid size begins at ``place``."""
     if place + BODY > data.size:
         return _cut(final)
     size, kind = size_of(data, place), kind_of(data, place)
@@ -165,9 +165,9 @@ def _is_text(data: NDArray[np.uint8], begin: int, end: int) -> bool:
 
 @kernel
 def looks_sound(data: NDArray[np.uint8], place: int) -> bool:
-    """Return whether what the message at ``place`` says is text where it should be; it is all there.
+    """Return whether the text parts of the complete message at ``place`` are text.
 
-    Asked of a message that was searched for, for kinds that a header alone does not tell from noise.
+    This applies out of step, to kinds whose header alone cannot be distinguished from noise.
     """
     size, kind = size_of(data, place), kind_of(data, place)
     begin, end = place + BODY, place + BODY + size
@@ -195,10 +195,10 @@ def _sound_at(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[
 
 @kernel
 def landing(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]) -> tuple[int, int]:
-    """Return whether a message begins at ``place`` whose header does not fit, and where it ends.
+    """Return whether a message with a damaged header begins at ``place``, and its end.
 
-    Two of the header's three parts (size, kind, message id) must agree, and a sound header must be
-    where the message ends. A kind that is not known here agrees with any size.
+    Two of the header's three parts (size, kind, message id) must agree, and a valid header must be
+    at the message's end. An unknown kind agrees with any size.
     """
     if place + BODY > data.size:
         return (NO if final else WAIT), place

@@ -1,8 +1,8 @@
 """The scan kernel: one pass over a block of a ULog, from bytes to one row per intact message.
 
-A message counts if its kind is known, its size is one that this kind may have, and another message, or
-the end, follows. Out of step, behind damage, that is asked of every byte. The pass pauses behind a
-subscription, so that the layout of what follows is known.
+A message counts if its kind is known, its size is valid for this kind, and another message, or
+the end, follows. Out of step, after damage, this is checked at every byte. The pass pauses after a
+subscription, so that the layout of the following messages is known.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ Record = Any
 
 @inlined
 def _judge_time(state: Record, told_us: int) -> bool:
-    """Take a record's time if it is within a minute of the clock; three in a row elsewhere set the clock."""
+    """Accept a record's time within a minute of the clock; three consecutive other times set the clock."""
     if abs(told_us - state.time_us) <= _STEP_US:
         state.time_us = told_us
         state.run = 0
@@ -129,7 +129,7 @@ def _note_row(
 
 @inlined
 def _is_data(data: NDArray[np.uint8], place: int, topics: NDArray[np.void]) -> bool:
-    """Return whether a record of a known layout begins at ``place``; five bytes from there can be read."""
+    """Return whether a record of a known layout begins at ``place``; five bytes must be readable there."""
     topic = topics[topic_of(data, place)]
     size = size_of(data, place) - 2
     return bool(kind_of(data, place) == _D and topic.least <= size <= topic.most and topic.definition >= 0)
@@ -139,9 +139,9 @@ def _is_data(data: NDArray[np.uint8], place: int, topics: NDArray[np.void]) -> b
 def _run_of_data(
     data: NDArray[np.uint8], position: int, state: Record, topics: NDArray[np.void], rows: NDArray[np.void]
 ) -> int:
-    """Write rows for records in step as long as nothing is odd; return where that ends.
+    """Write rows for regular records in step; return the position of the first irregularity.
 
-    `scan` would find the same rows, but asks more of each.
+    `scan` finds the same rows, but checks each more thoroughly.
     """
     last = data.size - BODY - 2
     found, clock = state.found, state.time_us
@@ -184,7 +184,7 @@ def _pass_damaged(
     topics: NDArray[np.void],
     regions: NDArray[np.void],
 ) -> None:
-    """Account for a message whose header does not fit, but whose end is known."""
+    """Count a message with a damaged header and a known end."""
     kind = kind_of(data, position)
     if kind == _D and topics[topic_of(data, position)].definition == UNUSED:
         topic = topics[topic_of(data, position)]
@@ -200,9 +200,9 @@ def _pass_damaged(
 def _judge(
     data: NDArray[np.uint8], position: int, final: bool, state: Record, topics: NDArray[np.void]
 ) -> tuple[int, int]:
-    """Return whether a message that counts begins at ``position``, and where it ends.
+    """Return whether a message that counts begins at ``position``, and its end.
 
-    ``_DAMAGED`` is a message whose header does not fit, but whose end is known.
+    ``_DAMAGED`` is a message with a damaged header and a known end.
     """
     in_step = state.lost_step == 0
     if position + BODY > data.size:
@@ -239,17 +239,17 @@ def scan(
     data
         The stream from offset ``carried[0].base`` on.
     final
-        Whether nothing follows; an unfinished message is skipped then, else it waits.
+        Whether this is the end of the stream; an unfinished message is then skipped, else it waits.
     carried
         Shape (1,) of `STATE`, updated.
     topics
-        Shape (65536,) of `TOPIC`, by message id; ids that nothing defines are marked.
+        Shape (65536,) of `TOPIC`, by message id; undefined ids are marked.
     rows, regions
-        Written: the messages, and the skipped regions that a message has ended.
+        Output: the messages, and the skipped regions that end at a message.
 
     Returns
     -------
-    Whether the scan paused behind a subscription, so that it must be called again.
+    Whether the scan paused after a subscription and must be called again.
     """
     state = carried[0]
     position = state.position

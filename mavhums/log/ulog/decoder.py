@@ -1,4 +1,4 @@
-"""A decoder of PX4's ULog: blocks of bytes in, tables of topics out."""
+"""Decoder of PX4's ULog: converts blocks of bytes to tables of topics."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _FIX_3D = 3
 class UlogDecoder:
     """Incremental decoder of a ULog, in memory that does not grow with it.
 
-    Tables are named as topics are; beside them there are ``parameter``, ``logged_string``, ``info`` and
-    ``dropout``. A table's component is the topic's multi id. Times are the autopilot's, since boot, put
-    on UTC by the first 3-D fix in the first megabyte; what comes before it is held back until then.
+    Tables have the names of topics; additional tables are ``parameter``, ``logged_string``, ``info`` and
+    ``dropout``. A table's component is the topic's multi id. Times are the autopilot's, since boot, converted
+    to UTC by the first 3-D fix in the first megabyte; earlier data is buffered until then.
 
     Parameters
     ----------
     messages
-        Names of the tables that are wanted; all if None. Others are checked and counted but not
+        Names of the wanted tables; all if None. Others are checked and counted but not
         unpacked.
 
     Examples
@@ -80,7 +80,7 @@ class UlogDecoder:
 
     @property
     def losses(self) -> Losses:
-        """What could not be read so far, and how often the logger paused."""
+        """Losses so far: unreadable data, and the number of pauses of the logger."""
         totals = self._scanner.totals
         return Losses(
             bytes_skipped=totals.skipped,
@@ -106,7 +106,7 @@ class UlogDecoder:
 
     @property
     def undated(self) -> bool:
-        """Whether no satellite told the date, so that times count from the vehicle's boot."""
+        """Whether the log has no satellite time, so that times count from the vehicle's boot."""
         return not self._dated
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
@@ -145,7 +145,7 @@ class UlogDecoder:
             self._last_us = max(self._last_us or self._first_us, latest_us)
 
     def _settle(self, batch: Batch) -> None:
-        """Heed the vehicle's id before its first data, and the first fix of the first megabyte."""
+        """Process the vehicle's id before its first data, and the first fix in the first megabyte."""
         rows = batch.rows
         if self._first_us is None:
             before_data = np.cumsum(rows["kind"] == _DATA) == 0
@@ -165,7 +165,7 @@ class UlogDecoder:
 
 
 def _utc_offset(layout: Layout, body: bytes) -> int | None:
-    """Return what a fix adds to boot time, microseconds; None if it does not tell."""
+    """Return the offset from boot time to UTC by a fix, microseconds; None if the fix has no time."""
     fix = np.frombuffer(body, dtype=layout.wire, count=1)[0]
     utc_us = int(fix["time_utc_usec"])
     if layout.has("fix_type", "u1") and fix["fix_type"] < _FIX_3D:

@@ -1,7 +1,7 @@
-"""From format messages to the layout of a record: nested types laid out flat, padding left out.
+"""Converts format messages to record layouts: nested types are flattened, padding is omitted.
 
 A format is ``name:type field;type[n] field;…``; a type is a basic one or the name of another format.
-The padding at the end of a record is not written, that within it is.
+The log contains the padding within a record, but not that at its end.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _MOST_STEPS = 1_000_000
 
 
 class _NoLayoutError(ValueError):
-    """The formats do not tell the layout."""
+    """The formats do not define the layout."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +48,14 @@ class Layout:
     Attributes
     ----------
     name
-        Of the topic.
+        Name of the topic.
     wire
-        A record, little endian without gaps but for padding; a nested type's fields are named
+        Record type, little endian without gaps except padding; a nested type's fields are named
         ``esc[0].esc_rpm``, an array of numbers is one field, chars are text.
     most
-        Bytes of a record if the padding at its end is written, too.
+        Size of a record including the padding at its end, bytes.
     stamp
-        Where the field ``timestamp`` is, a u64; -1 if there is none.
+        Offset of the field ``timestamp``, a u64; -1 if there is none.
     """
 
     name: str
@@ -79,7 +79,7 @@ class _Part:
 
 
 class Formats:
-    """The formats that a log defines, of which a damaged log may define any number.
+    """The formats that a log defines; a damaged log may define any number of them.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class Formats:
         self._steps = 0
 
     def add(self, body: bytes) -> None:
-        """Take a format message; one that cannot be understood, or contradicts one in use, does not count."""
+        """Add a format message; an invalid one, or one that contradicts a format in use, is ignored."""
         text = body.decode("utf-8", "replace")
         match = _FORMAT.fullmatch(text)
         if match is None:
@@ -111,7 +111,7 @@ class Formats:
             self._layouts = {used: layout for used, layout in self._layouts.items() if layout}
 
     def layout(self, name: str) -> Layout | None:
-        """Return the layout of a topic's records; None if the formats do not tell it."""
+        """Return the layout of a topic's records; None if the formats do not define it."""
         if name not in self._layouts:
             try:
                 self._layouts[name] = self._lay_out(name)
@@ -141,7 +141,7 @@ class Formats:
         return Layout(name, wire, most, stamps[0] if stamps else -1)
 
     def _expand(self, name: str, prefix: str, at: int, within: tuple[str, ...], parts: list[_Part]) -> int:
-        """Append the fields of a format from byte ``at`` on; return where they end."""
+        """Append the fields of a format from byte ``at`` on; return their end."""
         if name not in self._fields or name in within:
             raise _NoLayoutError
         for kind, count, field in self._fields[name]:
@@ -162,7 +162,7 @@ class Formats:
 
 
 def _form(part: _Part) -> object:
-    """Return a field's type, as numpy takes it."""
+    """Return a field's numpy type."""
     if part.form == "S1":
         return f"S{part.count or 1}"
     return part.form if part.count is None else (part.form, (part.count,))

@@ -1,4 +1,4 @@
-"""Messages of a ULog that are no data: what their bodies say, as rows of tables."""
+"""Parses the messages of a ULog other than data to rows of tables."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Row = tuple[object, ...]
 
 
 class FlagBits(NamedTuple):
-    """What a log's first message says: whether it can be read, and where data was appended later."""
+    """The log's first message: whether the log can be read, and where data was appended later."""
 
     incompatible: bool
     appended: tuple[int, ...]
 
 
 class _Reader(NamedTuple):
-    """Which table a message goes to, and how."""
+    """The table of a message kind, and its parser."""
 
     table: str
     wire: np.dtype[np.void]
@@ -37,7 +37,7 @@ class _Reader(NamedTuple):
 
 
 def flag_bits(body: bytes) -> FlagBits:
-    """Return what a flag-bits message says, of at least 40 bytes.
+    """Parse a flag-bits message of at least 40 bytes.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def flag_bits(body: bytes) -> FlagBits:
 
 
 def parameter(body: bytes) -> tuple[bytes, bytes, float] | None:
-    """Return name, type and value of a parameter; None if it is none."""
+    """Return name, type and value of a parameter; None if the message is invalid."""
     kind, name, value = _keyed(body)
     if kind not in (b"int32_t", b"float") or len(value) != 4:
         return None

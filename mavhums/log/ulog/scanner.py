@@ -1,7 +1,7 @@
-"""Find the messages in a stream of bytes of a ULog, and tell what could not be read.
+"""Scanner that finds the messages in a ULog, and reports the unreadable parts.
 
-Where a block of bytes ends never matters: an unfinished message waits. Data that was appended to a log
-later, as after a crash, begins where the flag bits say; the message before may be cut there.
+Results do not depend on where a block of bytes ends: an unfinished message waits. Data appended to a log
+later, for example after a crash, begins at the offset in the flag bits; the message before may be cut there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _ZERO_RUN = 16
 
 
 class Totals(NamedTuple):
-    """Counts of a scan so far; bytes, but for ``regions``, ``odd_times``, ``jumps`` and ``unknown``."""
+    """Counts of a scan so far, in bytes except ``regions``, ``odd_times``, ``jumps`` and ``unknown``."""
 
     skipped: int
     regions: int
@@ -45,29 +45,29 @@ class Totals(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
-    """Messages of a buffer as ``_kernel.ROW``; behind what was scanned ``data`` has ``SPARE`` bytes more."""
+    """Messages of a buffer as ``_kernel.ROW``; ``data`` has ``SPARE`` bytes after the scanned part."""
 
     data: NDArray[np.uint8]
     base: int
     rows: NDArray[np.void]
 
     def copy(self) -> Batch:
-        """Return a batch that holds for longer."""
+        """Return a copy that stays valid after the next call."""
         return Batch(self.data.copy(), self.base, self.rows.copy())
 
     def body(self, row: np.void) -> bytes:
-        """Return what follows a message's header."""
+        """Return the body of a message."""
         begin = int(row["offset"]) - self.base + BODY
         return self.data[begin : begin + int(row["size"])].tobytes()
 
 
 class UlogScanner:
-    """Incremental scanner; feed it blocks of any size.
+    """Incremental scanner of blocks of any size.
 
     Attributes
     ----------
     topics
-        What the log says of its message ids.
+        The log's message ids.
     start_us
         The clock's first time, microseconds since boot.
     regions
@@ -88,7 +88,7 @@ class UlogScanner:
     def feed(self, block: bytes, *, final: bool = False) -> Iterator[Batch]:
         """Yield the messages that ``block`` completes; ``final`` says that nothing follows.
 
-        A batch holds until the next call.
+        A batch is valid until the next call.
         """
         begin, end = 0, self._append(block)
         if not self._open:
@@ -106,7 +106,7 @@ class UlogScanner:
         yield batch
 
     def _append(self, block: bytes) -> int:
-        """Put a block behind what was left unfinished, at the buffer's begin; return where it ends."""
+        """Append a block to the unfinished bytes at the start of the buffer; return its end."""
         rest = self._buffer[self._rest].copy()
         end = rest.size + len(block)
         if self._buffer.size < end + SPARE:
@@ -118,7 +118,7 @@ class UlogScanner:
 
     @property
     def totals(self) -> Totals:
-        """What was skipped and found odd so far."""
+        """Counts of skipped bytes and irregular messages so far."""
         state = self._carried[0]
         waiting = int(state["skipped"])
         return Totals(
@@ -130,7 +130,7 @@ class UlogScanner:
         )
 
     def _read_header(self, head: bytes, final: bool) -> int:
-        """Read the file's header and its flag bits, if they are all there; return where they end."""
+        """Read the file's header and its flag bits, if they are complete; return their end."""
         end = HEADER + BODY
         size = int.from_bytes(head[HEADER : HEADER + 2], "little")
         flagged = head[HEADER + 2 : end] == b"B" and _FLAGS_BODY <= size <= _LONGEST_FLAGS
@@ -148,7 +148,7 @@ class UlogScanner:
         return place
 
     def _scan(self, begin: int, end: int, *, final: bool) -> Batch:
-        """Scan a part of the buffer; ``position`` is where in it the scan stopped."""
+        """Scan a part of the buffer; ``position`` is the position at which the scan stopped."""
         padded, data = self._buffer[begin : end + SPARE], self._buffer[begin:end]
         if self._rows.size < data.size // 5 + 1:
             self._rows = np.empty(data.size // 5 + 1, dtype=_kernel.ROW)
@@ -180,7 +180,7 @@ class UlogScanner:
         self.regions += [(int(offset), int(size)) for offset, size in regions[:room]]
 
     def _finish(self) -> None:
-        """Tell what follows the last message: zeros, a cut message, or damage."""
+        """Classify the bytes after the last message: zeros, a cut message, or damage."""
         state = self._carried[0]
         zeros = int(state["zeros"]) if state["zeros"] >= _ZERO_RUN else 0
         rest = int(state["skipped"]) - zeros

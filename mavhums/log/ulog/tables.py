@@ -1,4 +1,4 @@
-"""From the messages of a batch to tables."""
+"""Converts the messages of a batch to tables."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _DATA = ord("D")
 
 @dataclass(slots=True)
 class Unpacker:
-    """Makes tables of batches, which come in the order of the stream.
+    """Converts batches in stream order to tables.
 
     Attributes
     ----------
     wanted
-        Names of the tables that are wanted; all if None.
+        Names of the wanted tables; all if None.
     vehicle
         Id of the vehicle.
     offset_us
-        What is added to times.
+        Offset that is added to times, microseconds.
     others
-        Number of messages that are no data, by table.
+        Number of messages other than data, by table.
     """
 
     wanted: Collection[str] | None

@@ -1,4 +1,4 @@
-"""What each message id stands for: the subscriptions of a log, and the layouts they name."""
+"""The meaning of message ids: the subscriptions of a log, and their layouts."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _F, _A, _R = b"FAR"
 
 
 class Topics:
-    """Follows formats and subscriptions.
+    """Tracks formats and subscriptions.
 
     Attributes
     ----------
     ids
-        Shape (65536,) of `TOPIC`, by message id, as the scan kernel takes it.
+        Shape (65536,) of `TOPIC`, by message id, for the scan kernel.
     layouts
-        Of the topics that were subscribed to, one a name.
+        Layouts of the subscribed topics, one for each name.
     """
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class Topics:
         return {int(number): int(counts[number]) for number in np.flatnonzero(counts)}
 
     def take(self, kind: int, body: bytes) -> None:
-        """Heed a format, a subscription, or its end."""
+        """Process a format, a subscription, or its end."""
         if kind == _F:
             self._formats.add(body)
         elif kind == _A:
