@@ -25,7 +25,7 @@ class WholeFile:
     Parameters
     ----------
     path
-        Where the file shall appear.
+        Path of the target.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def written_whole(
     Parameters
     ----------
     path
-        Where the file shall appear.
+        Path of the target.
     error, remedy
         Type and remedy of the error if it cannot be written.
 

@@ -1,4 +1,4 @@
-"""Lazy exports of a package: names are imported on first use, so that ``--help`` is fast."""
+"""Lazy exports of a package: names are imported on first use, which keeps ``--help`` fast."""
 
 from __future__ import annotations
 

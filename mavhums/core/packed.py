@@ -34,7 +34,7 @@ class Unpacked:
     Attributes
     ----------
     free, ratio
-        Reading fails when more than ``free`` bytes, and ``ratio`` times those of the packed file, came out.
+        Reading fails when more than ``free`` bytes, and ``ratio`` times the packed file's, are unpacked.
     """
 
     free = _FREE
@@ -48,12 +48,12 @@ class Unpacked:
         self._size = 0
 
     def read(self, size: int) -> bytes:
-        """Return up to ``size`` bytes, none at the end.
+        """Return up to ``size`` bytes; an empty result is the end of the file.
 
         Raises
         ------
         UnreadableLogError
-            If what is packed is damaged, or expands beyond the limit.
+            If the packed data is damaged, or expands beyond the limit.
         OSError
             If the file cannot be read.
         """
@@ -146,7 +146,7 @@ class _Counted(io.RawIOBase):
 
 
 class _Frames(io.RawIOBase):
-    """Frames of Zstandard, one after another; the library's own reader does not tell when one is cut.
+    """Reads concatenated Zstandard frames; the library's own reader does not detect a cut frame.
 
     The pieces are small: one of n bytes may expand to 32,768 n.
     """

@@ -81,7 +81,7 @@ class _CsvWriter(TableWriter):
 
 
 def _harmless(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return the table without texts that a spreadsheet would compute."""
+    """Return the table without texts that a spreadsheet would evaluate."""
     texts = [name for name in frame.columns if _is_text(frame[name])]
     return frame.assign(**{name: frame[name].map(_cell) for name in texts}) if texts else frame
 

@@ -1,4 +1,4 @@
-"""The version of the package, where every room can read it."""
+"""The version of the package, importable from every room."""
 
 from __future__ import annotations
 
