@@ -165,7 +165,7 @@ class UlogDecoder:
 
 
 def _utc_offset(layout: Layout, body: bytes) -> int | None:
-    """Return the offset from boot time to UTC by a fix, microseconds; None if the fix has no time."""
+    """Return the offset from boot time to UTC by a fix, microseconds; None if it is not a valid 3-D fix."""
     fix = np.frombuffer(body, dtype=layout.wire, count=1)[0]
     utc_us = int(fix["time_utc_usec"])
     if layout.has("fix_type", "u1") and fix["fix_type"] < _FIX_3D:
