@@ -36,7 +36,7 @@ class Announcement(NamedTuple):
 
 
 def announcements(tables: Mapping[str, Table]) -> Iterator[Announcement]:
-    """Yield what the log says of profiles, in the order of the log."""
+    """Yield the profile names in the log, in the order of the log."""
     known: list[str] | None = None
     for said in texts(tables):
         match = _TEXT.fullmatch(said.text.strip())

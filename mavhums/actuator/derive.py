@@ -1,4 +1,4 @@
-"""Quantities that follow from others through the actuator's constants (paper, section 4).
+"""Derives quantities from others and the actuator's constants (paper, section 4).
 
 Signs of magnitudes are derived first: the sign of the speed from the command, the sign of the current
 from the voltage equation |U| = |R·I + k_t·ω|, which distinguishes a driving current from an opposing
@@ -26,7 +26,7 @@ _AGREEMENT_DEG_S = 5.0
 _MAX_STEP_US = 500_000
 _STEP_A = 0.01  # of ESC_TELEMETRY's current, which in the winding is a quarter of a volt
 _MISFIT_V = 0.5  # sampling and quantisation
-_MISFIT_SHARE = 0.3  # a winding or a magnet that has aged
+_MISFIT_SHARE = 0.3  # an aged winding or magnet
 
 Array = NDArray[np.float64]
 
@@ -50,9 +50,9 @@ class Deriver:
     Attributes
     ----------
     derived
-        How each quantity that was derived came about, by key.
+        Derivation of each derived quantity, by key.
     dropped
-        Quantities that the log carries, but not as this actuator's.
+        Quantities that the log carries, but that do not describe this actuator's motor.
     """
 
     def __init__(self, actuator: Actuator) -> None:
@@ -62,7 +62,7 @@ class Deriver:
         self._turned = np.full(3, np.nan)
 
     def complete(self, aligned: Aligned) -> Array:
-        """Return V1…V12 of shape (n, 12), what can be derived filled in."""
+        """Return V1…V12 of shape (n, 12), including the derived values."""
         values = aligned.values.copy()
         if self._actuator.ema is None:
             self._leave_open(aligned)
@@ -82,7 +82,7 @@ class Deriver:
         return values
 
     def _leave_open(self, aligned: Aligned) -> None:
-        """Say what of an ESC's readings only the EMA's constants would turn into the motor's."""
+        """Record which ESC readings need the EMA's constants for conversion to motor quantities."""
         if not aligned.tier.startswith(REPORTED):
             return
         if self._actuator.esc_side == "bus":
@@ -91,7 +91,7 @@ class Deriver:
             self.derived |= {key: f"magnitude from {{{key}}}, without its sign" for key in ("V4", "V5", "V7")}
 
     def _sign_speed(self, values: Array, command_rate: Array) -> None:
-        """Give V7 the sign of the command's rate, NaN where the two do not fit together."""
+        """Give V7 the sign of the command's rate; NaN where the two are inconsistent."""
         speed_deg_s = values[:, _V7] * _DEGREES_S / self._actuator.known_ema().gear_ratio
         apart = np.abs(speed_deg_s - np.abs(command_rate))
         fits = apart <= 0.5 * speed_deg_s + _AGREEMENT_DEG_S
@@ -100,10 +100,10 @@ class Deriver:
         self.derived["V7"] = "magnitude from {V7}, sign of the command's rate"
 
     def _sign_current(self, values: Array) -> None:
-        """Give V5 and V4 the signs with which the voltage equation holds best.
+        """Give V5 and V4 the signs that satisfy the voltage equation best.
 
-        They stay unknown where it holds with neither, and where the back-EMF that tells them apart is less
-        than what one step of the current's resolution is worth.
+        They stay unknown where neither sign satisfies it, and where the distinguishing back-EMF is less
+        than the voltage of one step of the current's resolution.
         """
         ema = self._actuator.known_ema()
         drop = ema.resistance * values[:, _V5]
@@ -121,10 +121,10 @@ class Deriver:
         self.derived["V4"] = "magnitude from {V4}, sign from the voltage equation"
 
     def _from_bus(self, values: Array, *, signed: bool) -> None:
-        """Replace the bus's voltage and current by the motor's power, the most that they tell.
+        """Replace the bus's voltage and current by the motor's power, the only motor quantity they determine.
 
-        R·I² + k_t·ω·I = P has two roots: a current that drives the motor, and one that brakes it.
-        In a motor whose winding takes more voltage than its back-EMF both are ordinary, so that
+        R·I² + k_t·ω·I = P has two roots: a driving and a braking current.
+        If the winding's voltage exceeds the back-EMF, both roots are plausible, so that
         the motor's current stays unknown.
         """
         if signed:
@@ -134,7 +134,7 @@ class Deriver:
         self.dropped.update(("V4", "V5"))
 
     def _turn_back(self, values: Array) -> None:
-        """Fill in the rotor's speed from the shaft's, the only one that a servo tells."""
+        """Fill in the rotor's speed from the shaft's, the only speed that a servo reports."""
         speed = values[:, _V10] * self._actuator.known_ema().gear_ratio
         empty = np.isnan(values[:, _V7]) & np.isfinite(speed)
         if empty.any():
@@ -166,10 +166,10 @@ class Deriver:
 
 @kernel
 def _integrate(utc_us: NDArray[np.int64], values: Array, ratio: float, turned: Array) -> bool:
-    """Fill in V2 from the first known V7 on, and return whether there was something to fill.
+    """Fill in V2 from the first known V7 on, and return whether anything was filled in.
 
-    It goes on from the latest V2, measured or not; where there is none it starts at the command, if
-    known. ``turned`` carries time, V7 and V2 from block to block.
+    It continues from the latest V2, measured or not; without one it starts at the command, if
+    known. ``turned`` keeps time, V7 and V2 between blocks.
     """
     filled = False
     for k in range(utc_us.size):

@@ -61,7 +61,7 @@ def draft_profile(
     vehicle
         System id; may be None where only one vehicle's parameters are in the log.
     name
-        Of the airframe; if None, that of the log's file.
+        Name of the airframe; if None, the name of the log's file.
     progress
         Called with the number of bytes read after each block.
 
@@ -104,7 +104,7 @@ def _field(guess: Guess) -> str:
 
 
 def _names(outputs: Sequence[Output]) -> list[str]:
-    """Name each actuator by its surface; where several do the same, by its channel as well."""
+    """Name each actuator by its surface, and by its channel if several move the same surface."""
     plain = [re.sub(r"\W+", "_", output.surface) for output in outputs]
     return [
         f"{name}_{output.servo}" if plain.count(name) > 1 else name

@@ -1,4 +1,4 @@
-"""What a profile holds of a motor that was identified from its own flights."""
+"""The constants of a motor identified from the actuator's own flights, as part of a profile."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class IdentifiedMotor(BaseModel):
-    """What ``mavhums profile identify`` found of an actuator's motor; each with its 95 % interval.
+    """Motor constants from ``mavhums profile identify``, each with its 95 % interval.
 
     Attributes
     ----------
     resistance, back_emf, drop
         Estimate, low and high: of the winding, Ω; per rad/s of the rotor, V; of brushes or dead time, V.
     convention
-        Of current and voltage. Only ``dc`` makes the back-EMF constant the torque constant.
+        Convention of current and voltage. The back-EMF constant equals the torque constant only for ``dc``.
     flights
-        Logs that it rests on.
+        Logs that were used.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -55,7 +55,7 @@ class Mapped:
 
 @dataclass(slots=True, eq=False)
 class _Track:
-    """One actuator of one vehicle on its way from readings to samples."""
+    """Converts the readings of one actuator of one vehicle to samples."""
 
     vehicle: int
     actuator: Actuator
@@ -67,14 +67,14 @@ class _Track:
     _origins: list[NDArray[np.int8]] = field(default_factory=list)
 
     def note(self, aligned: Aligned) -> None:
-        """Note from which source each quantity came."""
+        """Record the source of each quantity."""
         self.tier = aligned.tier
         self._origins.append(aligned.origin)
         if len(self._origins) > _UNCOUNTED:
             self.used()
 
     def used(self) -> NDArray[np.int64]:
-        """Return how often each quantity came from each source, shape (sources, 12)."""
+        """Return the number of values of each quantity from each source, shape (sources, 12)."""
         missing = len(self.aligner.sources) - len(self._used)
         if missing:
             self._used = np.vstack([self._used, np.zeros((missing, len(KEYS)), dtype=np.int64)])
@@ -108,9 +108,9 @@ class Mapper:
         self._tracks: dict[tuple[int, str], _Track] = {}
 
     def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> list[Mapped]:
-        """Return the samples that these messages settle, each actuator's in the order of time.
+        """Return the samples that these messages complete, in time order for each actuator.
 
-        ``final`` says that nothing follows.
+        ``final`` marks the end of the log.
         """
         tables = {name: self._ours(table) for name, table in tables.items()}
         by_track: dict[tuple[int, str], list[Reading]] = {key: [] for key in self._tracks}
@@ -120,7 +120,7 @@ class Mapper:
         out = []
         for key, readings in by_track.items():
             if not readings and not final:
-                continue  # what its messages can settle is settled
+                continue  # its messages cannot complete further samples
             if key not in self._tracks:
                 actuator = readings[0].actuator
                 aligner = Aligner(_TRUST, actuator.response_lag_s)

@@ -17,8 +17,8 @@ from mavhums.core.quantities import KEYS
 __all__ = ["Gate", "bounds"]
 
 _MARGIN = 3.0
-_OFFSET = 10.0  # an unwrapped angle may have begun anywhere
-_BACK_DRIVEN = 10.0  # times the stall torque: what air loads and end stops may press on the gear
+_OFFSET = 10.0  # an unwrapped angle has an arbitrary start
+_BACK_DRIVEN = 10.0  # times the stall torque: largest load of air and end stops on the gear
 _RPM = 60 / (2 * np.pi)
 _LARGEST = {
     "V1": 720.0,

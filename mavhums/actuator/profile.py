@@ -156,7 +156,7 @@ class Actuator(Contract):
     travel_deg, pwm_us
         Deflection at the smallest and the largest pulse; the pulses at the least, the zero and the
         largest deflection.
-        Neither can be told from a log; without ``travel_deg`` a pulse is no angle.
+        Neither can be derived from a log; without ``travel_deg`` a pulse cannot be converted to an angle.
     moving_speed_deg_s
         Output speed above which the actuator counts as moving.
     response_lag_s
@@ -166,9 +166,9 @@ class Actuator(Contract):
     ema, limits
         None in a draft: the actuator's quantities are shown, but it is not judged.
     identified
-        What its own flights showed of its motor; nothing is judged by it.
+        Motor constants identified from its own flights; no verdict uses them.
     fields
-        Quantities that the log carries under names of its own.
+        Quantities that the log carries in custom messages.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -196,7 +196,7 @@ class Actuator(Contract):
 
     @property
     def blanks(self) -> tuple[str, ...]:
-        """What the profile leaves open and a verdict needs, as it is written in the file."""
+        """Keys of the file that a verdict needs and the profile lacks."""
         sections = (("[actuators.ema]", self.ema), ("[actuators.limits]", self.limits))
         return tuple(name for name, section in sections if section is None)
 
@@ -206,7 +206,7 @@ class Actuator(Contract):
         Raises
         ------
         ProfileError
-            If the profile leaves them open.
+            If the profile lacks them.
         """
         if self.ema is None:
             raise self._blank()
@@ -218,7 +218,7 @@ class Actuator(Contract):
         Raises
         ------
         ProfileError
-            If the profile leaves them open.
+            If the profile lacks them.
         """
         if self.limits is None:
             raise self._blank()

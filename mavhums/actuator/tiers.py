@@ -1,4 +1,4 @@
-"""Telemetry tiers: what a log can carry of an actuator, and what it takes to carry more."""
+"""Telemetry tiers: the actuator quantities that a log can carry, and how to log more of them."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def best_tier(messages: Collection[str], marked: Collection[str] = ()) -> Tier |
 
 
 def tiers_by_content(tables: Mapping[str, Table]) -> set[tuple[int, str]]:
-    """Return (vehicle, tier) for the tiers that only the contents of messages show."""
+    """Return (vehicle, tier) for the tiers that only the contents of messages identify."""
     found: set[tuple[int, str]] = set()
     for messages, tier, is_marked in _MARKED_BY_CONTENT:
         for message in messages & tables.keys():

@@ -21,7 +21,7 @@ class VehicleMappers:
     Parameters
     ----------
     airframe
-        The profile for every vehicle; if None, each vehicle is mapped by the one that it names,
+        The profile for every vehicle; if None, each vehicle is mapped by the profile that it names,
         from there on.
     """
 
@@ -36,7 +36,7 @@ class VehicleMappers:
         return list(dict.fromkeys(mapper.airframe.name for mapper in self._mappers))
 
     def listen(self, tables: Mapping[str, Table]) -> Iterator[tuple[Announcement, Airframe | None]]:
-        """Yield what vehicles say of their profile, and the one taken; None if it is not known."""
+        """Yield the vehicles' profile messages, and the profile used; None if it is not known."""
         self._told |= tiers_by_content(tables)
         for said in announcements(tables):
             if self._given is None and self.mapper(said.vehicle) is None:
@@ -48,7 +48,7 @@ class VehicleMappers:
                 yield said, mapper.airframe if mapper else None
 
     def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[tuple[Mapper, Mapped]]:
-        """Yield the samples that these messages settle; ``final`` says that nothing follows."""
+        """Yield the samples that these messages complete; ``final`` marks the end of the log."""
         mappers = self._mappers
         if len(mappers) > 1 and not final:
             speak = {system for table in tables.values() for system in np.unique(table.system).tolist()}
