@@ -1,1 +1,1 @@
-"""The contracts: what mavhums says of a log, as typed, versioned objects."""
+"""The contracts: mavhums' results for a log, as typed, versioned objects."""

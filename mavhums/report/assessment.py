@@ -1,6 +1,6 @@
-"""The verdict's contract: what mavhums says of each actuator and each axis, as typed objects and as JSON.
+"""The verdict's contract: the results for each actuator and each axis, as typed objects and as JSON.
 
-The JSON schema lies beside this module in ``schema/assessment-2.json`` and is generated
+The JSON schema is stored beside this module in ``schema/assessment-2.json`` and is generated
 from these classes by ``python -m mavhums.report.assessment``.
 """
 
@@ -249,7 +249,7 @@ class FlightIdentity(Contract):
     end_utc: str | None = None
 
     def is_same(self, other: FlightIdentity) -> bool:
-        """Return whether both are recordings of one flight: of a known board, switched on at one time.
+        """Return whether both are recordings of one flight: the same known board and the same boot time.
 
         The clocks of a ground station and of a satellite receiver may differ by half a minute.
         """
@@ -328,26 +328,26 @@ class Assessment(Contract):
         return pd.DataFrame(rows)
 
     def summary(self) -> str:
-        """Return one line per actuator, the worst first."""
+        """Return one line per actuator, in descending order of severity."""
         lines = [_line(verdict) for verdict in self.ranked()]
         return "\n".join(lines)
 
     def ranked(self) -> list[Verdict]:
-        """Return the verdicts, the worst first."""
+        """Return the verdicts in descending order of severity."""
         return sorted(self.verdicts, key=lambda verdict: -URGENCY[verdict.gravest])
 
     @property
     def exit_code(self) -> ExitCode:
-        """The exit code that tells a script the worst of it.
+        """The exit code for the worst condition.
 
-        Actuators that nothing monitors do not count, unless nothing at all was judged.
+        Unmonitored actuators do not count, unless no actuator was judged.
         """
         code = exit_code_of(verdict.gravest for verdict in self.verdicts)
         return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
 
 
 def exit_code_of(found: Iterable[Condition]) -> ExitCode:
-    """Return the exit code that tells the worst of conditions; those that nothing monitors do not count.
+    """Return the exit code for the worst of these conditions; unmonitored actuators do not count.
 
     Examples
     --------

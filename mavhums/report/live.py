@@ -1,6 +1,6 @@
-"""What ``mavhums live --json`` prints: one object a line, told apart by ``event``.
+"""The output of ``mavhums live --json``: one object per line, distinguished by ``event``.
 
-The JSON schema lies in ``mavhums/report/schema/live-1.json`` and is generated from these classes by
+The JSON schema is stored in ``mavhums/report/schema/live-1.json`` and is generated from these classes by
 ``python -m mavhums.report.live``.
 """
 

@@ -1,4 +1,4 @@
-"""What ``mavhums trend`` says of each actuator, as typed objects, as JSON and as a table."""
+"""The results of ``mavhums trend`` for each actuator, as typed objects, as JSON and as a table."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class TrendReport(Contract):
 
     @property
     def exit_code(self) -> ExitCode:
-        """As of ``mavhums analyse``; an emergency limit in sight counts as degraded."""
+        """The exit code, as in ``mavhums analyse``; a predicted emergency counts as degraded."""
         if any(shown.condition == "emergency" for shown in self.trends):
             return ExitCode.EMERGENCY
         conditions = {shown.condition for shown in self.trends}
@@ -115,7 +115,7 @@ class TrendReport(Contract):
 
 
 def to_frame(trends: Collection[ActuatorTrend]) -> pd.DataFrame:
-    """Return trends as the table that ``trend`` describes."""
+    """Return trends as the table of ``mavhums trend``."""
     import pandas as pd
 
     rows = []

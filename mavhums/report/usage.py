@@ -1,4 +1,4 @@
-"""What a flight used of its servos: part of an assessment and of an inspection."""
+"""The use of a flight's servos: part of an assessment and of an inspection."""
 
 from __future__ import annotations
 
