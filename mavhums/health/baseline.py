@@ -72,7 +72,7 @@ class Baseline:
 
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:
-        """Return the baseline of several flights; None of fewer than ten that show their scatter."""
+        """Return the baseline of several flights; None if fewer than ten flights show their scatter."""
         shown = [
             (i.value.estimate, i.windows, i.scatter)
             for i in indicators

@@ -35,8 +35,8 @@ class Window:
 class ConditionChanged:
     """An actuator's condition changed at ``since_s``; it was decided at ``time_s``.
 
-    ``fault`` is what changed it, and ``finding`` says it in a few words for an alert, where the fault's name
-    does not.
+    ``fault`` is the cause; ``finding`` describes it briefly for an alert if the fault's name does not
+    suffice.
     """
 
     vehicle: int

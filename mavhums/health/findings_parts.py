@@ -1,4 +1,4 @@
-"""The parts of what is found of an actuator, alike in flight and from a flight's record."""
+"""The parts of an actuator's findings, identical in flight and from a flight's record."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Described(Quantity, Protocol):
 
     @property
     def fault(self) -> str:
-        """That it shows."""
+        """Name of the fault."""
 
     @property
     def two_sided(self) -> bool:
-        """Whether the quantity is normal near zero and not below a value."""
+        """Whether the quantity is normal near zero, and not below a value."""
 
 
 def drift_evidence(
     described: Described, baseline: Baseline, alarm: Shift, end_s: float, false_alarms: float
 ) -> Evidence:
-    """Return the shift from the baseline as evidence; ``end_s`` is where the last window ends."""
+    """Return the shift from the baseline as evidence; ``end_s`` is the end of the last window."""
     return Evidence(
         kind=f"{described.fault}_drift",
         start_s=alarm.since_s,
@@ -46,7 +46,7 @@ def drift_evidence(
 def suspected(
     described: Described, decided: Condition, latest: Estimate | None, alarm: Shift | None
 ) -> Suspect | None:
-    """Name the fault, with the probability that the quantity lies beyond its limit or its baseline."""
+    """Return the fault, with the probability that the quantity exceeds its limit or its baseline."""
     if SEVERITY[held(decided, alarm)] < SEVERITY["degraded"] or latest is None:
         return None
     value, error, freedom = latest
@@ -61,14 +61,14 @@ def suspected(
 
 
 def ranked(suspects: Iterable[Suspect]) -> tuple[Suspect, ...]:
-    """Return the suspects, the surest first."""
+    """Return the suspects in descending order of probability."""
     return tuple(sorted(suspects, key=lambda suspect: -suspect.confidence))
 
 
 def in_order(
     evidence: Iterable[Evidence], vote: tuple[float, float] | None, condition: Condition, window_s: float
 ) -> tuple[Evidence, ...]:
-    """Return the evidence in the order of time, and last what a network says beside the condition.
+    """Return the evidence in time order, followed by the vote of a network.
 
     ``vote`` holds the end of the last window that a network voted on and its probability of an emergency.
     """

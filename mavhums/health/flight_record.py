@@ -1,7 +1,7 @@
-"""The numbers of one flight by which an actuator is held against its earlier flights, without the log.
+"""The record of one flight, from which an actuator is compared with its earlier flights, without the log.
 
-Neither windows nor what the limits decide depend on a baseline. So a flight is judged once, alone, and may
-be held against any baseline later.
+Windows and the decisions by limits do not depend on a baseline. A flight is therefore judged once, alone,
+and can be compared with any baseline later.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["ActuatorRecord", "Decided", "Estimate", "FaultRecord", "WindowRecord
 
 
 class Estimate(NamedTuple):
-    """A quantity, its standard error, and the degrees of freedom of that."""
+    """A quantity, its standard error, and the degrees of freedom of the error."""
 
     value: float
     error: float
@@ -24,7 +24,7 @@ class Estimate(NamedTuple):
 
 
 class WindowRecord(NamedTuple):
-    """A window that does not overlap the one before; ``end_s`` is a flight time."""
+    """A window that does not overlap the previous one; ``end_s`` is a flight time."""
 
     end_s: float
     value: float
@@ -33,7 +33,7 @@ class WindowRecord(NamedTuple):
 
 
 class Decided(NamedTuple):
-    """A change of what the limits decide, at the end of a window."""
+    """A change of the decision by limits, at the end of a window."""
 
     end_s: float
     condition: Condition
@@ -41,22 +41,22 @@ class Decided(NamedTuple):
 
 
 class FaultRecord(NamedTuple):
-    """What a flight leaves of one fault's indicator.
+    """The record of one fault's indicator in a flight.
 
     Attributes
     ----------
     fault, quantity, unit, levels, two_sided
-        As of its detector.
+        As in its detector.
     windows, decided
         In the order of time.
     settled
-        What the whole flight decided where no run of windows could; else None.
+        Decision by the whole flight if no run of windows decided; else None.
     whole
-        The estimate of the whole flight; None if it has no meaning or does not show.
+        The estimate of the whole flight; None if it is not defined or has no evidence.
     latest
-        The estimate that decided last; None if none did.
+        The estimate of the last decision; None if there is none.
     evidence
-        By the limits, as the verdict quotes it, unrounded.
+        Evidence according to the limits, as in the verdict, unrounded.
     """
 
     fault: str
@@ -73,16 +73,16 @@ class FaultRecord(NamedTuple):
 
 
 class ActuatorRecord(NamedTuple):
-    """What a flight leaves of one actuator.
+    """The record of one actuator in a flight.
 
     Attributes
     ----------
     window_s
         Length of a window.
     false_alarms
-        Alarms per 100 hours, by which the limits decided.
+        Allowed alarms per 100 hours in the decision by limits.
     concluded_s
-        Flight time from which the whole flight was judged; None if it was not, as of a jam.
+        Flight time from which the whole flight was judged; None if it was not, for example after a jam.
     end_s
         Flight time of the last sample.
     vote

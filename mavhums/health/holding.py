@@ -1,4 +1,4 @@
-"""What an actuator is held to be, out of what its detectors say one after the other."""
+"""Determines an actuator's condition from the successive changes of its detectors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["Change", "Holding", "Turn"]
 
 
 class Change(NamedTuple):
-    """What an indicator is held to show from the k-th of some windows on, and since when."""
+    """A change of an indicator's condition: the window k that brings it, and the onset."""
 
     window: int
     condition: Condition
@@ -32,16 +32,16 @@ class Turn(NamedTuple):
 
 
 class Holding:
-    """Follows what the detectors of one actuator say.
+    """Tracks the conditions that the detectors of one actuator report.
 
     Attributes
     ----------
     shown
         The latest change of each fault.
     condition, worst
-        What the actuator is held to be, and the worst that it was held to be.
+        The actuator's current condition, and the worst one so far.
     since_s
-        Flight time since which it is.
+        Flight time of the onset of the current condition.
 
     Examples
     --------
@@ -63,11 +63,11 @@ class Holding:
 
     @property
     def jammed(self) -> bool:
-        """Whether the shaft was held, where no balance of torques or angles holds."""
+        """Whether the shaft is jammed, in which case no balance of torques or angles is valid."""
         return "jam" in self.shown and self.shown["jam"].condition == "emergency"
 
     def take(self, fault: str, change: Change) -> Turn | None:
-        """Take what a detector says anew; tell if that changes the actuator's condition."""
+        """Process a detector's change; return the resulting change of the actuator's condition, if any."""
         self.shown[fault] = change
         before, self.condition = self.condition, self._gravest()
         if SEVERITY[self.condition] > SEVERITY[self.worst]:
@@ -80,12 +80,12 @@ class Holding:
             if c.condition == self.condition and name in self._deciding()
         ]
         since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
-        since_s = self._changed_s = max(since_s, self._changed_s)  # never before the last change
+        since_s = self._changed_s = max(since_s, self._changed_s)  # not before the last change
         self.since_s = None if self.condition == "undecided" else since_s
         return Turn(since_s, before, self.condition, rule, why)
 
     def _gravest(self) -> Condition:
-        """Return the gravest condition that a detector shows; normal only if the friction is."""
+        """Return the worst condition of the detectors; normal only if the friction is normal."""
         gravest: Condition = max(
             (change.condition for change in self.shown.values()), key=SEVERITY.__getitem__
         )
@@ -94,5 +94,5 @@ class Holding:
         return self.shown["friction"].condition if "friction" in self.shown else "undecided"
 
     def _deciding(self) -> Collection[str]:
-        """Return the faults that can make the condition what it is: only the friction makes it normal."""
+        """Return the faults that can cause the condition; only the friction can make it normal."""
         return {"friction"} if self.condition == "normal" else self.shown.keys()

@@ -144,9 +144,9 @@ class Monitor:
         bus_v: Array | None = None,
         airspeed: Array | None = None,
     ) -> Iterator[Window | ConditionChanged | Indication]:
-        """Take samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12).
+        """Process samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12).
 
-        ``measured`` (n, 12) tells what a sensor gave from what was derived; all if omitted. The rotor's
+        ``measured`` (n, 12) marks measured values, as opposed to derived ones; all if omitted. The rotor's
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
         of the supply bus, where an ESC there measures it, and ``airspeed`` (n,) the aircraft's, m/s, where it
         is known. What no actuator can reach counts as missing.
@@ -183,9 +183,9 @@ class Monitor:
         return self._held.worst
 
     def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> Findings:
-        """Return what was found so far; the ``indicators`` look at all of the flight again.
+        """Return the findings so far; the ``indicators`` are evaluated over the whole flight.
 
-        ``temperature_c`` is the actuator's in this flight, where the log has it.
+        ``temperature_c`` is the actuator's temperature in this flight, if the log has it.
         """
         whole = self._fits.whole() if indicators else {}
         trackers = self._trackers.values()
@@ -218,7 +218,7 @@ class Monitor:
         )
 
     def record(self) -> ActuatorRecord:
-        """Return the numbers by which the flight is held against earlier ones, if it was ``recorded``."""
+        """Return the flight's record for the comparison with other flights, if it was ``recorded``."""
         whole = self._fits.whole()
         return ActuatorRecord(
             window_s=self._window_s,

@@ -1,4 +1,4 @@
-"""Random-effects least squares, for flights that differ by more than their measurement errors.
+"""Random-effects least squares for flights that differ by more than their measurement errors.
 
 References
 ----------
@@ -20,21 +20,21 @@ NATURAL_SCATTER = 0.05
 A real electromechanical actuator on a bench scattered by 3–13 % from day to day.
 """
 
-_PRIOR_FREEDOM = 9.0  # flights' worth of trust in the natural scatter
+_PRIOR_FREEDOM = 9.0  # weight of the natural scatter, in flights
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Population:
-    """Flights as a random sample: least squares on what differs between them by a known cause.
+    """Flights as a random sample: a least-squares fit of their known differences.
 
     Attributes
     ----------
     coefficients, covariance
-        Of the design's columns, shapes (p,) and (p, p).
+        Coefficients of the design's columns, and their covariance, shapes (p,) and (p, p).
     between
-        Standard deviation of flights' true values about that.
+        Standard deviation of flights' true values about the fit.
     freedom
         Degrees of freedom of a new flight's deviation.
     """
@@ -50,7 +50,7 @@ class Population:
 
 
 def population(design: Array, values: Array, errors: Array) -> Population:
-    """Fit flights of which few show their scatter too well by chance.
+    """Fit flights; a lower bound prevents a few flights from showing too little scatter by chance.
 
     The scatter between them is not less than what Paule and Mandel's equation gives, and not less than
     that pooled with the natural scatter of 5 %, which counts as much as nine degrees of freedom of the
@@ -98,7 +98,7 @@ def weighted(design: Array, values: Array, weights: Array) -> tuple[Array, Array
 
 
 def variance_between(design: Array, values: Array, errors: Array) -> float:
-    """Return the variance between flights that makes the weighted squares what they are expected to be.
+    """Return the variance between flights for which the weighted squares equal their expectation.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def variance_between(design: Array, values: Array, errors: Array) -> float:
     >>> round(variance, 6) == round(float(np.var(values, ddof=1)) - 0.01**2, 6)
     True
     """
-    from scipy.optimize import brentq  # a quarter of a second, which only flights before are worth
+    from scipy.optimize import brentq  # a quarter of a second, spent only when there are earlier flights
 
     freedom = len(values) - design.shape[1]
 

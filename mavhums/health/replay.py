@@ -1,8 +1,8 @@
-"""Hold a flight against a baseline from its stored numbers: the verdict judged alone in, the other out.
+"""Compares a flight with a baseline from its stored record, and updates the verdict on the flight alone.
 
-What follows is the drift test of :mod:`mavhums.health.drift`, fed as in flight, and the conditions that come
-of it. It is a pure function, so one command after each landing, a fleet, and a flight that arrives late say
-the same.
+The comparison is the drift test of :mod:`mavhums.health.drift`, fed as in flight, and the resulting
+conditions. It is a pure function: one command after each landing, a fleet, and a flight that arrives late
+give the same result.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ def replay(
     start_utc: datetime,
     end_s: float,
 ) -> Verdict:
-    """Return the verdict on an actuator as held against its own baseline.
+    """Return the verdict on an actuator after the comparison with its own baseline.
 
     Parameters
     ----------
     verdict
-        On the flight alone.
+        Verdict on the flight alone.
     record
-        Of the same flight.
+        Record of the same flight.
     baselines
-        Of the actuator's flights before, by fault.
+        Baselines from the actuator's earlier flights, by fault.
     start_utc
-        When flight time began.
+        Start of flight time.
     end_s
-        Where the log ends, in flight time.
+        End of the log, in flight time.
     """
     traces = [_Trace(record, fault, baselines.get(fault.fault)) for fault in record.faults]
     changes = [(at_s, place, said) for place, trace in enumerate(traces) for at_s, said in trace.changes()]
@@ -77,7 +77,7 @@ def replay(
 
 
 class _Event(NamedTuple):
-    """What happens at the end of a window: one that overlaps none before, and then a decision."""
+    """The events at the end of a window: a non-overlapping window, then a decision."""
 
     end_s: float
     order: int
@@ -85,7 +85,7 @@ class _Event(NamedTuple):
 
 
 class _Trace:
-    """One indicator followed through the record of a flight, as the tracker follows it in flight."""
+    """Tracks one indicator through the record of a flight, as the tracker does in flight."""
 
     def __init__(self, record: ActuatorRecord, fault: FaultRecord, baseline: Baseline | None) -> None:
         self.record = record
@@ -98,7 +98,7 @@ class _Trace:
         self._latest = fault.latest
 
     def changes(self) -> Iterator[tuple[float, Change]]:
-        """Yield each change of what is shown, with the end of the window that brings it."""
+        """Yield each change of the condition, with the end of the window that causes it."""
         events = [_Event(window.end_s, 0, k) for k, window in enumerate(self.fault.windows)]
         events += [_Event(decided.end_s, 1, k) for k, decided in enumerate(self.fault.decided)]
         for end_s, together in groupby(sorted(events), key=lambda event: event.end_s):
@@ -110,7 +110,7 @@ class _Trace:
                 yield end_s, Change(0, self._condition, since_s or 0.0, self._rule())
 
     def conclude(self, start_s: float) -> Change | None:
-        """Judge by the whole flight, whose time began to count at ``start_s``; return the change."""
+        """Judge by the whole flight, which counts from ``start_s``; return the change."""
         before, whole = self._condition, self.fault.whole
         if self.drift is not None and whole is not None:
             self.drift.conclude(*whole, start_s)
@@ -122,11 +122,11 @@ class _Trace:
         return Change(0, self._condition, start_s, f"{self._rule()}, over the whole flight")
 
     def suspect(self) -> Suspect | None:
-        """Name the fault, if it is suspected."""
+        """Return the suspected fault, if there is one."""
         return suspected(self.fault, self._decided, self._latest, self._alarm)
 
     def evidence(self) -> Iterator[Evidence]:
-        """Yield what the limits tell, and the shift from the baseline if it alarmed."""
+        """Yield the evidence according to the limits, and the shift from the baseline if it alarmed."""
         yield from self.fault.evidence
         if self.drift is not None and self._alarm is not None:
             windows, length_s = self.fault.windows, self.record.window_s
@@ -152,7 +152,7 @@ class _Trace:
             self.drift.feed(window.value, window.error, window.freedom, start_s)
 
     def _rule(self) -> str:
-        """Return in words why the quantity makes the condition what it is."""
+        """Return the reason for the condition as text."""
         condition, alarms = self._condition, self.record.false_alarms
         if condition != self._decided and self.drift is not None and self._alarm is not None:
             return drift_rule(self.fault, self.drift.baseline, self._alarm, alarms)

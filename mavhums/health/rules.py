@@ -13,19 +13,19 @@ __all__ = ["Quantity", "drift_rule", "limit_rule"]
 
 
 class Quantity(Protocol):
-    """What a rule names: a quantity, its unit and its limits."""
+    """The inputs of a rule: a quantity, its unit and its limits."""
 
     @property
     def quantity(self) -> str:
-        """Its name."""
+        """Name of the quantity."""
 
     @property
     def unit(self) -> str:
-        """Its unit."""
+        """Unit of the quantity."""
 
     @property
     def levels(self) -> Levels:
-        """Its limits."""
+        """Limits of the quantity."""
 
 
 def limit_rule(detector: Quantity, condition: Condition, false_alarms: float) -> str:

@@ -75,19 +75,19 @@ def widen(
     bus_v: Array | None = None,
     airspeed: Array | None = None,
 ) -> Array:
-    """Return V1…V12 with what only some of health needs beside them, shape (n, ``COLUMNS``).
+    """Return V1…V12 with the additional columns of some detectors, shape (n, ``COLUMNS``).
 
-    Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle where it does not rest
-    on a sign that was derived; ``SENSED`` is 1 where that angle is a sensor's and not the rotor's, and
-    ``APART`` where V2 and V3 were measured each by a sensor of its own; ``AIRSPEED`` is the aircraft's, m/s.
-    What is not finite, or absurd, is NaN.
+    Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle if it does not
+    depend on a derived sign; ``SENSED`` is 1 where a sensor measured that angle, as opposed to the rotor's;
+    ``APART`` is 1 where separate sensors measured V2 and V3; ``AIRSPEED`` is the aircraft's, m/s.
+    Values that are not finite or not plausible are NaN.
 
     Parameters
     ----------
     values
         Shape (n, 12).
     measured
-        Which of them were measured and not derived, shape (n, 12); all if omitted.
+        Mask of the measured values, as opposed to derived ones, shape (n, 12); all if omitted.
     bus_v, airspeed
         Shape (n,); NaN if omitted.
     """

@@ -73,7 +73,7 @@ def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indica
 
 
 def record_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> FaultRecord:
-    """Return the numbers by which the flight is held against a baseline."""
+    """Return the record by which the flight is compared with a baseline."""
     detector, overall = tracker.detector, tracker.detector.overall(flight) if flight else None
     shown = overall is not None and np.isfinite(overall.value[0])
     return FaultRecord(

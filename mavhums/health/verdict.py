@@ -31,7 +31,7 @@ _MOSTLY = 0.1
 
 
 class Held(NamedTuple):
-    """What is found of an actuator beside its own baseline, unrounded.
+    """Findings about an actuator in comparison with its own baseline, unrounded.
 
     ``baselines`` are by fault; the other fields are those of :class:`mavhums.health.monitor.Findings`.
     """
@@ -58,11 +58,11 @@ def judged(
     tier: Tier,
     model: ModelSummary | None = None,
 ) -> Verdict:
-    """Return the verdict on an actuator whose telemetry was followed.
+    """Return the verdict on an actuator with telemetry.
 
-    Where its telemetry ended more than a window before the log did, at ``end_s``, its condition is
-    undecided: silence is never normal. What was found until then remains. ``implausible`` tells by quantity
-    how many values no such actuator can have, and of how many.
+    If its telemetry ended more than a window before the log's end ``end_s``, its condition is undecided:
+    silence is never normal. Earlier findings remain. ``implausible`` is, by quantity, the number of
+    implausible values and the number of all values.
     """
     silent = _is_silent(findings.last_s, end_s)
     condition: Condition = "undecided" if silent else findings.condition
@@ -99,9 +99,9 @@ def judged(
 
 
 def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_s: float) -> Verdict:
-    """Return a verdict on a flight alone as it is beside the actuator's own baseline.
+    """Return a verdict on a flight alone, updated by the comparison with the actuator's own baseline.
 
-    ``end_s`` is where the log ends, in flight time.
+    ``end_s`` is the end of the log, in flight time.
     """
     silent = _is_silent(found.last_s, end_s)
     reason, remedy = verdict.reason, verdict.remedy
@@ -131,10 +131,10 @@ def unjudged_actuator(
     provenance: dict[str, str],
     own_gap: str | None = None,
 ) -> Verdict:
-    """Return the verdict on an actuator of which the log carries, or its profile says, too little.
+    """Return the verdict on an actuator for which the log or the profile has insufficient data.
 
-    One that reports nothing back is not monitored, whatever its profile says. ``own_gap`` is why it cannot
-    be held against its own earlier flights either.
+    An actuator without feedback is unmonitored, regardless of its profile. ``own_gap`` is the reason why it
+    cannot be compared with its own earlier flights either.
     """
     if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
         unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
@@ -184,7 +184,7 @@ def unjudged_vehicle(
 ) -> Iterator[Verdict]:
     """Yield the verdicts on the actuators of a vehicle without a profile, or on a log without a vehicle.
 
-    Where nothing reports back from the servos, each that is known to move a surface is not monitored.
+    If the servos give no feedback, each servo that is known to move a surface is unmonitored.
     """
     if vehicle is not None and surfaces is not None and (tier is None or not tier.judged):
         for moved in surfaces.moved:
@@ -208,7 +208,7 @@ def unjudged_vehicle(
 
 
 def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[str, str]) -> Verdict:
-    """Return the verdict on an actuator that reports nothing back: neither an alarm nor a clean bill."""
+    """Return the verdict on an actuator without feedback: neither an alarm nor a normal condition."""
     return Verdict(
         vehicle=vehicle,
         actuator=name,

@@ -44,7 +44,7 @@ class Classifier(Protocol):
 class Ballot(NamedTuple):
     """Columns of the rows that :func:`count_votes` returns."""
 
-    network: int = 0  # which of the networks voted; -1 for none
+    network: int = 0  # index of the network that voted; -1 for none
     moving: int = 1
     voters: slice = slice(2, 4)  # backward and forward
     emergency: slice = slice(4, 6)

@@ -47,7 +47,7 @@ class Windows:
         """
         last = int(index[0]) - 1 if self._last is None else self._last
         steps = index - np.concatenate([[last], index[:-1]])
-        ahead = np.minimum(steps, self._slots + 1).cumsum()  # a jump of the clock must not take memory
+        ahead = np.minimum(steps, self._slots + 1).cumsum()  # a jump of the clock must not allocate memory
         dense = np.full((self._slots + int(ahead[-1]), self._columns), self._empty)
         dense[: self._slots] = self._kept
         dense[self._slots + ahead - 1] = sums
