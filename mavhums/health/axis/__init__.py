@@ -1,1 +1,1 @@
-"""How an aircraft answers about an axis: from flight rows to evidence, and to a condition."""
+"""The aircraft's response about an axis: converts flight rows to evidence, and evidence to a condition."""

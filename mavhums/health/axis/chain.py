@@ -1,4 +1,4 @@
-"""From flight rows to the columns of a regression: lag, delay, mean over 0.4 s, on both sides alike."""
+"""Converts flight rows to a regression's columns, with the same lag, delay and 0.4 s mean on both sides."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mavhums.vehicle.grid import RATE_HZ
 __all__ = ["Chain", "Columns", "Form", "Shape", "judgeable"]
 
 _MEAN_ROWS: Final = 8
-_SLOWEST: Final = 0.85  # of the reference speed: below, an aircraft may be stalling
+_SLOWEST: Final = 0.85  # of the reference speed: an aircraft below it may be stalling
 _ROLL_RAD: Final = np.radians(60)
 _LONGEST_GAP_S: Final = 0.75  # one lost sample of a stream of 3 Hz
 _PITCH_RAD: Final = np.radians(34)
@@ -24,14 +24,14 @@ Flags = NDArray[np.bool_]
 
 
 class Shape(NamedTuple):
-    """How an axis answers: pure delay in rows, and the time constant of a first-order lag, s."""
+    """The response of an axis: pure delay in rows, and the time constant of a first-order lag, s."""
 
     delay_rows: int
     tau_s: float
 
 
 class Form(Protocol):
-    """A regression: what moves the aircraft, what else does, and what answers."""
+    """A regression: the drive by the demand, the nuisances, and the aircraft's response."""
 
     axis: str
     nuisances: int
@@ -39,20 +39,20 @@ class Form(Protocol):
     """Whether the answer is the rate of change of ``answer``."""
 
     def drive(self, demand: Array, relative: Array) -> Array:
-        """Return the moment that the lagged demand brings at a speed relative to the reference, (n,)."""
+        """Return the moment of the lagged demand at a speed relative to the reference, (n,)."""
         ...
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
-        """Return what else makes the answer, shape (n, nuisances)."""
+        """Return the other contributions to the response, shape (n, nuisances)."""
         ...
 
     def answer(self, rows: Rows) -> Array:
-        """Return what the aircraft does, shape (n,)."""
+        """Return the aircraft's response, shape (n,)."""
         ...
 
 
 class Columns(NamedTuple):
-    """The regression's columns: the drive (n,), the nuisances (n, m), the answer (n,), where they count."""
+    """The regression's columns: drive (n,), nuisances (n, m), response (n,), and the mask of usable rows."""
 
     drive: Array
     others: Array
@@ -61,7 +61,7 @@ class Columns(NamedTuple):
 
 
 def judgeable(rows: Rows, reference_speed: float) -> Flags:
-    """Return where the aircraft flies forward, fast enough, neither inverted nor diving."""
+    """Return the mask of forward flight that is fast enough, and neither inverted nor diving."""
     slow = rows.speed < _SLOWEST * reference_speed
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
     gap = rows.spacing > _LONGEST_GAP_S
@@ -70,18 +70,18 @@ def judgeable(rows: Rows, reference_speed: float) -> Flags:
 
 
 class Chain:
-    """Makes the columns of a form, row after row.
+    """Computes the columns of a form incrementally.
 
     Parameters
     ----------
     form
         The regression.
     reference_speed
-        At which speeds are one, m/s.
+        Speed that is the unit of relative speeds, m/s.
     shape
         Delay and lag of the answer.
     extra_tau_s
-        A further lag of the demand, for what a slow servo would do.
+        An additional lag of the demand, as of a slow servo.
     """
 
     def __init__(self, form: Form, reference_speed: float, shape: Shape, extra_tau_s: float = 0.0) -> None:
@@ -97,7 +97,7 @@ class Chain:
         self._means = Tail(2 + form.nuisances, _MEAN_ROWS + 1)
 
     def feed(self, rows: Rows) -> Columns:
-        """Return the columns of these rows; after a gap the filters begin anew."""
+        """Return the columns of these rows; a gap resets the filters."""
         if rows.fresh:
             self._reset()
         n, form = len(rows), self._form

@@ -1,6 +1,6 @@
-"""What a detector of an axis is: a module in :mod:`mavhums.health.detectors.axis` with a class ``Detector``.
+"""The interface of axis detectors: modules in :mod:`mavhums.health.detectors.axis` with a class ``Detector``.
 
-It is found there; every detector passes the same battery of checks, ``tests/health/axis/test_detectors.py``.
+They are discovered automatically; all pass the same checks, ``tests/health/axis/test_detectors.py``.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ __all__ = ["Detector", "Limits", "Seen", "Shown", "detectors", "to_inspect"]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """From where on an axis is degraded, or an emergency; a profile can change them.
+    """The limits from which an axis is degraded, or an emergency; a profile can change them.
 
     Attributes
     ----------
     effectiveness
-        Up to which a loss that is certain is an emergency: one of two like surfaces that no longer moves
-        leaves a half, and the next flight may lose the other. Above, the axis is degraded.
+        Effectiveness up to which a certain loss is an emergency: one of two equal surfaces that no longer
+        moves leaves a half, and the next flight may lose the other. Above it, the axis is degraded.
     hard_over, tracking
         Deviations of the reference from which a shift of trim, or the distance from the demanded attitude, is
         an emergency.
@@ -40,7 +40,7 @@ class Limits:
 
 
 class Shown(NamedTuple):
-    """A fault that a detector holds to be certain in the second that ends at ``end_s``."""
+    """A fault that is certain according to a detector, in the second that ends at ``end_s``."""
 
     axis: str
     end_s: int
@@ -55,7 +55,7 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What some new rows show: the rows, and the gain of each axis second by second."""
+    """Input of the detectors: new rows, and the gain of each axis in each second."""
 
     rows: Rows
     seconds: Mapping[str, Sequence[Second]]
@@ -63,25 +63,25 @@ class Seen:
 
 
 class Detector(Protocol):
-    """Looks for one kind of fault.
+    """Detects one kind of fault.
 
     Attributes
     ----------
     axes, faults
-        Of which it may show which.
+        Axes that it judges, and faults that it can report.
     inspect
-        What the maintainer should inspect, by fault.
+        The parts that the maintainer should inspect, by fault.
     """
 
     axes: ClassVar[tuple[str, ...]]
     inspect: ClassVar[Mapping[str, str]]
 
     def __init__(self, limits: Limits) -> None:
-        """Look with these limits."""
+        """Create the detector with these limits."""
         ...
 
     def feed(self, seen: Seen) -> list[Shown]:
-        """Return what is certain in each new second."""
+        """Return the certain faults in each new second."""
         ...
 
 
@@ -95,12 +95,12 @@ def _discovered() -> tuple[type[Detector], ...]:
 
 
 def detectors(limits: Limits) -> list[Detector]:
-    """Return every detector of axes."""
+    """Return all detectors of axes."""
     return [detector(limits) for detector in _discovered()]
 
 
 def to_inspect(fault: str) -> str | None:
-    """Return what a maintainer should inspect for a fault of an axis; None if no detector looks for it.
+    """Return the parts to inspect for a fault of an axis; None if no detector covers it.
 
     Examples
     --------

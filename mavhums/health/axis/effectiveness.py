@@ -1,4 +1,4 @@
-"""A loss of control effectiveness, or a lag where the gain is whole: shared by the detectors of the axes."""
+"""Detection of a loss of control effectiveness, or of a lag at full gain: shared by the axis detectors."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from mavhums.health.axis.gain import Second
 __all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]
 
 _SURE_S: Final = 10
-_SHORT: Final = 2.0  # the gain differs from manoeuvre to manoeuvre: a single one must show twice as much
+_SHORT: Final = 2.0  # the gain differs between manoeuvres: a single one needs twice the evidence
 _SHIFTED: Final = 4.0
 SHIFT_FLOOR: Final = 0.045  # rad/s: least deviation of a roll reference
 
 
 class EffectivenessDetector:
-    """Shows an axis whose level passed its limit.
+    """Reports an axis whose level exceeds its limit.
 
-    It is degraded at once. It is an emergency when at least ten judged seconds leave no more than the limit
-    and no further lag, as of a slow servo, explains them any better.
+    The axis is degraded at once. It is an emergency if the effectiveness over at least ten judged seconds
+    is within the limit and no additional lag, as of a slow servo, explains them better.
     """
 
     axis: ClassVar[str]
@@ -40,7 +40,7 @@ class EffectivenessDetector:
         return [self._shown(s) for s in seen.seconds[self.axis] if self._certain(s, seen)]
 
     def _certain(self, second: Second, seen: Seen) -> bool:
-        """Return whether a loss is certain, and no sudden shift of the trim makes the aircraft seem deaf."""
+        """Return whether a loss is certain, and not an artefact of a sudden shift of the trim."""
         reference = seen.gains[self.axis].reference
         limit = self.limit * (_SHORT if second.lost_s < _SURE_S else 1.0)
         if second.level <= limit or reference is None:

@@ -1,4 +1,4 @@
-"""Filters over grid rows that carry their state on, so that rows may come in any pieces."""
+"""Filters over grid rows that keep their state, so that rows may be divided into any blocks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _STEP_S: Final = 1.0 / RATE_HZ
 
 
 def held(values: Array, before: float) -> Array:
-    """Fill what is not finite with the value before it; ``before`` stands before the first."""
+    """Replace values that are not finite by the previous value; ``before`` precedes the first."""
     rows = np.where(np.isfinite(values), np.arange(values.size), -1)
     last = np.maximum.accumulate(rows)
     return np.where(last < 0, before, values[np.maximum(last, 0)])
@@ -37,7 +37,7 @@ def _smoothed(values: Array, share: float, before: float) -> Array:
 
 @kernel
 def _followed(values: Array, coefficients: Array, state: Array) -> Array:
-    """Return the second-order recursion b1, b2, a1, a2 over values; the state is carried on."""
+    """Return the second-order recursion b1, b2, a1, a2 over values; the state is updated."""
     b1, b2, a1, a2 = coefficients
     out = np.empty_like(values)
     for k in range(values.size):
@@ -49,7 +49,7 @@ def _followed(values: Array, coefficients: Array, state: Array) -> Array:
 
 
 class Lag:
-    """A first-order lag of the time constant ``tau_s``; at zero it passes its input on."""
+    """A first-order lag with the time constant ``tau_s``; at zero the output is the input."""
 
     def __init__(self, tau_s: float) -> None:
         self._share = 1.0 - exp(-_STEP_S / tau_s) if tau_s > 0 else 1.0
@@ -57,7 +57,7 @@ class Lag:
         self._value = 0.0
 
     def feed(self, values: Array) -> Array:
-        """Return the lagged values, shape (n,); where there are none the last one holds."""
+        """Return the lagged values, shape (n,); missing values are replaced by the last one."""
         if self._last is None:
             finite = values[np.isfinite(values)]
             self._last = self._value = float(finite[0]) if finite.size else 0.0
@@ -69,7 +69,7 @@ class Lag:
 
 
 class Following:
-    """How a controlled attitude follows its demand: second order, ``omega`` rad/s, critically damped."""
+    """The response of a controlled attitude: second order, ``omega`` rad/s, critically damped."""
 
     def __init__(self, omega: float) -> None:
         step = omega * _STEP_S
@@ -79,7 +79,7 @@ class Following:
         self._state = np.zeros(2)
 
     def feed(self, values: Array) -> Array:
-        """Return the attitude to be expected, shape (n,)."""
+        """Return the expected attitude, shape (n,)."""
         if self._last is None:
             finite = values[np.isfinite(values)]
             self._last = float(finite[0]) if finite.size else 0.0
@@ -91,7 +91,7 @@ class Following:
 
 
 class HighPass:
-    """What is left of values when their mean over the last ``memory_s`` is taken away."""
+    """A high-pass filter: subtracts the mean over the last ``memory_s``."""
 
     def __init__(self, memory_s: float) -> None:
         self._share = 1.0 - exp(-_STEP_S / memory_s)
@@ -105,21 +105,21 @@ class HighPass:
 
 
 class Tail:
-    """Keeps the last rows of columns, for delays and means over the past.
+    """Buffers the last rows of columns, for delays and moving means.
 
     Parameters
     ----------
     columns
         Number m of columns.
     rows
-        How many rows back are needed.
+        Number of past rows that are needed.
     """
 
     def __init__(self, columns: int, rows: int) -> None:
         self._kept = np.full((rows, columns), np.nan)
 
     def feed(self, values: Array) -> Array:
-        """Return the kept rows and after them these, shape (rows + n, m)."""
+        """Return the buffered rows followed by these, shape (rows + n, m)."""
         joined = np.concatenate([self._kept, values])
         self._kept = joined[len(joined) - len(self._kept) :]
         return joined

@@ -1,7 +1,7 @@
 """The regressions of the three axes.
 
 Speeds enter relative to the reference speed. Roll: quasi-steady rolling against roll damping. Pitch: angular
-acceleration, with the accelerometer as angle of attack. Yaw: the side force that a rudder's sideslip makes.
+acceleration, with the accelerometer as angle of attack. Yaw: the side force from a rudder's sideslip.
 
 References
 ----------
@@ -56,12 +56,12 @@ class PitchForm:
         return np.column_stack([relative**2, relative * rows.pitch_rate, rows.load])
 
     def answer(self, rows: Rows) -> Array:
-        """Return the pitch rate, whose rate of change answers."""
+        """Return the pitch rate; its rate of change is the response."""
         return rows.pitch_rate
 
 
 class YawForm:
-    """``a = K·v²·δ + …``: side force a, with the aileron, trim, yaw rate, roll rate and bank taken away."""
+    """``a = K·v²·δ + …``: side force a, without the parts of aileron, trim, yaw rate, roll rate and bank."""
 
     axis = "yaw"
     nuisances = 5

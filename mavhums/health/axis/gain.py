@@ -1,10 +1,10 @@
-"""Control effectiveness: what the aircraft makes of a demand now, against what it made in the reference.
+"""Control effectiveness: the aircraft's current response to a demand, relative to the reference.
 
-The gain K of the answer to the drive is fitted together with everything else that makes the answer in the
-first excited seconds of the flight. From then on each second gives a score of how far the answer stays behind
-K times the drive, both without their slow parts, so that a change of trim is no change of gain. A sum of the
-scores' log-likelihood ratios between the full gain and one that lost a share of it, never below zero, finds
-a loss (CUSUM). It knows that K itself differs from manoeuvre to manoeuvre.
+The gain K of the response to the drive is fitted together with all other contributions to the response in
+the first excited seconds of the flight. Each later second gives a score: the shortfall of the response from
+K times the drive, both without their slow parts, so that a change of trim is not a change of gain. The CUSUM
+of the scores' log-likelihood ratios between the full gain and a reduced gain detects a loss. The likelihood
+allows for the variation of K between manoeuvres.
 
 References
 ----------
@@ -35,44 +35,44 @@ REFERENCE_S: Final = 45
 _LONGEST_S: Final = 120
 _RETRY_S: Final = 10
 _LATEST_S: Final = 180
-_MANOEUVRES: Final = 0.2  # by which the gain of a second may differ, as a share
-_WINDOWS: Final = 0.10  # by which that of ten seconds may
+_MANOEUVRES: Final = 0.2  # relative deviation of the gain of one second
+_WINDOWS: Final = 0.10  # relative deviation of the gain of ten seconds
 _WINDOW_S: Final = 10
 _LEAST_ROWS: Final = 14
 _EXTRA_S: Final = (0.3, 0.6, 1.0, 1.5)
 _SLOW_S: Final = 20
 _SLOW_LEAST_S: Final = 10
-_MUCH_BETTER: Final = 0.15  # share of the answer that a further lag explains beyond a loss
+_MUCH_BETTER: Final = 0.15  # share of the response that an additional lag explains beyond a loss
 _BETTER: Final = 0.05
-_WHOLE: Final = 0.75  # the lags tried lie apart by a third of the gain
+_WHOLE: Final = 0.75  # neighbouring tested lags differ by a third of the gain
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
 _AS_DRIVEN: Final = 0.5
 SLOWEST_STREAM_S: Final = 0.42  # between samples: 3 Hz with jitter passes, 2 Hz does not
-_FORGET: Final = exp(-1.0 / 60.0)  # a second: what is a little weak for minutes is the reference's error
+_FORGET: Final = exp(-1.0 / 60.0)  # per second: a small deficit over minutes is the reference's error
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Standards:
-    """What a reference must reach before it counts, and where its limits lie.
+    """Requirements on a reference, and its limits.
 
     Attributes
     ----------
     explained
-        Least share of what is left of the answer that the drive explains.
+        Smallest share of the remaining response that the drive must explain.
     error
-        Most relative standard error of the gain.
+        Largest relative standard error of the gain.
     scatter
-        Least variance of a second's score, relative to the gain's square: quiet air does not last.
+        Smallest variance of a second's score, relative to the gain's square: quiet air does not last.
     noise
-        Most variance that no gain explains, relative to what the reference gain makes of the drive, in
+        Largest variance that no gain explains, relative to the reference gain's response to the drive, in
         seconds that may count for a loss.
     delays_s, taus_s
-        Among which the axis's own delay and lag are sought.
+        Candidates for the axis's own delay and lag.
     loss
-        That is looked for, as a share; half of it is what the gain of a whole flight may be off.
+        Loss to detect, as a share; the gain of a whole flight may deviate by half of it.
     """
 
     explained: float
@@ -86,14 +86,14 @@ class Standards:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The axis as it answered in the reference.
+    """The axis's response in the reference.
 
     Attributes
     ----------
     error
         Relative standard error of the gain.
     deviation
-        Standard deviation of what the regression leaves of the answer.
+        Standard deviation of the regression's residuals.
     power
         Mean sum of squares of the drive over a second, without its slow part.
     """
@@ -113,27 +113,27 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Second:
-    """What one more second shows.
+    """The results of one second.
 
     Attributes
     ----------
     end_s
-        Flight second that it ends at.
+        Flight second of its end.
     value, error
         Effectiveness over the last ten judged seconds, relative to the reference, and its standard error;
-        None where they are too poor.
+        None if they have insufficient evidence.
     level
         Sum of the log-likelihood ratios for a loss.
     since_s
-        Flight second from which the level has not been zero: where a loss began, if there is one.
+        Flight second from which the level has not been zero: the onset of a loss, if there is one.
     slow_s
-        By which lag more the answer is explained better than by a loss; None if it is not.
+        Additional lag that explains the response better than a loss; None if there is none.
     later
-        Whether a further lag explains the answer a little better, so that the kind of the loss is open.
+        Whether an additional lag explains the response slightly better, so that the kind of fault is open.
     shift
-        Mean of the answer over the last three seconds that nothing explains; None where that is not known.
+        Mean of the unexplained response over the last three seconds; None if it is not known.
     left_over, lost_s
-        Effectiveness since ``since_s``, over at most 20 judged seconds, and how many those are.
+        Effectiveness since ``since_s``, over at most 20 judged seconds, and the number of these.
     """
 
     end_s: int
@@ -149,14 +149,14 @@ class Second:
 
 
 class Gain:
-    """Follows the effectiveness of one axis.
+    """Tracks the effectiveness of one axis.
 
     Parameters
     ----------
     form
         The regression of the axis.
     standards
-        Of the reference.
+        Requirements on the reference.
     """
 
     def __init__(self, form: Form, standards: Standards) -> None:
@@ -170,11 +170,11 @@ class Gain:
 
     @property
     def too_slow(self) -> bool:
-        """Whether the outputs or the rates come too seldom to tell a gain."""
+        """Whether the outputs or the rates are sampled too slowly to determine a gain."""
         return self.spacing_s > SLOWEST_STREAM_S
 
     def feed(self, rows: Rows) -> list[Second]:
-        """Take rows; return what their seconds show, from the second on at which there is a reference."""
+        """Process rows; return the results of their seconds, from the first second with a reference on."""
         first = 0
         while self.reference is None and first < rows.seconds:
             self._wait(rows.cut(first, first + 1))
@@ -196,7 +196,7 @@ class Gain:
             self._refer(Rows.join(self._waiting))
 
     def _refer(self, rows: Rows) -> None:
-        """Take the waiting rows as the reference if they are good enough."""
+        """Use the buffered rows as the reference if they meet the requirements."""
         speed = float(np.median(rows.speed[rows.flying])) if rows.flying.any() else 0.0
         self.spacing_s = _median(rows.spacing[rows.flying])
         if self.too_slow:
@@ -302,7 +302,7 @@ class Gain:
         )
 
     def _run(self, reference: Reference) -> tuple[float | None, int]:
-        """Return the effectiveness since the level left zero, and over how many seconds."""
+        """Return the effectiveness since the level left zero, and the number of seconds."""
         drive2 = sum(float(sums[0, 0]) for sums in self._recent)
         cross = sum(float(sums[0, 1]) for sums in self._recent)
         return (cross / drive2 / reference.gain if drive2 > 0 else None), len(self._recent)
@@ -327,11 +327,11 @@ class Gain:
         return k, float(error)
 
     def _informs(self, reference: Reference) -> bool:
-        """Return whether demand, not gusts, makes what the last seconds show.
+        """Return whether demand, not gusts, dominates the last seconds.
 
-        Gusts move the aircraft and, through the autopilot, the surfaces against it: where little else drives
-        them, the gain looks lower than it is. So they must be driven nearly as the reference was, and some
-        gain, with some lag, must explain most of the answer.
+        Gusts move the aircraft and, through the autopilot, the surfaces against it: without other drive, the
+        gain is underestimated. The drive must therefore be nearly that of the reference, and some gain, with
+        some lag, must explain most of the response.
         """
         drive2, cross, answer2 = np.sum(self._window, axis=0).T
         if drive2[0] < _AS_DRIVEN * reference.power * len(self._window):
@@ -341,7 +341,7 @@ class Gain:
         return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
 
     def _slower(self, reference: Reference) -> tuple[float | None, bool]:
-        """Return the further lag that explains much better than a loss what happens, and whether one may."""
+        """Return the lag that explains much more than a loss, and whether any lag explains more."""
         if len(self._recent) < _SLOW_LEAST_S:
             return None, False
         drive2, cross, answer2 = np.sum(list(self._recent), axis=0).T

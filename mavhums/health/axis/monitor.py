@@ -1,4 +1,4 @@
-"""An aircraft's axes through a flight: rows in, changes of condition out, findings at any time."""
+"""Health monitoring of an aircraft's axes through a flight, from rows to changes and findings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _STANDARDS: Final = {
 
 
 def new_gain(axis: str) -> Gain:
-    """Return what follows the effectiveness of an axis."""
+    """Return the tracker of the effectiveness of an axis."""
     forms: dict[str, Form] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
     return Gain(forms[axis], _STANDARDS[axis])
 
@@ -52,7 +52,7 @@ class _Episode:
 
 @dataclass(slots=True)
 class _Axis:
-    """What one axis is held to be."""
+    """The condition of one axis."""
 
     condition: Condition = "undecided"
     worst: Condition = "undecided"
@@ -69,18 +69,18 @@ class _Axis:
 
 @dataclass(frozen=True, slots=True)
 class AxisFindings:
-    """What a flight showed of one axis.
+    """The findings of a flight about one axis.
 
     Attributes
     ----------
     reference, best
-        By which it was judged, or else the best that was tried; None if none was.
+        The reference used, or else the best candidate; None if there is none.
     usable_s
         Seconds of forward flight in which its demand was known, until the reference.
     effectiveness
         Over the last ten judged seconds, with its 95 % interval.
     spacing_s
-        Between the samples of the outputs or the rates, where a reference was sought.
+        Time between samples of the outputs or the rates, where a reference was sought.
     """
 
     axis: str
@@ -100,15 +100,15 @@ class AxisFindings:
 class AxisMonitor:
     """Judges roll, pitch and yaw of one vehicle.
 
-    An axis is normal when thirty judged seconds have shown no loss and the last ten leave more than 60 % for
-    certain; it is so again after a fault when twenty in a row leave more than 80 %.
+    An axis is normal when thirty judged seconds show no loss and the effectiveness over the last ten is
+    certainly above 60 %; it is normal again after a fault when it exceeds 80 % for twenty in a row.
 
     Parameters
     ----------
     vehicle
         System id.
     limits
-        From where on an axis is degraded, or an emergency.
+        Limits from which an axis is degraded, or an emergency.
     """
 
     def __init__(self, vehicle: int, limits: Limits | None = None) -> None:
@@ -119,7 +119,7 @@ class AxisMonitor:
         self._skidded_s = -(1 << 30)
 
     def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
-        """Take rows; yield the effectiveness of each axis, then the changes of condition in order of time."""
+        """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
         seen = Seen(rows, seconds, self._gains)
         yield from self._indications(seconds)
@@ -150,7 +150,7 @@ class AxisMonitor:
                 )
 
     def _masked(self, one: Shown, end_s: int) -> bool:
-        """Return whether a rudder that stands hard over explains what the other axes seem to do."""
+        """Return whether a hard-over rudder explains the findings about the other axes."""
         return one.axis != "yaw" and end_s - self._skidded_s <= _MASKED_S
 
     def _take(
@@ -195,7 +195,7 @@ class AxisMonitor:
         held.full = held.full + 1 if second.value >= FULL else 0
 
     def _average(self, held: _Axis, value: float, error: float) -> None:
-        """Take a window that shares no second with the one before into the mean since the last change."""
+        """Add a window that does not overlap the previous one to the mean since the last change."""
         held.windows += 1
         step = value - held.mean
         held.mean += step / held.windows
@@ -205,13 +205,13 @@ class AxisMonitor:
         held.value = Interval(estimate=held.mean, low=held.mean - half, high=held.mean + half)
 
     def _well(self, held: _Axis) -> bool:
-        """Return whether the axis is known to answer as in the reference."""
+        """Return whether the axis is known to respond as in the reference."""
         if SEVERITY[held.condition] > SEVERITY["normal"]:
             return held.full >= FULL_S
         return held.judged >= _NORMAL_S and held.value is not None and held.value.low > 0.6
 
     def _extend(self, held: _Axis, one: Shown) -> None:
-        """Take the alarm into its episode, or begin one; of very many the middle ones are forgotten."""
+        """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
         episodes = held.episodes
         same = next((e for e in reversed(episodes[-3:]) if e.fault == one.fault), None)
         if same is not None and same.end_s >= one.end_s - 2 * _MASKED_S:
@@ -237,7 +237,7 @@ class AxisMonitor:
         )
 
     def findings(self, axis: str) -> AxisFindings:
-        """Return what was found so far of an axis."""
+        """Return the findings so far about an axis."""
         held, gain = self._axes[axis], self._gains[axis]
         suspects: dict[str, float] = {}
         for episode in held.episodes:

@@ -1,4 +1,4 @@
-"""A residual that stays beyond its limit for two seconds in a row."""
+"""Detection of a residual that exceeds its limit for two seconds in a row."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["Persistent"]
 
 
 class Persistent:
-    """Tells since when deviations lie beyond a limit."""
+    """Tracks since when deviations exceed a limit."""
 
     def __init__(self, limit: float) -> None:
         self._limit = limit
@@ -16,7 +16,7 @@ class Persistent:
         self._since_s = 0
 
     def feed(self, end_s: int, deviations: float) -> int | None:
-        """Return since which flight second, where two in a row lie beyond the limit; else None."""
+        """Return the flight second of the onset if two in a row exceed the limit; else None."""
         if not deviations > self._limit:
             self._run = 0
             return None
@@ -26,5 +26,5 @@ class Persistent:
         return self._since_s if self._run >= 2 else None
 
     def left(self, left: Left) -> int | None:
-        """Return the same of a remainder."""
+        """Return the same for a residual."""
         return self.feed(left.end_s, left.deviations)

@@ -1,4 +1,4 @@
-"""What a flight's own beginning explains, and what is left of it later: over three seconds, in deviations."""
+"""Residuals of a regression on the flight's own beginning: over three seconds, in standard deviations."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Array = NDArray[np.float64]
 
 
 class Model(Protocol):
-    """A regression whose remainder is watched.
+    """A regression whose residual is monitored.
 
     Attributes
     ----------
     kind
-        Whether the mean of the remainder counts, or its root mean square.
+        Whether the mean of the residual counts, or its root mean square.
     floor
-        Least standard deviation that the remainder is held to have: a calm reference is no promise.
+        Smallest standard deviation of the residual: a calm reference does not guarantee a calm flight.
     spreads
-        How far each coefficient may lie from zero, as a standard deviation; infinite where nothing is known.
+        Standard deviation of each coefficient about zero, as a prior; infinite if unknown.
     """
 
     kind: Literal["mean", "rms"]
@@ -38,12 +38,12 @@ class Model(Protocol):
     spreads: tuple[float, ...]
 
     def feed(self, rows: Rows) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return the regressors (n, m), the answer (n,), and where they count; the state is carried on."""
+        """Return the regressors (n, m), the response (n,), and the usable rows; the state is updated."""
         ...
 
 
 class Left(NamedTuple):
-    """The remainder over the three seconds that end at ``end_s``; NaN where it is not known."""
+    """The residual over the three seconds that end at ``end_s``; NaN if it is not known."""
 
     end_s: int
     value: float
@@ -51,7 +51,7 @@ class Left(NamedTuple):
 
 
 class Residual:
-    """Follows the remainder of one model."""
+    """Tracks the residual of one model."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -64,7 +64,7 @@ class Residual:
         self.since_s = 0
 
     def feed(self, rows: Rows) -> list[Left]:
-        """Take rows; return what is left in their seconds, once the reference is full."""
+        """Process rows; return the residuals of their seconds once the reference is complete."""
         if rows.fresh:
             self._window.clear()
         design, answer, good = self._model.feed(rows)

@@ -1,4 +1,4 @@
-"""Sums of products of the drive and the answer over each second, both without their slow parts."""
+"""Sums of products of the drive and the response over each second, both without their slow parts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Sums:
 
 
 class Scores:
-    """Takes the nuisances and the slow parts away, and sums products over each second."""
+    """Removes the nuisances and the slow parts, and sums products over each second."""
 
     def __init__(self, others: Array) -> None:
         self._others = others

@@ -1,6 +1,6 @@
-"""How well the flown attitude follows the demanded one, and the side force that coordinated flight leaves.
+"""Residual models: tracking of the demanded attitude, and the side force in coordinated flight.
 
-The shapes of the closed loops are ArduPlane's usual ones; the reference takes up what differs.
+The closed-loop responses are ArduPlane's usual ones; the reference absorbs differences.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Flags = NDArray[np.bool_]
 
 
 class RollTracking:
-    """``φ − (demanded φ through a second order of 2.5 rad/s)``, whose offset is learnt."""
+    """``φ − (demanded φ through a second order of 2.5 rad/s)``, with a learned offset."""
 
     kind: Literal["mean", "rms"] = "rms"
     floor = 0.033  # rad
@@ -37,7 +37,7 @@ class RollTracking:
         self._demand = Following(2.5)
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
-        """Return the offset's regressor, what is left of the roll, where both are known in flight."""
+        """Return the offset's regressor, the roll residual, and the mask of flight rows with both."""
         if rows.fresh:
             self._demand = Following(2.5)
         answer = rows.roll - self._demand.feed(rows.roll_demand)
@@ -70,7 +70,7 @@ class _OwnSpeed:
 class PitchTracking:
     """``θ − (demanded θ, 0.6 s later, through a second order of 4 rad/s)``, less its part in turns.
 
-    Where the nose hangs below the demand and the aircraft is slow, it stalls or has lost its engine: that is
+    If the nose is below the demand and the aircraft is slow, it stalls or has lost its engine: this is
     no evidence against the elevator.
     """
 
@@ -87,7 +87,7 @@ class PitchTracking:
         self._late = Tail(1, round(_PITCH_DELAY_S * RATE_HZ))
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
-        """Return the regressors 1 and sin² φ, what is left of the pitch, where both are known in flight."""
+        """Return the regressors 1 and sin² φ, the pitch residual, and the mask of flight rows with both."""
         if rows.fresh:
             self._begin()
         late = self._late.feed(self._demand.feed(rows.pitch_demand)[:, None])[: len(rows), 0]
@@ -100,14 +100,14 @@ class PitchTracking:
 
 
 class SideForce:
-    """The side force less its part in turns: what only a deflected rudder, or a skid, leaves."""
+    """The side force without its part in turns, as caused by a deflected rudder or a skid."""
 
     kind: Literal["mean", "rms"] = "mean"
     floor = 0.15  # m/s²
     spreads: tuple[float, ...] = (_FREE, 5.0, 5.0)
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
-        """Return the regressors 1, sin φ and the yaw rate, the side force, where all are known in flight."""
+        """Return the regressors 1, sin φ and yaw rate, the side force, and the mask of usable flight rows."""
         columns = np.column_stack([np.ones(len(rows)), np.sin(rows.roll), rows.yaw_rate])
         good = rows.flying & np.isfinite(columns).all(axis=1) & np.isfinite(rows.side_force)
         return np.nan_to_num(columns), np.nan_to_num(rows.side_force), good

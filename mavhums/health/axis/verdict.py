@@ -1,4 +1,4 @@
-"""Put an axis's findings into a verdict; where there are none, say why and what to do."""
+"""Converts an axis's findings to a verdict, or to a reason and a remedy if there are none."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PROFILE_LINE: Final = (
 
 
 def why_not_at_all(flight: Flight) -> tuple[str, str] | None:
-    """Return why no axis of a vehicle can be judged, and what to do; None if some may be.
+    """Return the reason why no axis of a vehicle can be judged, and the remedy; None if some may be.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def why_not_at_all(flight: Flight) -> tuple[str, str] | None:
 
 
 def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
-    """Return the one verdict on all axes of a vehicle of which none can be judged."""
+    """Return the single verdict on all axes of a vehicle if none can be judged."""
     return Verdict(
         subject="axis",
         vehicle=vehicle,
@@ -111,7 +111,7 @@ def _origin(surfaces: Surfaces) -> str:
 
 
 def _indicators(findings: AxisFindings) -> list[Indicator]:
-    """Return the gain itself, which flights can be compared by: per metre of flight and full deflection."""
+    """Return the gain itself, for comparison between flights: per metre of flight and full deflection."""
     reference = findings.reference
     if reference is None or findings.effectiveness is None:
         return []
