@@ -1,9 +1,10 @@
-"""What moving costs in position error, where command and angle are all that is measured.
+"""Position error in motion, for servos that measure only command and angle.
 
     V1 - V3 = e·sgn(w) + b·w + J·dw/dt + h·q·d + o
 
-A proportional controller stays behind by what friction takes; play and a warm or worn winding look alike, and
-integral action hides all of them. So a change is one of tracking, not of a cause.
+A proportional controller has a position error that grows with friction; play and a warm or worn winding
+have the same effect, and integral action hides all of them. A change is therefore reported as a change of
+tracking, without a cause.
 """
 
 from __future__ import annotations

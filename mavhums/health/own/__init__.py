@@ -1,5 +1,5 @@
-"""A servo without a data sheet, judged against its own past: friction in units of its own current.
+"""Judges a servo without a data sheet by its own earlier flights: friction in units of its own current.
 
-A flight alone gives sums (:mod:`~mavhums.health.own.record`); what they mean against the flights before is a
-pure function over stored sums (:mod:`~mavhums.health.own.judge`), which needs no log.
+A flight gives sums (:mod:`~mavhums.health.own.record`); the comparison with earlier flights is a pure
+function of stored sums (:mod:`~mavhums.health.own.judge`), which needs no log.
 """

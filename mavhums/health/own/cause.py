@@ -1,4 +1,4 @@
-"""Whether a change of the friction current is one of the torque constant, which the back-EMF tells apart."""
+"""Distinguishes a change of friction from a change of the torque constant, by the back-EMF."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _LEAST_LOSS = 0.03
 def constant_lost(
     found: Comparison, records: Sequence[OwnRecord], past: Sequence[PastRecord]
 ) -> float | None:
-    """Return the share of the torque constant that is lost if that explains the change; else None.
+    """Return the lost share of the torque constant if this loss explains the change; else None.
 
-    A weaker motor takes more current for the same friction: k_e·I_c stays as it was.
+    A weaker motor takes more current for the same friction: k_e·I_c does not change.
 
     Parameters
     ----------
     found
         A rise of the friction current.
     records, past
-        Of the flight, and of those before.
+        Records of the flight, and of the earlier flights.
     """
     own = record_of(records, NAME)
     before = [record for flight in past if flight.healthy and (record := record_of(flight.records, NAME))]

@@ -1,10 +1,10 @@
-"""What an own-scale equation is: a measured left side, linear in what the servo's motion and load explain.
+"""The interface of own-scale equations: a measured left side, linear in terms of motion and load.
 
     y = wear·sgn(w) + b·w + J·dw/dt + h·q·d + o
 
 w is the servo's speed, q the dynamic pressure, d the surface's angle, and o an offset that is free in each
-window of 10 s: it takes the trim load and what changes slowly. b, J and h belong to the individual.
-They are learned once from its own flights and then held; only ``wear`` is estimated in each flight.
+window of 10 s: it absorbs the trim load and slow changes. b, J and h are properties of the individual.
+They are learned once from its own flights and then fixed; only ``wear`` is estimated in each flight.
 
 An equation is one module of :mod:`mavhums.health.equations` named ``own_*`` with an ``EQUATION``.
 """
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 class Speed(NamedTuple):
-    """A servo's speed, rad/s of whichever shaft is measured, and from where on it counts as moving."""
+    """A servo's speed, rad/s of the measured shaft, and the threshold from which it counts as moving."""
 
     rad_s: Array
     moving_rad_s: float
@@ -40,23 +40,23 @@ class OwnEquation:
     Attributes
     ----------
     name
-        By which flights keep its sums.
+        Name under which flights store its sums.
     fault
         Name of the indicator.
     quantity, unit
-        Of the wear's coefficient.
+        Quantity and unit of the wear coefficient.
     inspect
-        What a maintainer should inspect.
+        The parts that a maintainer should inspect.
     cause
-        What may have changed, as far as the data show.
+        The possible causes of a change, as far as the data show.
     min_rate_hz
         Slower samples are no evidence.
     min_flights
-        That the baseline needs.
+        Number of flights that the baseline needs.
     left
         Returns the left side at all samples, shape (n,), NaN where it is not measured.
     speed
-        Returns the speed at all samples; None if the profile says that it cannot be had.
+        Returns the speed at all samples; None if the profile rules it out.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Learn an individual's nuisances from its own flights, and estimate its wear in a flight with them held."""
+"""Learns an individual's nuisances from its own flights, and estimates its wear with these fixed."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Nuisances:
-    """Coefficients that belong to the individual, and what is left free in each flight instead.
+    """Fixed coefficients of the individual, and the columns that are free in each flight.
 
     Attributes
     ----------
     held
-        By column of :data:`~mavhums.health.own.record.KEPT`.
+        Coefficients by column of :data:`~mavhums.health.own.record.KEPT`.
     free
-        Columns: the load's coefficient, where no airspeed tells it.
+        Free columns: the load's, if the airspeed is not known.
     """
 
     held: dict[int, float]
@@ -41,7 +41,7 @@ class Nuisances:
 
 @dataclass(frozen=True, slots=True)
 class Wear:
-    """A flight's coefficient of wear: its standard error, and the degrees of freedom of that."""
+    """A flight's wear coefficient, its standard error, and the degrees of freedom of the error."""
 
     value: float
     error: float
@@ -55,21 +55,21 @@ def grams_of(record: OwnRecord) -> tuple[Array, Array]:
 
 
 def _columns(record: OwnRecord) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return which columns are held and which are free."""
+    """Return the fixed and the free columns."""
     if record.setup.endswith("no airspeed"):
         return (_SPEED, _ACCELERATION), (_ANGLE,)
     return (_SPEED, _ACCELERATION, _LOAD), ()
 
 
 def shows(record: OwnRecord) -> bool:
-    """Return whether a flight moved enough, both ways, to show its wear."""
+    """Return whether a flight has enough motion in both directions to determine the wear."""
     information = 1 + KEPT.index("sign")
     enough = sum(row[information] for row in record.groups) >= _LEAST_INFORMATION
     return enough and len(record.groups) >= _LEAST_GROUPS
 
 
 def learned(records: Sequence[OwnRecord]) -> Nuisances | None:
-    """Return the nuisances that flights, measured alike, show together; None if they do not.
+    """Return the joint nuisances of flights with the same set-up; None if they do not determine them.
 
     Each flight has a wear of its own. It counts by the inverse variance of its residuals, for gusts disturb
     the balance.
@@ -93,7 +93,7 @@ def learned(records: Sequence[OwnRecord]) -> Nuisances | None:
 
 
 def wear(record: OwnRecord, nuisances: Nuisances | None) -> Wear | None:
-    """Return a flight's wear with the nuisances held, or free if None; None if it does not show it."""
+    """Return a flight's wear with fixed nuisances, or free ones if None; None if it is not determined."""
     counts, grams = grams_of(record)
     held, free = _columns(record)
     grams = grams.copy()

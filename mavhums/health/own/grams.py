@@ -24,7 +24,7 @@ def full(row: Array, p: int) -> Array:
 
 
 def eliminated(gram: Array, columns: Sequence[int]) -> Array:
-    """Return what is left of the columns when these explain what they can (Schur complement).
+    """Return the Gram matrix of the residuals after a regression on these columns (Schur complement).
 
     Examples
     --------

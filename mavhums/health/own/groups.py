@@ -1,4 +1,4 @@
-"""Sums of a flight in up to sixteen parts of equal length, in memory that does not grow."""
+"""Sums of a flight in up to sixteen parts of equal length, in bounded memory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Groups:
     Attributes
     ----------
     parts
-        Number of samples and sums of each part, in the order of time.
+        Number of samples and sums of each part, in time order.
 
     Examples
     --------
@@ -34,7 +34,7 @@ class Groups:
         self._of_part, self._in_part = 1, 0
 
     def add(self, count: int, sums: Array) -> None:
-        """Take one window's number of samples, and its sums."""
+        """Add one window's number of samples, and its sums."""
         if self._in_part == self._of_part:
             self._in_part = 0
             if len(self.parts) == _MOST:

@@ -1,4 +1,4 @@
-"""Identify a servo's motor from its own flights: resistance, back-EMF constant and drop, with intervals."""
+"""Identifies a servo's motor from its own flights: resistance, back-EMF constant and drop, with intervals."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ __all__ = ["Identified", "identified"]
 
 _SIZE = 4
 _LEAST_GROUPS = 4
-_MOST_ALIKE = 0.999  # correlation of the columns, beyond which they cannot be told apart
+_MOST_ALIKE = 0.999  # correlation of the columns beyond which they cannot be separated
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """What flights show of a servo's motor.
+    """The constants of a servo's motor, estimated from flights.
 
     Attributes
     ----------
     resistance
-        Of the winding and its wiring, Ω.
+        Resistance of the winding and its wiring, Ω.
     back_emf
         V·s/rad of the rotor. It is the torque constant in N·m/A where V4·V5 is the electrical power, as of a
         direct-current motor; a drive that reports amplitudes, r.m.s. or phase values has another factor.
     drop
-        Of brushes or dead time, V.
+        Voltage drop of brushes or dead time, V.
     flights
-        That they rest on.
+        Flights that were used.
     """
 
     resistance: Interval
@@ -46,15 +46,15 @@ class Identified:
 
 
 def identified(records: Sequence[OwnRecord]) -> Identified | None:
-    """Return what flights show together; None if their currents and speeds vary too little.
+    """Return the joint estimate of flights; None if their currents and speeds vary too little.
 
-    The intervals are those of the delete-one jackknife over parts of the flights, and hold what noise of the
-    current takes: the truth lies between least squares of the voltage and of the current.
+    The intervals are those of the delete-one jackknife over parts of the flights, and include the bias from
+    current noise: the true value lies between the least squares of the voltage and of the current.
 
     Parameters
     ----------
     records
-        Of the voltage equation, of one actuator; others are passed over.
+        Records of the voltage equation of one actuator; others are ignored.
     """
     own = [record for record in records if record.equation == NAME]
     rows = [row for record in own for row in record.groups]
@@ -82,7 +82,7 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
 
 
 def _attenuation(gram: Array, value: Array) -> Array:
-    """Return how far the coefficients move at most if all that is left over is noise of the current."""
+    """Return the largest bias of the coefficients, reached if the whole residual is current noise."""
     left_over = float(gram[-1, -1] - value @ gram[:-1, -1])
     most: Array = left_over / value[0] * np.linalg.inv(gram[:-1, :-1])[:, 0]
     return most

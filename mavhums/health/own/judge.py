@@ -1,4 +1,4 @@
-"""Hold a flight against the flights before: a pure function over their stored sums."""
+"""Compares a flight with the earlier flights: a pure function of their stored sums."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["Comparison", "Since", "compare"]
 
 _WINDOW_S = 10.0
 _MOST_TAIL = 0.01
-_WARMTH_K = 5.0  # of difference among the flights, from which on the slope can be told
+_WARMTH_K = 5.0  # temperature difference among the flights from which the slope can be determined
 _BEYOND_K = 3.0
 _TRAILING = 100
 _LEAST_FLIGHTS = 4
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 class Since(NamedTuple):
-    """The first flight of an unbroken row that shows a change: its number, from 1, and its date."""
+    """The first of the consecutive flights that show a change: its number, from 1, and its date."""
 
     flight: int
     date: str
@@ -40,23 +40,23 @@ class Since(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What a flight shows against the flights before.
+    """The comparison of a flight with the earlier flights.
 
     Attributes
     ----------
     condition
         ``unchanged``, ``changed``, ``learning``, or ``undecided``.
     value, baseline
-        The quantity in this flight, and what the flights before let expect of it (95 %); None where this
-        flight does not show it, and where there is no baseline yet.
+        The quantity in this flight, and its 95 % prediction from the earlier flights; None if this flight
+        does not determine it, and if there is no baseline yet.
     flights, needed
-        Flights of the baseline, or so far, and how many it takes.
+        Number of flights in the baseline, or so far, and the number that it needs.
     change
         Relative to the baseline, with its 95 % interval.
     least_rise
-        Relative rise that would have been found with 95 % probability.
+        Relative rise that would be detected with 95 % probability.
     since
-        None where this flight is the first to show the change, or none does.
+        First flight with the change; None if it is this flight, or if there is no change.
     why
         Reason of ``undecided``.
     """
@@ -75,18 +75,18 @@ class Comparison:
 def compare(
     equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS
 ) -> Comparison:
-    """Return how a flight compares with the flights before.
+    """Return the comparison of a flight with the earlier flights.
 
     Parameters
     ----------
     equation
-        Whose wear is compared.
+        Equation whose wear is compared.
     own
-        Of the flight.
+        Record of the flight.
     past
-        All flights before, in the order of time.
+        All earlier flights, in time order.
     false_alarms
-        Per 100 hours of the actuator.
+        Allowed false alarms per 100 hours of the actuator.
     """
     needed = equation.min_flights
     reference, after = compared(equation, own, past)
@@ -120,7 +120,7 @@ def compare(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Healthy:
-    """The reference flights: their population, and the temperatures that it was learned at, if they count."""
+    """The reference flights: their population, and their temperatures if these are used."""
 
     nuisances: Nuisances
     flights: Population
@@ -131,7 +131,7 @@ class _Healthy:
     @classmethod
     @lru_cache(maxsize=1024)
     def of(cls, records: tuple[OwnRecord, ...], warm: bool) -> _Healthy | None:
-        """Learn from reference flights; ``warm`` says that the flight's temperature is known."""
+        """Learn from reference flights; ``warm`` is True if the flight's temperature is known."""
         nuisances = learned(records)
         shown = [(w, r) for r in records if (w := wear(r, nuisances))]
         if nuisances is None or len(shown) < _LEAST_FLIGHTS:
@@ -162,11 +162,11 @@ class _Healthy:
         return "warmer" if record.temperature_c > warmest + _BEYOND_K else ""
 
     def mean(self, record: OwnRecord) -> float:
-        """Return what is expected of a flight."""
+        """Return the expected value of a flight."""
         return float(self._row(record) @ self.flights.coefficients)
 
     def rise(self, held: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
-        """Return the rise, what chance alone may reach, and what would have been found with 95 %."""
+        """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
         variance = self.flights.variance_at(self._row(record))
         own = held.error**2
         freedom = (variance + own) ** 2 / (variance**2 / self.flights.freedom + own**2 / held.freedom)
@@ -190,7 +190,7 @@ class _Healthy:
         return Interval(estimate=mean, low=mean - half, high=mean + half)
 
     def since(self, after: list[tuple[int, str, OwnRecord]], false_alarms: float) -> Since | None:
-        """Return the first of the latest flights in a row that show the change, too."""
+        """Return the first of the latest consecutive flights that also show the change."""
         first = None
         for number, date, record in reversed(after):
             held = wear(record, self.nuisances)

@@ -1,4 +1,4 @@
-"""The flights before, as far as one own-scale equation needs them."""
+"""The data of earlier flights that one own-scale equation needs."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _RATE_RATIO = 1.25
 
 
 class PastRecord(NamedTuple):
-    """What a flight before left of its own-scale equations.
+    """The records of the own-scale equations of an earlier flight.
 
     Attributes
     ----------
     records
-        One for each equation.
+        One record for each equation.
     date
-        Of its start, as the report writes it.
+        Date of its start, as in the report.
     healthy
-        Whether nothing was found in it, so that it may be part of a baseline.
+        Whether it has no findings and can be part of a baseline.
     """
 
     records: tuple[OwnRecord, ...]
@@ -48,7 +48,7 @@ def record_of(records: Sequence[OwnRecord], name: str) -> OwnRecord | None:
 def compared(
     equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord]
 ) -> tuple[list[tuple[int, str, OwnRecord]], list[tuple[int, str, OwnRecord]]]:
-    """Return the reference flights and those after them, that were measured like this one.
+    """Return the reference flights and the later ones, all with the same set-up as this flight.
 
     Each comes with its number among all flights, from 1, and its date.
     """

@@ -1,4 +1,4 @@
-"""What one flight leaves for the comparison with others: sums of its windows, in bounded memory."""
+"""The record of one flight for the comparison with others: sums of its windows, in bounded memory."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class OwnSums:
     Parameters
     ----------
     equation, actuator
-        Whose flight it is.
+        The equation, and the actuator of the flight.
     """
 
     def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
@@ -44,7 +44,7 @@ class OwnSums:
         self._pressure = False
 
     def feed(self, slots: Slots) -> None:
-        """Take the samples of some slots."""
+        """Process the samples of several slots."""
         told = terms(self._equation, self._actuator, slots, self._turned)
         if told is None:
             return
@@ -63,7 +63,7 @@ class OwnSums:
                 self._samples += times.size - 1
 
     def record(self) -> OwnRecord | None:
-        """Return what the flight shows so far; None if it shows nothing of this equation."""
+        """Return the record of the flight so far; None if it has no evidence for this equation."""
         groups = [*self._groups.parts]
         last = self._last()
         if last is not None:
@@ -80,7 +80,7 @@ class OwnSums:
 
     @property
     def gap(self) -> str | None:
-        """Why the flight shows nothing of this equation; None if it does, or if nothing of it is measured."""
+        """The reason for missing evidence; None if there is evidence, or if nothing is measured."""
         if not self._samples or self.record() is not None:
             return None
         needed = self._equation.min_rate_hz
@@ -94,7 +94,7 @@ class OwnSums:
         return self._samples / self._span if self._span > 0.0 else 0.0
 
     def _setup(self) -> str:
-        """Return in words how it was measured; only flights measured alike are compared."""
+        """Return the measurement set-up as text; only flights with the same set-up are compared."""
         angle = self._turned.source or "speed"
         return f"angle from {angle}, {'airspeed' if self._pressure else 'no airspeed'}"
 
@@ -106,7 +106,7 @@ class OwnSums:
         self._row[:] = 0.0
 
     def _last(self) -> tuple[int, Array] | None:
-        """Return what the open window shows, its own offset taken out."""
+        """Return the sums of the open window, without its own offset."""
         if self._row[0] < 1.0:
             return None
         gram = full(self._row, len(TERMS))

@@ -1,4 +1,4 @@
-"""The own-scale equations, the one that tells most first."""
+"""The own-scale equations, the most informative first."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ EQUATIONS: tuple[OwnEquation, ...] = (own_current.EQUATION, own_tracking.EQUATIO
 
 
 def comparable(records: Sequence[OwnRecord]) -> bool:
-    """Return whether records hold the wear of an equation, and not only what identifies the motor."""
+    """Return whether records contain the wear of an equation, and not only motor identification data."""
     names = {equation.name for equation in EQUATIONS}
     return any(record.equation in names for record in records)
 
 
 def inspected(fault: str) -> str | None:
-    """Return what to inspect for an indicator; None if no equation has it.
+    """Return the parts to inspect for an indicator; None if no equation has it.
 
     Examples
     --------

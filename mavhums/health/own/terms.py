@@ -40,8 +40,8 @@ class Terms(NamedTuple):
 class Turned:
     """The angle of a servo, measured or integrated from its speed, block after block.
 
-    The command is never the angle: its lag, times load, would pass for drag. An integrated angle has an
-    unknown zero, which a free term of the pressure takes in each window.
+    The command is not used as the angle: its lag, times load, would appear as drag. An integrated angle has
+    an unknown zero, which a free term of the pressure absorbs in each window.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A verdict held against the flights before: a pure function over what verdicts store."""
+"""Compares a verdict with the earlier flights: a pure function of the data stored in verdicts."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ _MAGNETS = "inspect the motor's magnets, which age and suffer from heat"
 
 
 def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS) -> Verdict:
-    """Return the verdict as the actuator's own flights before make it.
+    """Return the verdict after the comparison with the actuator's own earlier flights.
 
-    It stays as it is where a limit or a jam decides, and where it holds no own-scale record. A verdict that
-    was held against other flights before is judged anew.
+    It is unchanged if a limit or a jam decides, and if it has no own-scale record. A verdict that was
+    already compared with other flights is judged again.
 
     Parameters
     ----------
     verdict
-        Of a flight.
+        Verdict on a flight.
     past
-        All flights of the same actuator before it, in the order of time.
+        All earlier flights of the same actuator, in time order.
     false_alarms
-        Per 100 hours of the actuator.
+        Allowed false alarms per 100 hours of the actuator.
     """
     told_by = _deciding(verdict)
     if told_by is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
@@ -86,7 +86,7 @@ def without_own(verdict: Verdict) -> Verdict:
 
 
 def _deciding(verdict: Verdict) -> tuple[OwnEquation, OwnRecord] | None:
-    """Return the equation that tells most of this flight."""
+    """Return the most informative equation for this flight."""
     for equation in EQUATIONS:
         record = record_of(verdict.own, equation.name)
         if record is not None:

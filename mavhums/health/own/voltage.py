@@ -2,8 +2,8 @@
 
     V4 = R·V5 + k_e·w + V_d·sgn(V5) + c
 
-w is the rotor's speed. The drop of brushes or dead time has a column of its own: without it, it would pass
-for resistance.
+w is the rotor's speed. The drop of brushes or dead time has a column of its own: without it, it would appear
+as resistance.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class VoltageSums:
     Parameters
     ----------
     actuator
-        Whose flight it is.
+        The actuator of the flight.
     """
 
     def __init__(self, actuator: Actuator) -> None:
@@ -50,7 +50,7 @@ class VoltageSums:
         self._samples = 0
 
     def feed(self, slots: Slots) -> None:
-        """Take the samples of some slots."""
+        """Process the samples of several slots."""
         values, time_s = slots.values[slots.judged], slots.time_s[slots.judged]
         volts, current = np.ascontiguousarray(values[:, _V4]), values[:, _V5]
         terms = (current, values[:, _V7] * _RAD_S, np.sign(current), np.ones(len(current)))
@@ -74,7 +74,7 @@ class VoltageSums:
         return
 
     def record(self) -> OwnRecord | None:
-        """Return what the flight shows so far; None if it shows nothing of the equation."""
+        """Return the record of the flight so far; None if it has no evidence for the equation."""
         groups = [*self._groups.parts, *self._open()]
         duration_s = self._last_s - self._first_s
         if not groups or not duration_s > 0.0:
@@ -93,7 +93,7 @@ class VoltageSums:
         self._row[:] = 0.0
 
     def _open(self) -> list[tuple[int, Array]]:
-        """Return what the open window shows; its offset is its own."""
+        """Return the sums of the open window, without its own offset."""
         if self._row[0] < 1.0:
             return []
         gram = eliminated(full(self._row, _TERMS), _LEFT_OUT)

@@ -1,4 +1,4 @@
-"""In words: how a flight compares with the actuator's own flights before."""
+"""Formats the comparison of a flight with the actuator's own earlier flights as text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NO_LIMIT = "no absolute limit known"
 
 
 def told(equation: OwnEquation, found: Comparison) -> str:
-    """Return what a comparison says.
+    """Return the result of a comparison as text.
 
     Examples
     --------
@@ -36,13 +36,13 @@ def told(equation: OwnEquation, found: Comparison) -> str:
 
 
 def told_of_constant(equation: OwnEquation, found: Comparison, lost: float) -> str:
-    """Return what is said where a loss of the torque constant explains the change."""
+    """Return the text for a change that a loss of the torque constant explains."""
     rise = "" if found.change is None else f" {found.change.estimate:+.0%}"
     return f"torque constant {-lost:+.0%}; the {equation.quantity}{rise} follows from it; {_NO_LIMIT}"
 
 
 def remedy_of(equation: OwnEquation, found: Comparison) -> str | None:
-    """Return what to do about it; None if nothing."""
+    """Return the remedy; None if there is none."""
     if found.condition == "changed":
         return f"inspect {equation.inspect}"
     if found.condition == "learning":
