@@ -1,4 +1,4 @@
-"""An aircraft in closed loop: JSBSim flies it, an autopilot commands it, its surfaces can fail."""
+"""Closed-loop simulation of an aircraft: JSBSim dynamics, an autopilot, and surfaces that can fail."""
 
 from __future__ import annotations
 

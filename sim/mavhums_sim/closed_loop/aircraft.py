@@ -1,4 +1,4 @@
-"""The aircraft: the Aerosonde of Beard and McLain in JSBSim, one individual of it, in moving air.
+"""The aircraft: an individual of Beard and McLain's Aerosonde in JSBSim, in wind and turbulence.
 
 R. W. Beard, T. W. McLain, "Small Unmanned Aircraft: Theory and Practice", Princeton University Press, 2012:
 the coefficients of the airframe (appendix E, with the authors' supplement) and the model of motor and
@@ -90,7 +90,7 @@ class Air:
     Attributes
     ----------
     wind, direction_deg
-        Mean wind, m/s, and where it comes from.
+        Mean wind, m/s, and the direction from which it blows.
     turbulence
         Wind speed at 20 ft that sets JSBSim's turbulence below 300 m, m/s: 0 is smooth air, 7.7 light,
         15.4 moderate (MIL-F-8785C).
@@ -116,7 +116,7 @@ class Trim:
 
 
 class Aircraft:
-    """JSBSim with the Aerosonde in it; SI units, inputs as in the aircraft's file.
+    """JSBSim with the Aerosonde model; SI units, inputs as in the aircraft's file.
 
     Raises
     ------
@@ -141,7 +141,7 @@ class Aircraft:
         self._raw = np.empty(len(STATES))
 
     def place(self, height: float, airspeed: float, theta: float = 0.0, psi: float = 0.0) -> None:
-        """Put the aircraft at rest in rotation, wings level, nose ``theta`` above its path."""
+        """Set the aircraft's state: no rotation, wings level, nose ``theta`` above its path."""
         self.exec["ic/h-sl-ft"] = height / _FOOT
         self.exec["ic/vt-fps"] = airspeed / _FOOT
         self.exec["ic/alpha-rad"] = theta
@@ -172,7 +172,7 @@ class Aircraft:
         return self._raw
 
     def accelerations(self) -> Array:
-        """Return u̇, v̇, ẇ in m/s² and ṗ, q̇, ṙ in rad/s², as they are after :meth:`place`."""
+        """Return u̇, v̇, ẇ in m/s² and ṗ, q̇, ṙ in rad/s², in the state after :meth:`place`."""
         names = [f"accelerations/{axis}dot-ft_sec2" for axis in "uvw"]
         names += [f"accelerations/{axis}dot-rad_sec2" for axis in "pqr"]
         factors = np.array([_FOOT] * 3 + [1.0] * 3)

@@ -37,7 +37,7 @@ class Autopilot:
     roll_feed, roll_gain, roll_integral
         Aileron per rate demanded, per error of rate (s) and per its integral (1).
     pitch_feed, pitch_gain, pitch_integral
-        The same of the elevator.
+        The same for the elevator.
     rudder_mix, yaw_damper
         Rudder per aileron, and per yaw rate beyond that of the turn, s.
     bank_limit, pitch_limit, roll_rate_limit, travel
@@ -45,7 +45,7 @@ class Autopilot:
     course_gain
         Course rate per error of course, 1/s.
     speed
-        That the gains are for, m/s.
+        Reference airspeed of the gains, m/s.
     """
 
     roll_time: float = 0.5
@@ -67,7 +67,7 @@ class Autopilot:
 
     @classmethod
     def tuned(cls, seed: int, flavour: str) -> Autopilot:
-        """Return the gains that the operator of airframe ``seed`` came to.
+        """Return the gains that the operator of airframe ``seed`` chose.
 
         Within ±25 % of the defaults; time constants of the attitude 0.75…1.8 of them.
         """
@@ -93,7 +93,7 @@ class Autopilot:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def wrap(angle: float) -> float:
-    """Return the angle within ±π."""
+    """Return the angle wrapped to ±π."""
     return (angle + pi) % (2.0 * pi) - pi
 
 

@@ -1,4 +1,4 @@
-"""The EMA models in the loop: each control surface is moved by one, against its hinge moment."""
+"""The EMA models in the loop: each one moves a control surface against its hinge moment."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _STEPS = round(CONTROL_PERIOD_S / STEP_S)
 
 @dataclass(slots=True, eq=False)
 class _Ema:
-    """One actuator on its way through the flight."""
+    """One actuator during the flight."""
 
     individual: Individual
     constants: Constants
@@ -46,9 +46,9 @@ class Emas:
     Parameters
     ----------
     flight
-        What is wrong with them and how they report; its cyclogram is not flown.
+        Conditions and telemetry of the EMAs; its cyclogram is not used.
     duration_s, ground_s
-        Of the flight, and of its beginning on the launcher, where the surfaces stand.
+        Duration of the flight, and of its first part on the launcher, where the surfaces do not move.
     """
 
     def __init__(self, flight: Flight, duration_s: float, ground_s: float) -> None:
@@ -87,7 +87,7 @@ class Emas:
         pressure
             Dynamic pressure, Pa.
         streams
-            Angles at which the surfaces would stand free in the air, rad, shape (4,).
+            Angles of the surfaces if they floated freely, rad, shape (4,).
         """
         span = (self._at, self._at + _PERIODS)
         for s, ema in enumerate(self._emas):
@@ -100,7 +100,7 @@ class Emas:
         self._at = span[1]
 
     def record(self, flown: Cyclogram) -> FlightRecord:
-        """Return what each actuator did and reported over the flight."""
+        """Return the motion and the telemetry of each actuator over the flight."""
         flight = replace(self._flight, duration_s=self._at * CONTROL_PERIOD_S, cyclogram=flown)
         records = {
             surface: record_actuator(flight, index, self._motion(self._emas[index]))
@@ -109,7 +109,7 @@ class Emas:
         return FlightRecord(flight, flown, records)
 
     def commands(self) -> dict[str, Array]:
-        """Return the angles commanded so far, rad, one a control period."""
+        """Return the angles commanded so far, rad, one per control period."""
         return {
             surface: self._emas[index].course.command[: self._at] for index, surface in enumerate(SURFACES)
         }

@@ -1,6 +1,6 @@
-"""A ``.tlog`` of many messages at once: MAVLink 2 frames as one compiled pass over their payloads.
+"""Encodes many messages to a ``.tlog`` at once: MAVLink 2 frames in one compiled pass.
 
-For hours of flight; :func:`mavhums_sim.link.transmit` does the same one by one over any link.
+This serves hours of flight; :func:`mavhums_sim.link.transmit` sends messages one by one over any link.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def encode(tables: list[Table], seed: int, link: Link | None = None) -> bytes:
     Parameters
     ----------
     link
-        Its start, latency, jitter and loss are used; nothing else of it.
+        Only its start, latency, jitter and loss are used.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A flight in closed loop: the aircraft answers to its surfaces, and the autopilot to the aircraft."""
+"""A closed-loop flight: the aircraft responds to its surfaces, and the autopilot to the aircraft."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _AIR_DENSITY = 1.225
 
 @dataclass(frozen=True, slots=True)
 class Confounder:
-    """What is no surface's fault: ``kind`` of :data:`CONFOUNDERS`, its value, and when.
+    """A disturbance that is not a surface fault: ``kind`` of :data:`CONFOUNDERS`, its value, and its time.
 
     Raises
     ------
     ValueError
-        If the kind is unknown or the value no number.
+        If the kind is unknown or the value is not a number.
     """
 
     kind: str
@@ -61,28 +61,28 @@ class Confounder:
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """What is to be flown.
+    """Description of a closed-loop flight.
 
     Attributes
     ----------
     seed
-        Decides mission, turbulence, pilot and noise.
+        Seed of mission, turbulence, pilot and noise.
     airframe
         Seed of the individual: aerodynamics, servos, gains; None flies the published aircraft.
     duration_s
-        From switching on; the first ``ground_s`` of it stand on the launcher.
+        Duration from power-on; during the first ``ground_s`` the aircraft is on the launcher.
     layout, flavour, mission, air
-        Surfaces, whose messages, what is flown, and in which air.
+        Surfaces, message flavour, mission and air.
     faults, confounders
-        At most one fault a surface; times count from switching on.
+        At most one fault per surface; times count from power-on.
     emas
-        What is wrong with the EMAs that move the surfaces, and how they report; their conditions are
+        Conditions and telemetry of the EMAs that move the surfaces; the conditions are
         :class:`~mavhums_sim.conditions.Condition`. Without it the servos are of reduced order.
 
     Raises
     ------
     ValueError
-        If something is impossible; the message names it.
+        If a value is impossible; the message names it.
     """
 
     seed: int = 0
@@ -119,19 +119,19 @@ class ClosedLoop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlownLoop:
-    """A flight that was flown; its log begins at the launch.
+    """The result of a simulated flight; its log begins at the launch.
 
     Attributes
     ----------
     log
-        One row a frame of 10 ms, :data:`~mavhums_sim.closed_loop.frame.COLUMNS` and behind them the
+        One row per frame of 10 ms: :data:`~mavhums_sim.closed_loop.frame.COLUMNS`, then the
         servos' demands, the surfaces' and the shafts' angles, rad.
     errors
-        Of the autopilot's measurements, at 50 Hz.
+        Errors of the autopilot's measurements, at 50 Hz.
     end
         ``complete``, ``landed`` or ``crashed``.
     emas
-        What the EMAs did over the length flown; None for servos of reduced order.
+        Motion and telemetry of the EMAs over the flight; None for servos of reduced order.
     """
 
     flight: ClosedLoop
@@ -142,7 +142,7 @@ class FlownLoop:
 
     @property
     def time_s(self) -> Array:
-        """Times of the rows since switching on, s, shape (n,)."""
+        """Times of the rows since power-on, s, shape (n,)."""
         return self.flight.ground_s + np.arange(self.log.shape[0], dtype=np.float64) * FRAME_S
 
     @property
@@ -162,7 +162,7 @@ class FlownLoop:
 
 
 def fly_closed_loop(flight: ClosedLoop) -> FlownLoop:
-    """Fly; the same flight gives the same log.
+    """Simulate a flight; the same description gives the same log.
 
     Examples
     --------
@@ -203,7 +203,7 @@ def fly_closed_loop(flight: ClosedLoop) -> FlownLoop:
 
 
 class _Shafts:
-    """The shafts of the servos: NaN, which asks for the reduced order, or those of the EMAs."""
+    """The shafts of the servos: those of the EMAs, or NaN, which selects the reduced order."""
 
     def __init__(self, flight: ClosedLoop, servos: NDArray[np.void], log: Array) -> None:
         self._angles = np.full(servos.size, np.nan)
@@ -211,7 +211,7 @@ class _Shafts:
         self._log, self._servos = log, servos
 
     def at(self, k: int) -> Array:
-        """Return the angles in frame ``k``, rad, shape (n,), after what frame ``k − 1`` demanded."""
+        """Return the angles in frame ``k``, rad, shape (n,), after the demands of frame ``k − 1``."""
         if self._emas is not None:
             row = self._log[max(k - 1, 0)]
             demand = row[len(COLUMNS) : len(COLUMNS) + self._servos.size]
@@ -226,7 +226,7 @@ class _Shafts:
 
 
 def _as_cyclogram(emas: Emas, log: Array) -> Cyclogram:
-    """Return what was flown as a cyclogram, standing still before the launch."""
+    """Return the flight as a cyclogram, at standstill before the launch."""
     commands = emas.commands()
     count = next(iter(commands.values())).size
     time_s = (np.arange(count, dtype=np.float64) + 1.0) * CONTROL_PERIOD_S
@@ -246,7 +246,7 @@ def _pilot(flight: ClosedLoop) -> Autopilot:
 
 
 def _launched(flight: ClosedLoop) -> Aircraft:
-    """Return the aircraft as it leaves the launcher, into the wind."""
+    """Return the aircraft at launch, heading into the wind."""
     dispersion = Dispersion() if flight.airframe is None else Dispersion.draw(flight.airframe)
     aircraft = Aircraft(dispersion, flight.seed)
     speed = max(_LAUNCH_SPEED - flight.air.wind, 6.0)

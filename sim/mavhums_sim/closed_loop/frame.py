@@ -100,7 +100,7 @@ def propel(throttle: float, airspeed: float) -> tuple[float, float]:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def _next_leg(legs: Any, m: Any, t: float, x: Array) -> None:
-    """Begin the next leg when this one is over: its time, its point passed, its height reached."""
+    """Begin the next leg when this one ends: by time, by passing its point, or at its height."""
     leg = legs[m.leg]
     over = leg.lasts > 0.0 and t - m.leg_since > leg.lasts
     if leg.kind == TRACK:
@@ -118,7 +118,7 @@ def _next_leg(legs: Any, m: Any, t: float, x: Array) -> None:
 def _command(
     t: float, x: Array, error: Array, vehicle: Any, a: Any, legs: Any, stick: Array, m: Any
 ) -> float:
-    """Let the autopilot act on what it measures; return the airspeed measured."""
+    """Run the autopilot on its measurements; return the measured airspeed."""
     _next_leg(legs, m, t, x)
     ground = hypot(x[_NORTH_SPEED], x[_EAST_SPEED])
     measured = x[_AIRSPEED] + error[5]
@@ -160,17 +160,17 @@ def advance(
     raw
         :meth:`Aircraft.read`.
     shafts
-        Angles of the servos' shafts, rad, shape (n,); NaN: of reduced order.
+        Angles of the servos' shafts, rad, shape (n,); NaN for servos of reduced order.
     log
         Shape (frames, columns + 3 × surfaces), SI.
     errors, stick
         At 50 Hz: shapes (frames/2, 6) and (frames/2, 2).
     servos, faults
-        One row a surface.
+        One row per surface.
     mixing, effect
         Shapes (n, 3) and (3, n); see :class:`~mavhums_sim.closed_loop.surfaces.Layout`.
     out
-        Aileron, elevator, rudder as JSBSim takes them, thrust and torque; shape (5,).
+        Inputs of JSBSim: aileron, elevator, rudder, thrust and torque; shape (5,).
     """
     v, pilot, memory = vehicle[0], a[0], m[0]
     k = memory.frame

@@ -1,4 +1,4 @@
-"""The log of a flight in closed loop: the vehicle's messages, and the EMAs' telemetry if it carries them."""
+"""Writes the log of a closed-loop flight: the vehicle's messages, and the EMAs' telemetry if present."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["loop_messages", "write_loop"]
 
 
 def loop_messages(flown: FlownLoop, streams: Streams | None = None) -> Iterator[tuple[float, Any]]:
-    """Yield (time in s, message) of a flight in the order in which they are sent."""
+    """Yield (time in s, message) of a flight in sending order."""
     parts = [table.stream() for table in report(flown, streams)]
     if flown.emas is not None:
         parts += _ema_streams(flown.emas)
@@ -37,14 +37,14 @@ def write_loop(
     Raises
     ------
     OSError
-        If the file cannot be written; what was at ``path`` before is then still there.
+        If the file cannot be written; the previous file at ``path`` is then unchanged.
     """
     frames = transmit(loop_messages(flown, streams), link or Link(), flown.flight.seed)
     return write_frames(frames, path)
 
 
 def _ema_streams(record: FlightRecord) -> list[Stream]:
-    """Return the tiers beside SERVO_OUTPUT_RAW, the supply, and the profile's name."""
+    """Return the tiers in addition to SERVO_OUTPUT_RAW, the supply, and the profile's name."""
     flight = record.flight
     others = replace(
         record, flight=replace(flight, tiers=tuple(tier for tier in flight.tiers if tier != "pwm"))

@@ -1,4 +1,4 @@
-"""What is flown: legs drawn by the seed, from take-off to the approach."""
+"""Missions: legs drawn from the seed, from take-off to approach."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _LANDS_S = 300.0  # a shorter flight does not land
 
 @dataclass(slots=True)
 class _Plan:
-    """Legs one after the other; ``spent`` is about how long they take, s."""
+    """A sequence of legs; ``spent`` is their approximate duration, s."""
 
     rng: np.random.Generator
     rows: list[tuple[float, ...]]
@@ -101,7 +101,7 @@ def plan(seed: int, duration_s: float, mission: Mission = "mixed") -> NDArray[np
 def sticks(seed: int, count: int) -> Array:
     """Return the pilot's roll and pitch demands at 50 Hz within ±1, shape (count, 2).
 
-    He moves every 1…8 s and takes about 0.3 s to do so.
+    The pilot moves the stick every 1…8 s; a movement takes about 0.3 s.
     """
     rng = np.random.default_rng([seed, 24])
     moves = np.cumsum(rng.uniform(1.0, 8.0, 2 + count // 50))

@@ -1,4 +1,4 @@
-"""The servo outputs: pulses, and the parameters that say what each output moves."""
+"""The servo outputs: pulses, and the parameters that define the function of each output."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _CHANNELS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outputs:
-    """How the operator set up the outputs: surfaces first, then the throttle.
+    """The operator's configuration of the outputs: surfaces first, then the throttle.
 
     Attributes
     ----------
     trim, half_range
-        Pulse at rest and from there to either end, µs, shape (n,); ``half_range`` is ``travel`` rad.
+        Neutral pulse, and the range to either end, µs, shape (n,); ``half_range`` is ``travel`` rad.
     reversed_
-        Whether the pulse shrinks for a positive demand, shape (n,).
+        Whether the pulse decreases with a positive demand, shape (n,).
     """
 
     trim: Array
@@ -70,7 +70,7 @@ class Outputs:
         return np.array([-1.0 if px4 and kind == 1 else 1.0 for kind in layout.px4_types])
 
     def parameters(self, flown: FlownLoop) -> Table:
-        """Return PARAM_VALUE of the whole set-up, sent once from 2 s on."""
+        """Return the PARAM_VALUE messages of the configuration, sent once from 2 s on."""
         rows = self._px4(flown) if flown.flight.flavour == "px4" else self._ardupilot(flown)
         values = np.array([value for _, value, _ in rows], dtype="<f4")
         if flown.flight.flavour == "px4":

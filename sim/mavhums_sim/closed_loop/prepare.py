@@ -1,4 +1,4 @@
-"""What a flight needs before it is flown, drawn from its seeds: rigging, servos, faults, errors, gusts."""
+"""Draws a flight's inputs from its seeds: rigging, servos, faults, measurement errors, gusts."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def wander(rng: np.random.Generator, count: int, period_s: float, time_constant_
 
 
 def measurement_errors(seed: int, count: int) -> Array:
-    """Return the errors of what the autopilot measures, at 50 Hz, shape (count, 6)."""
+    """Return the errors of the autopilot's measurements, at 50 Hz, shape (count, 6)."""
     rng = np.random.default_rng([seed, 26])
     columns = [
         _WHITE[name] * rng.standard_normal(count) + _SLOW[name] * wander(rng, count, 2 * FRAME_S, _SLOW_S)
@@ -58,7 +58,7 @@ def servo_rows(flight: ClosedLoop) -> NDArray[np.void]:
 
 
 def fault_rows(flight: ClosedLoop) -> NDArray[np.void]:
-    """Return one row a surface; kind 0 is none."""
+    """Return the faults, one row per surface; kind 0 is none."""
     of = {fault.surface: fault.row() for fault in flight.faults}
     return np.array(
         [of.get(name, (0, 0.0, inf, inf)) for name in LAYOUTS[flight.layout].surfaces], dtype=FAULT
@@ -84,7 +84,7 @@ def vehicle_row(flight: ClosedLoop) -> NDArray[np.void]:
 
 
 class Gust:
-    """The mean wind as it changes: ``next`` is the frame at which :meth:`step` gives the next wind."""
+    """The variable mean wind: ``next`` is the frame at which :meth:`step` returns the next wind."""
 
     def __init__(self, flight: ClosedLoop) -> None:
         towards = np.radians(flight.air.direction_deg) + np.pi
@@ -99,7 +99,7 @@ class Gust:
             self.next = max(self._begin, 0)
 
     def step(self) -> tuple[float, float]:
-        """Return the wind now, m/s towards north and east, and set ``next``."""
+        """Return the current wind, m/s towards north and east, and set ``next``."""
         ramp = _GUST_S / FRAME_S
         share = min(max((self.next - self._begin) / ramp, 0.0), 1.0)
         share -= min(max((self.next - self._end) / ramp, 0.0), 1.0)

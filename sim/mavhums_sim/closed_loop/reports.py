@@ -1,4 +1,4 @@
-"""What the aircraft reports of a flight in closed loop, as ArduPlane or as PX4 does."""
+"""The messages that the aircraft sends in a closed-loop flight, as ArduPlane or PX4 does."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Streams:
 
 
 def report(flown: FlownLoop, streams: Streams | None = None) -> list[Table]:
-    """Return all messages of a flight; the first ``ground_s`` stand on the launcher.
+    """Return all messages of a flight; for the first ``ground_s`` the aircraft is on the launcher.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class _Reporter:
         return times, rng
 
     def _at(self, times: Array, name: str) -> Array:
-        """Return a column at the times, linear between frames; on the launcher it stands."""
+        """Return a column at the times, linear between frames and constant on the launcher."""
         column = self._flown.column(name)
         if name == "yaw":
             column = np.unwrap(column)

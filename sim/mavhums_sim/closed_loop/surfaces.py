@@ -1,4 +1,4 @@
-"""Control surfaces: how demands become surface angles, and how a surface fails."""
+"""Control surfaces: the conversion of demands to surface angles, and surface faults."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ FAULT = np.dtype([("kind", "i8"), ("value", "f8"), ("at", "f8"), ("until", "f8")
 SERVO = np.dtype(
     [(name, "f8") for name in ("lag", "rate", "play", "trim", "streams_with_alpha", "streams_with_beta")]
 )
-_STREAM = 0.375  # c_α/c_δ of the hinge moment: how far a free surface turns into the air
+_STREAM = 0.375  # c_α/c_δ of the hinge moment: deflection of a free surface per angle of attack
 _FLOAT_LAG_S = 0.05
 _RUNAWAY_RAD_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Which surfaces there are, and what each does.
+    """The control surfaces and their effects.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Layout:
     streams: tuple[tuple[float, float], ...]
 
     def effect(self) -> Array:
-        """Return what each surface adds to the aileron, elevator and rudder of the airframe, shape (3, n)."""
+        """Return each surface's contribution to the airframe's aileron, elevator and rudder, shape (3, n)."""
         return np.linalg.pinv(np.array(self.mixing))
 
 
@@ -114,7 +114,7 @@ class Servo:
 
 @dataclass(frozen=True, slots=True)
 class SurfaceFault:
-    """One surface fails, from ``at_s`` to ``until_s``.
+    """A fault of one surface, from ``at_s`` to ``until_s``.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class SurfaceFault:
         Name in the layout.
     kind
         ``freeze`` (value: angle in ° that it runs to; NaN stays in place), ``float`` (free linkage; no
-        value), ``gain`` (share of its effect that is left), ``slow`` (further time constant, s),
+        value), ``gain`` (remaining share of its effect), ``slow`` (additional time constant, s),
         ``slow_rate`` (°/s), ``bias`` (°), ``backlash`` (°).
 
     Raises
@@ -155,7 +155,7 @@ class SurfaceFault:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def play(position: float, target: float, half: float) -> float:
-    """Return where a linkage with play stands when its servo is at ``target``."""
+    """Return the position of a linkage with play when its servo is at ``target``."""
     return min(max(position, target - half), target + half)
 
 
@@ -174,14 +174,14 @@ def _towards(angle: float, target: float, most: float) -> float:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def fail(fault: Any, angle: float, healthy: float, stream: float, dt: float) -> float:
-    """Return the surface's angle after ``dt`` under a fault that is present.
+    """Return the surface's angle after ``dt`` with an active fault.
 
     Parameters
     ----------
     angle, healthy
-        Of the surface now, and of the surface if it had not failed, rad.
+        Current angle of the surface, and its angle without the fault, rad.
     stream
-        Angle at which the surface would stand free in the air, rad.
+        Angle of the freely floating surface, rad.
     """
     value: float = fault.value
     if fault.kind == FREEZE:

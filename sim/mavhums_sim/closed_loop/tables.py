@@ -1,4 +1,4 @@
-"""Messages as columns: when they are sent, and each field in the unit of the wire."""
+"""Messages as columns: sending times, and each field in its wire unit."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Table:
     Attributes
     ----------
     name
-        Of the message, as in MAVLink's XML.
+        Name of the message, as in MAVLink's XML.
     times
-        When each is sent, s since the log began, shape (n,).
+        Sending times, s since the log began, shape (n,).
     columns
-        Field to values, shape (n,) or (n, length) for an array; a scalar is every row's. Fields that are
+        Field to values, shape (n,) or (n, length) for an array; a scalar applies to all rows. Fields that are
         absent are 0.
     """
 
@@ -71,7 +71,7 @@ def layout(name: str) -> np.dtype[np.void]:
 
 
 def boot_us(times: Array) -> NDArray[np.int64]:
-    """Return the vehicle's clock, µs since it was switched on."""
+    """Return the vehicle's clock, µs since power-on."""
     return BOOT_US + np.rint(times * 1e6).astype(np.int64)
 
 
@@ -81,7 +81,7 @@ def boot_ms(times: Array) -> NDArray[np.int64]:
 
 
 def whole(values: Array, low: float = -32768, high: float = 32767) -> NDArray[np.int64]:
-    """Return the values as the whole numbers that a field can carry."""
+    """Return the values rounded and clipped to the integers of a field."""
     return np.clip(np.rint(values), low, high).astype(np.int64)
 
 

@@ -1,4 +1,4 @@
-"""The ground truth of a flight in closed loop."""
+"""The ground truth of a closed-loop flight."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BOOT_S = BOOT_US / 1e6
 
 
 def truth(flown: FlownLoop) -> dict[str, object]:
-    """Return what was flown and what failed as plain data; times are s since boot.
+    """Return the flight's description and its faults as plain data; times are s since boot.
 
     Examples
     --------
