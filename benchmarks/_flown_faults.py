@@ -1,4 +1,4 @@
-"""Flights with labelled faults: read the labels, judge each flight, and compare what was found with them."""
+"""Flights with labelled faults: reads the labels, judges each flight, and compares findings with labels."""
 
 from __future__ import annotations
 

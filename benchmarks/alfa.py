@@ -1,16 +1,16 @@
-"""Real flights whose surfaces failed: what is found from ordinary messages, when, and what is named.
+"""Detection of failed surfaces on real flights from ordinary messages: detection, delay and named surface.
 
     python benchmarks/alfa.py FOLDER [--airframe PROFILE]
 
 FOLDER holds flights and a ``labels.csv``: of the ALFA data set (Keipour, Mousaei, Scherer, IJRR 2021, doi
 10.1177/0278364920966642), or of flights labelled by boot time. Where the logs carry no parameters, as ALFA's,
-everything is done twice: with the outputs named by a profile, ``benchmarks/alfa.toml`` unless another is
+the evaluation runs twice: with the outputs named by a profile, ``benchmarks/alfa.toml`` unless another is
 given, and with the outputs inferred from each flight's own beginning.
 
 Frozen servo outputs, ``DISABLE_*`` parameters and STATUSTEXT are never evidence. Delays count to the end of
 the second of data that made the finding certain; 1.7 s more pass live until that second is settled.
 
-Published beside it: A. Keipour, M. Mousaei, S. Scherer, "Automatic real-time anomaly detection for autonomous
+For comparison: A. Keipour, M. Mousaei, S. Scherer, "Automatic real-time anomaly detection for autonomous
 aerial vehicles", ICRA 2019: recursive least squares on commanded and flown attitude, 2.0 s and about 86 %
 of 22 flights, in which engine failures count as anomalies to be found; here they must not be flagged.
 """

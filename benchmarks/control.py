@@ -1,10 +1,10 @@
-"""Control effectiveness on flights in closed loop: false alarms of healthy ones, and what finds which fault.
+"""Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
     python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
 bytes alone: the detectors know nothing of that model. Seeds 0 and 1 were used to choose the gates against
-gusts. ``--share`` flies every so-manieth of the faulty flights. The rate of false alarms is given with its
+gusts. ``--share S`` uses every S-th faulty flight. The rate of false alarms is given with its
 95 % upper bound (Poisson).
 """
 

@@ -1,6 +1,6 @@
-"""A fleet's speed: ``python benchmarks/fleet.py [--logs N] [--rows N]``.
+"""Speed of the fleet commands: ``python benchmarks/fleet.py [--logs N] [--rows N]``.
 
-Logs a second in a plain loop, with one worker and with two; a landing after few and after many flights; and
+Logs per second in a plain loop, with one worker and with two; a landing after few and after many flights; and
 the questions `worst` and one aircraft's verdicts, of a store with verdicts that were made, not flown.
 """
 

@@ -9,7 +9,7 @@ networks were trained on the modes marked with a star, and calibrated on all six
 modes       normal (0.225 … 0.375 N·m) and emergency (0.875 … 1.025 N·m), each flight mode by itself
 population  frictions through the whole range at 100, 50, 25 and 10 Hz: Brier score and calibration
 faults      windows between the classes, and with other faults: who abstains, and what is said
-selection   what the selected inputs, a single-mass EMA and one friction per class would do instead
+selection   results with the selected inputs, a single-mass EMA and one friction per class instead
 cost        processor time to count the votes of 6,000 samples
 """
 

@@ -1,7 +1,7 @@
-"""What a servo's own past shows without a data sheet: ``python benchmarks/own_history.py [--first 10]``.
+"""Detection from a servo's own earlier flights: ``python benchmarks/own_history.py [--first 10]``.
 
 Flights of 100 s by two-mass individuals with dispersion, five flight modes in turn. Everything was tuned on
-aircraft 0–2; the figures are of aircraft from ``--first`` on, whose seeds tuning never used.
+aircraft 0–2; the figures are for aircraft from ``--first`` on, whose seeds tuning never used.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
     python benchmarks/paper_split.py
 
 Trains on T_c = 0.225 and 1.025 N·m and tests on the other six, each a flight of 100 s at 100 Hz with
-a cyclogram of its own, sensors without noise as in the paper's model. Of several networks the one
-is taken that is best on every fourth block of five seconds, held out of the two training flights;
-the test flights choose nothing.
+a cyclogram of its own, sensors without noise as in the paper's model. Of several networks the best
+one on every fourth block of five seconds, held out of the two training flights, is used; the test
+flights do not affect the choice.
 """
 
 from __future__ import annotations

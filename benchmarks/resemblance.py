@@ -1,4 +1,4 @@
-"""Do closed-loop flights resemble real ones?
+"""Comparison of closed-loop flights with real ones.
 
     python benchmarks/resemblance.py                                  # the simulator's, 4 Hz
     python benchmarks/resemblance.py --outputs 6,2,4 --travel 400 alfa/*_no_failure.tlog

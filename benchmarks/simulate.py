@@ -1,4 +1,4 @@
-"""How fast the simulator is: ``python benchmarks/simulate.py [--quick]``.
+"""Speed of the simulator: ``python benchmarks/simulate.py [--quick]``.
 
 Simulated seconds per wall second of each model on one core, then flights of 100 s with four
 actuators as arrays and as logs, on one core and on two, and the aircraft in closed loop.

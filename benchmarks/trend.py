@@ -1,9 +1,9 @@
-"""Accuracy of the predicted flights left: ``python benchmarks/trend.py [--quick]``.
+"""Accuracy of the predicted remaining useful life in flights: ``python benchmarks/trend.py [--quick]``.
 
 Synthetic histories of one indicator: a line, a standard deviation of 0.008 N·m between flights, of normal
-or heavy tails, and measurement errors of 0.0014 to 0.0036 N·m. Counts how often flights left are told, and
-how many of the intervals told hold the truth; how many histories without growth are told any; what one odd
-flight does; and what happens where the model is wrong. Then the time to read a folder of flights.
+or heavy tails, and measurement errors of 0.0014 to 0.0036 N·m. Counts how often a prediction is reported, and
+how many of the reported intervals contain the true value; how many histories without growth get one; the
+effect of one outlier; and the effect of a wrong model. Then the time to read a folder of flights.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a worn EMA does to the aircraft: ``python benchmarks/worn.py`` (closed loop, half a minute).
+"""Effect of a worn EMA on the aircraft: ``python benchmarks/worn.py`` (closed loop, half a minute).
 
 Each fault of all four EMAs (jam and sensor bias: of the elevator) from 60 s on; way-points, turbulence 9 m/s.
 Mean over two flights; one mass, with backlash two.
