@@ -1,7 +1,7 @@
 """The interface between a log's format and the health of the aircraft: signals in SI units, by name.
 
 A format adds one module in :mod:`mavhums.vehicle.signal_readers` that converts its tables to these signals;
-no other module depends on a message, a record or a topic.
+the modules that use the signals do not depend on a message, a record or a topic.
 """
 
 from __future__ import annotations
