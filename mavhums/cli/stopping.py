@@ -1,4 +1,4 @@
-"""Decides when a command that runs until a stop request ends."""
+"""Decides when to stop a command that otherwise runs without end."""
 
 from __future__ import annotations
 
