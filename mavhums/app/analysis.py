@@ -117,7 +117,7 @@ def analyse_alone(
     *,
     progress: Callable[[int], None] | None = None,
 ) -> LoneFlight:
-    """Judge a log by itself, whatever baselines the options have; errors as of :func:`analyse`.
+    """Judge a log by itself, whatever baselines the options have; the errors are those of :func:`analyse`.
 
     :func:`mavhums.history.comparison.compared` compares the result with earlier flights.
 

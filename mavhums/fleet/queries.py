@@ -137,7 +137,7 @@ def assessments(store: str | os.PathLike[str], aircraft: str) -> list[Assessment
 
 
 def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
-    """Return the trends of an aircraft's actuators; errors as of :func:`assessments`."""
+    """Return the trends of an aircraft's actuators; the errors are those of :func:`assessments`."""
     if aircraft == UNKNOWN:
         raise MavhumsError(f"{store}: an unknown aircraft has no trend", "name aircraft with --aircraft")
     flown = [each for each in assessments(store, aircraft) if each.log.start_utc is not None]

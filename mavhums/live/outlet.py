@@ -129,7 +129,7 @@ class Spool(io.TextIOBase):
     name
         Name in messages.
     report
-        As of :class:`Outlet`.
+        The same as for :class:`Outlet`.
     """
 
     def __init__(
