@@ -1,1 +1,1 @@
-"""The use cases: each a function that a program, the command line or the page calls."""
+"""The use cases, one function each, for programs, the command line and the page."""

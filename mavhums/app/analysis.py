@@ -1,4 +1,4 @@
-"""Judge a log from disk: the engine fed from a file."""
+"""Judges a log from disk: feeds the file to the engine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mavhums.report.assessment import Assessment
 
 __all__ = ["analyse", "analyse_alone", "record"]
 
-_BLOCK = 1 << 22  # a minute or two of flight: judging a block costs little more than judging a second
+_BLOCK = 1 << 22  # one or two minutes of flight; a block costs little more than a second
 
 Consumer = Callable[[Sequence[Event]], None]
 
@@ -33,7 +33,7 @@ def analyse(
     consume: Consumer | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Assessment:
-    """Judge every actuator of a log, in memory that does not grow with it.
+    """Judge every actuator of a log, in constant memory.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def analyse(
     options
         Profile, model, history and the like; the defaults if None.
     recording
-        Where a Rerun recording is written on the way.
+        Path of the Rerun recording to write.
     position
         Whether the recording contains the aircraft's position.
     consume
@@ -93,7 +93,7 @@ def record(assessment: Assessment, path: str | os.PathLike[str], options: Option
     path
         The recording.
     options
-        Those that the assessment was made with.
+        The options of the assessment.
 
     Raises
     ------
@@ -117,9 +117,9 @@ def analyse_alone(
     *,
     progress: Callable[[int], None] | None = None,
 ) -> LoneFlight:
-    """Judge a log by itself, whatever baselines the options have; errors as of :func:`analyse`.
+    """Judge a log by itself, whatever baselines the options have; the errors are those of :func:`analyse`.
 
-    :func:`mavhums.history.comparison.compared` holds what it returns against earlier flights.
+    :func:`mavhums.history.comparison.compared` compares the result with earlier flights.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def _judge(
     consumers: Sequence[Consumer],
     progress: Callable[[int], None] | None,
 ) -> Assessment:
-    """Judge alone and then beside the past; in flight, where somebody follows the events."""
+    """Judge alone, then compare with the past; with consumers, use the past while judging."""
     if options.baselines and not consumers:
         return compared(analyse_alone(path, options, progress=progress), options.baselines, options.past)
     engine, digest = _fed(path, options, consumers, progress)
@@ -151,7 +151,7 @@ def _fed(
     consumers: Sequence[Consumer],
     progress: Callable[[int], None] | None,
 ) -> tuple[Engine, str]:
-    """Return an engine that was fed a log, and the log's hash."""
+    """Return an engine that has processed a log, and the log's hash."""
     engine = Engine(options)
     digest, size = hashlib.sha256(), 0
     for block in read_blocks(path, size=_BLOCK, dialect=options.dialect):

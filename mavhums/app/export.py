@@ -1,4 +1,4 @@
-"""Write what a log holds as tables: V1–V12 of each actuator, or messages; Parquet or CSV."""
+"""Writes tables from a log, as Parquet or CSV: V1–V12 of each actuator, or messages."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ def export_quantities(
     airframe: Airframe | str | Path | None = None,
     progress: Progress = None,
 ) -> dict[Path, int]:
-    """Write V1–V12 of every actuator of a log, in memory that does not grow with it.
+    """Write V1–V12 of every actuator of a log, in constant memory.
 
     The columns are ``vehicle``, ``actuator``, ``time`` (UTC), ``flight_time_s`` (seconds since the
-    log's first frame) and ``V1`` … ``V12``, empty where not known; units in
-    :data:`mavhums.core.quantities.QUANTITIES`. Rows of one actuator are in the order of time.
+    log's first frame) and ``V1`` … ``V12``, empty where unknown; units in
+    :data:`mavhums.core.quantities.QUANTITIES`. The rows of one actuator are in time order.
 
     Parameters
     ----------
     path
         A ``.tlog`` file.
     output
-        Ends in ``.parquet`` or ``.csv``; it appears whole or not at all.
+        Path ending in ``.parquet`` or ``.csv``; the file is written whole or not at all.
     airframe
-        A profile, its name or its path; if None, each vehicle's own, if the log names it, else none: then
-        what needs no profile is written, by servo and by ESC.
+        A profile, its name or its path. If None, each vehicle's own, if the log names it; without a profile,
+        the data that need none are written, by servo and by ESC.
     progress
         Called with the number of bytes read after each block.
 
     Returns
     -------
     dict
-        Number of rows by file written.
+        Number of rows by written file.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def export_quantities(
     ProfileError
         If the profile cannot be used, or the log comes from the standard input and names none.
     MavhumsError
-        If the log carries nothing of its actuators, or the file cannot be written.
+        If the log contains no data of its actuators, or the file cannot be written.
     MissingExtraError
         If Parquet is wanted and pyarrow is not installed.
     """
@@ -82,7 +82,7 @@ def export_quantities(
 def _write(
     path: str | os.PathLike[str], output: Path, airframe: Airframe | None, progress: Progress
 ) -> tuple[VehicleMappers, int]:
-    """Write what a profile makes of a log, and return its vehicles and the number of rows; none, no file."""
+    """Write the table of a log by a profile; return its vehicles and the number of rows; no rows, no file."""
     decoder = Decoder(messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES)
     fleet = VehicleMappers(airframe)
     with suppress(_EmptyError), written_whole(output) as temporary, writer_for(output)(temporary) as table:
@@ -100,11 +100,11 @@ def _write(
 
 
 class _EmptyError(Exception):
-    """There is nothing to write."""
+    """The table would be empty."""
 
 
 def _nameless() -> Airframe:
-    """Return a profile that claims nothing: servos by their channel, ESCs by their number, no angles."""
+    """Return a neutral profile: servos by their channel, ESCs by their number, no angles."""
     pulses = (1000, 1500, 2000)
     servos = [Actuator(name=f"servo_{n}", servo=n, pwm_us=pulses) for n in range(1, 17)]
     escs = [Actuator(name=f"esc_{k}", servo=17 + k, esc=k, pwm_us=pulses) for k in range(16)]
@@ -114,7 +114,7 @@ def _nameless() -> Airframe:
 def _nothing(
     path: str | os.PathLike[str], airframe: Airframe | None, fleet: VehicleMappers
 ) -> tuple[str, str]:
-    """Say why nothing of a log was written, and what would be."""
+    """Return why nothing of a log was written, and what could be."""
     pulses = "or write its pulses as they are: --messages SERVO_OUTPUT_RAW"
     if airframe is None and fleet.airframes == ["none"]:
         remedy = f"name a profile with --airframe, {pulses}"
@@ -133,9 +133,9 @@ def export_messages(
     *,
     progress: Progress = None,
 ) -> dict[Path, int]:
-    """Write messages of a log, in memory that does not grow with it.
+    """Write messages of a log, in constant memory.
 
-    One message goes to ``output``, several to a file each, whose name ``output`` gets the message's
+    One message type goes to ``output``. Several go to one file each, named by ``output`` with the message's
     name appended: ``flight.csv`` becomes ``flight-ATTITUDE.csv``. The columns are ``time`` (of
     reception, UTC), ``system``, ``component``, ``sequence`` and the message's fields; an array field of
     k elements becomes k columns. Rows are in the order of the log.
@@ -145,16 +145,16 @@ def export_messages(
     path
         A ``.tlog`` file.
     output
-        Ends in ``.parquet`` or ``.csv``; files appear whole or not at all.
+        Path ending in ``.parquet`` or ``.csv``; each file is written whole or not at all.
     names
-        Of the messages, as the format has them; capital letters or not does not matter.
+        Names of the messages in the format; case is ignored.
     progress
         Called with the number of bytes read after each block.
 
     Returns
     -------
     dict
-        Number of rows by file written.
+        Number of rows by written file.
 
     Raises
     ------

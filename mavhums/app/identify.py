@@ -1,4 +1,4 @@
-"""Identify the motors of servos from their own flights, and write what was found into a profile."""
+"""Identifies the motors of servos from their own flights, and writes the result into a profile."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TO_IDENTIFY = "record each servo's voltage, current and rotor speed (V4, V5, V7
 
 @dataclass(frozen=True, slots=True)
 class Motor:
-    """What was identified of one actuator's motor, and the names of the logs that it rests on."""
+    """The identified motor of one actuator, and the names of the logs used."""
 
     found: Identified
     flights: tuple[str, ...]
@@ -38,14 +38,14 @@ def identify(
     *,
     progress: Callable[[int], None] | None = None,
 ) -> dict[str, Motor]:
-    """Return what logs of one aircraft show together of each actuator's motor, by actuator.
+    """Return the motor of each actuator, identified from all logs of one aircraft, by actuator.
 
     Parameters
     ----------
     logs
-        Of flights of the same aircraft.
+        Logs of flights of the same aircraft.
     options
-        With its profile, in which the EMA's constants or limits are open.
+        The options, with a profile in which the EMA's constants or limits are open.
     progress
         Called with the number of bytes read of each log after each block.
 
@@ -71,7 +71,7 @@ def identify(
 
 
 def with_motors(profile: str, motors: Mapping[str, Motor]) -> str:
-    """Return a profile's text with what was identified; all else stays as it is written.
+    """Return a profile's text with the identified motors; all other text is unchanged.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a log holds: who speaks, how often, what was lost, and what it tells of the actuators."""
+"""The contents of a log: its senders, their rates, the losses, and the data on the actuators."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def inspect_log(
     dialect: str | os.PathLike[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Inspection:
-    """Read a log and say what it holds, what it allows to judge, and what was used of the servos.
+    """Read a log and return its contents, what it allows to judge, and the use of the servos.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def inspect_log(
     airframe
         A profile, its name or its path; if None, each vehicle's own, if the log names it.
     dialect
-        A MAVLink XML file whose definitions go before the shipped ones.
+        A MAVLink XML file whose definitions take precedence over the shipped ones.
     progress
         Called with the number of bytes read after each block.
 
@@ -128,7 +128,7 @@ def _iso(time_us: int) -> str:
 
 
 def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes: Axes) -> VehicleTelemetry:
-    """Return what is known of a vehicle of which ``sent`` is the richest tier, whosever it is."""
+    """Return the known data of a vehicle; ``sent`` is its richest tier, on any of its actuators."""
     vehicle = identity.vehicle
     airframe = mapper.airframe if mapper else None
     rows, own = [], set()
@@ -166,7 +166,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
 def _remedy(
     airframe: Airframe | None, tier: Tier | None, sent: Tier | None, identity: Identity
 ) -> str | None:
-    """Return what stands in the way of a verdict and how it is overcome; None if nothing does."""
+    """Return the obstacle to a verdict and its remedy; None if there is no obstacle."""
     if airframe is None:
         return "; ".join(obstacle(sent, packaged_airframes(), identity))
     blanks = sorted({blank for actuator in airframe.actuators for blank in actuator.blanks})

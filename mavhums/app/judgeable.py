@@ -1,4 +1,4 @@
-"""What a log allows to judge, subject by subject, in the words in which a verdict would refuse."""
+"""Lists what a log allows to judge, subject by subject, in the words of a verdict's reason."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ _UNDATED: Final = datetime(1970, 1, 1, tzinfo=UTC)
 def judgeable(
     identity: Identity, sent: Tier | None, mapper: Mapper | None, axes: VehicleAxes | None
 ) -> Iterator[Judgeable]:
-    """Yield what can be judged of a vehicle, and what not and why: its axes first, then its actuators.
+    """Yield what can and cannot be judged of a vehicle, with reasons: its axes first, then its actuators.
 
     Parameters
     ----------
     identity
-        Who it is.
+        Identity of the vehicle.
     sent
         Its richest tier of telemetry.
     mapper
-        Of its profile; None without one.
+        The mapper of its profile; None without one.
     axes
-        What followed its flight; None if it told nothing of it.
+        The axes that followed its flight; None if it reported nothing about its flight.
     """
     for verdict in _axes(identity.vehicle, axes):
         told = {verdict.condition, verdict.worst} != {"undecided"}

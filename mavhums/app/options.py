@@ -1,4 +1,4 @@
-"""The options of a judgement, as a user names them."""
+"""The options of a judgement, as the user gives them."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ History = FlightHistory | IndexedFolder
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """How a log or a link is judged: files are named, and :meth:`resolved` reads them.
+    """The options by which a log or a link is judged; :meth:`resolved` reads the named files.
 
     Attributes
     ----------
     airframe
-        A profile, its name or its path; if None, the one that the log names itself.
+        A profile, its name or its path; if None, the one that the log names.
     model
         A model or its file, or several models; if None, those that ship with mavhums.
     history
-        The aircraft's earlier flights, or their folder: they give each actuator its own baseline.
+        The aircraft's earlier flights, or their folder; they provide each actuator's own baseline.
     since
         Dates from which earlier flights count, by actuator; None stands for all others.
     false_alarms
-        False alarms that are accepted in 100 hours of an actuator.
+        Accepted number of false alarms in 100 hours of an actuator.
     dialect
         A MAVLink XML file whose definitions take precedence over the shipped ones.
     key
@@ -63,7 +63,7 @@ class Options:
     vehicle_states: bool = False
 
     def resolved(self) -> EngineOptions:
-        """Return what the engine judges by, with every named file read.
+        """Return the engine's options, with every named file read.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class Options:
         return (self.model,) if isinstance(self.model, Model) else self.model
 
     def flights(self) -> History:
-        """Return the earlier flights; without any, an empty history."""
+        """Return the earlier flights, or an empty history."""
         if isinstance(self.history, FlightHistory | IndexedFolder):
             return self.history
         return FlightHistory() if self.history is None else IndexedFolder(self.history)

@@ -1,4 +1,4 @@
-"""Judge a log and write the answer as one HTML file."""
+"""Judges a log and writes the result as one HTML file."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def write_report(
     *,
     progress: Callable[[int], None] | None = None,
 ) -> Assessment:
-    """Judge a log and write the answer as one HTML file, complete in itself, in bounded memory.
+    """Judge a log and write the result as one self-contained HTML file, in bounded memory.
 
     Parameters
     ----------
     path
         The log; ``-`` for the standard input.
     output
-        The page; it appears whole or not at all, and an older one is replaced.
+        The page; it is written whole or not at all, and replaces an older one.
     options
         Profile, model, history and the like; the defaults if None.
     progress
@@ -40,7 +40,7 @@ def write_report(
     Raises
     ------
     UnreadableLogError
-        If the log is missing or of no format that is known.
+        If the log is missing or its format is unknown.
     ProfileError, ModelError, DialectError, KeyFileError
         If the profile, the model, the XML or the key cannot be used.
     MavhumsError

@@ -1,4 +1,4 @@
-"""Compile every inner loop ahead of the first log, by judging a short flight made up for it."""
+"""Compiles every inner loop before the first log, by judging a short synthetic flight."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _START_US = 1_700_000_000_000_000
 
 
 def warm_up() -> int:
-    """Judge a made-up flight, as a log and as a link, and return how many loops had to be compiled.
+    """Judge a synthetic flight, as a log and as a link, and return the number of loops compiled.
 
-    The result is kept on disk, beside the installation or in the user's cache; NUMBA_CACHE_DIR names
+    The compiled loops are kept on disk, beside the installation or in the user's cache; NUMBA_CACHE_DIR sets
     another folder.
     """
     compiled = 0
@@ -45,7 +45,7 @@ def warm_up() -> int:
 
 
 def _frames() -> Iterator[tuple[int, bytes]]:
-    """Yield time and frame of a flight in which two actuators swing, each reported in its own way."""
+    """Yield time and frame of a flight with two oscillating actuators, each reported in its own way."""
     from pymavlink.dialects.v20 import ardupilotmega as v2
 
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)

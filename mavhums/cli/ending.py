@@ -1,4 +1,4 @@
-"""How the program ends when it is told to from outside: as an exception, so that nothing is left behind."""
+"""Ends the program on a signal with an exception, so that no unfinished file remains."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _BY_SIGNAL = 128
 
 
 def heed_signals() -> None:
-    """Let SIGTERM, and a terminal's SIGHUP, end the program in order; files half-written are removed.
+    """Make SIGTERM and a terminal's SIGHUP end the program in order, and remove unfinished files.
 
-    A signal that the caller ignores, as ``nohup`` does, stays ignored. A command that knows better, such as
-    ``live``, sets handlers of its own.
+    A signal that the caller ignores, as ``nohup`` does, stays ignored. A command with its own handlers, such
+    as ``live``, replaces these.
     """
     for name in ("SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)

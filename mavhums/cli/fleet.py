@@ -156,7 +156,7 @@ def export(store: Path, output: Path) -> None:
 
 
 class _Told:
-    """Says on standard error, at most once a second, how far a scan is."""
+    """Prints the progress of a scan on standard error, at most once a second."""
 
     def __init__(self) -> None:
         self._begun_s = self._told_s = monotonic()

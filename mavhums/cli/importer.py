@@ -1,7 +1,7 @@
-"""``rerun flight.tlog``: what the Rerun viewer runs for every file that it is to open.
+"""``rerun flight.tlog``: the importer that the Rerun viewer runs for every file it opens.
 
 The viewer calls ``rerun-importer-mavhums FILE --application-id … --recording-id …`` and reads the recording
-from its standard output. For a file that is not ours the answer must be quick: exit code 66.
+from its standard output. For any other file the importer must answer fast: exit code 66.
 """
 
 from __future__ import annotations

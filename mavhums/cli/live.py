@@ -1,4 +1,4 @@
-"""The command ``live``: the engine fed from links."""
+"""The command ``live``: feeds the engine from links."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["live"]
 
 _LOG = logging.getLogger(__name__)
-_PATIENCE_S, _RECORDING_S = 0.5, 10.0  # with what does not read, and with a recording that is finished
+_PATIENCE_S, _RECORDING_S = 0.5, 10.0  # for readers that stall, and for finishing a recording
 _LEVELS = ("debug", "info", "warning", "error")
 
 
@@ -123,14 +123,14 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
                 _LOG.warning("%s: %d dropped", out.outlet.name, out.outlet.dropped)
             told = err.finish(time.monotonic() + _PATIENCE_S / 2) and told
     if not (shown and told):
-        os._exit(assessment.exit_code)  # what hangs would hold up an orderly end
+        os._exit(assessment.exit_code)  # a hanging thread would delay an orderly end
     raise SystemExit(assessment.exit_code)
 
 
 def _follow(
     options: dict[str, Any], level: str, stop: Stop, outputs: tuple[Spool, Spool], *, as_json: bool
 ) -> tuple[Assessment, bool]:
-    """Run a session with what shows it; return its verdicts, and whether every viewer took its end."""
+    """Run a session with its displays; return its verdicts, and whether every viewer received its end."""
     from rich.console import Console
 
     from mavhums.live.setup import Options, prepare
@@ -147,7 +147,7 @@ def _follow(
         session = prepare(wanted, drawn, vehicle_states=bool(drawn))
         session.watch.outlets += [out.outlet, err.outlet, *(one.outlet for one in drawn)]
         gc.collect()
-        gc.freeze()  # what start-up made costs the collector 0.1 s in flight, and a second at the end
+        gc.freeze()  # objects from the start-up cost the collector 0.1 s in flight, and a second at the end
         stop.begun = True
         assessment = _show_until_end(
             session,
@@ -163,7 +163,7 @@ def _follow(
 
 
 def _drawn(viewer: str | None, rrd: Path | None, no_position: bool, exits: ExitStack) -> list[Detached]:
-    """Open a viewer and a recording, where they are wanted."""
+    """Open a viewer and a recording, if requested."""
     if viewer is None and rrd is None:
         return []
     from mavhums.live.detached import Detached
@@ -219,7 +219,7 @@ def _show_until_end(
 
 
 def _log(level: str, err: Spool, console: Console | None) -> None:
-    """Send messages to the standard error; past the table where one is drawn."""
+    """Send messages to standard error; above the table if one is shown."""
     handler: logging.Handler = logging.StreamHandler(err)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     if console is not None:

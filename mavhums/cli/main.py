@@ -1,4 +1,4 @@
-"""The command line. Commands import what they need when they run, so that ``--help`` is instant."""
+"""The command line. Commands import their modules when they run, so that ``--help`` is fast."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ for _command in (report, live, trend, fleet, train, precedents, study, export, m
 
 
 def main() -> None:
-    """Run the command line; errors that a user can act on are one line and a remedy."""
+    """Run the command line; an error that the user can correct is one line with a remedy."""
     heed_signals()
     announce_compiling()
     with sound_output():
@@ -226,7 +226,7 @@ def _show(assessment: Assessment, recording: Path | None, *, several: bool) -> N
 
 
 def _json(assessments: list[Assessment], failures: list[dict[str, str]], *, several: bool) -> str:
-    """Return one assessment as it is; several, or a failure, as one object."""
+    """Return one assessment as it is; return several, or a failure, as one object."""
     from mavhums.report.assessment import SCHEMA
 
     if not several and not failures:

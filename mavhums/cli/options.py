@@ -57,7 +57,7 @@ KEEP = click.option("--keep", is_flag=True, help="Put the new assessment into th
 
 
 class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
-    """``2026-03-01`` for every actuator, or ``rudder=2026-03-01`` for one."""
+    """A date such as ``2026-03-01`` for every actuator, or ``rudder=2026-03-01`` for one."""
 
     name = "date"
 

@@ -1,4 +1,4 @@
-"""What the commands print: nothing that a terminal would obey, and nothing that it cannot show."""
+"""Prints the commands' output without control characters and without unprintable characters."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _TOLD = (ExitCode.EMERGENCY, ExitCode.DEGRADED)
 
 
 def say(text: str, *, err: bool = False) -> None:
-    """Print lines; what a terminal would obey is replaced."""
+    """Print lines; replace the control characters of a terminal."""
     click.echo("\n".join(printable(line) for line in text.split("\n")), err=err)
 
 
 def say_json(text: str) -> None:
-    r"""Print JSON; characters that the output cannot carry, or a terminal would obey, become ``\uXXXX``."""
+    r"""Print JSON; unprintable and control characters become ``\uXXXX``."""
     encoding = sys.stdout.encoding or "ascii"
 
     def escaped(match: re.Match[str]) -> str:
@@ -42,7 +42,7 @@ def say_json(text: str) -> None:
 
 
 def complain(error: MavhumsError) -> None:
-    """Say on standard error what went wrong, and the remedy."""
+    """Print an error and its remedy on standard error."""
     say(f"mavhums: {error.problem}", err=True)
     if error.remedy:
         say(f"  remedy: {error.remedy}", err=True)
@@ -50,11 +50,11 @@ def complain(error: MavhumsError) -> None:
 
 @contextmanager
 def sound_output() -> Iterator[None]:
-    """Let no output end a command in a traceback.
+    """Prevent a traceback from any output error.
 
-    A character that the output cannot carry becomes a question mark. An output that cannot be written ends
-    the command with one line and exit code 1; what was found of an emergency is still told by the code. An
-    output that nobody reads any more ends it in silence.
+    A character that the output cannot encode becomes a question mark. An output that cannot be written ends
+    the command with one line and exit code 1, or with the code of an emergency or degradation if found. An
+    output that no process reads any more ends the command without a message.
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
@@ -80,7 +80,7 @@ def sound_output() -> Iterator[None]:
 
 
 def _abandon(stream: TextIO) -> None:
-    """Let what is left of a stream go nowhere, so that the interpreter does not try to write it again."""
+    """Discard the rest of a stream, so that the interpreter does not write it again."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -1,4 +1,4 @@
-"""Progress on a terminal; nothing where the output is a file or a pipe."""
+"""Shows progress on a terminal; shows nothing if the output is a file or a pipe."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["reading", "steps"]
 
 @contextmanager
 def reading(log: Path) -> Iterator[Callable[[int], None] | None]:
-    """Show how much of a log is read, on a terminal and for logs that take a while."""
+    """Show how much of a log has been read, on a terminal and for long-running logs."""
     if not sys.stderr.isatty() or not log.is_file() or log.stat().st_size < 4 << 20:
         yield None
         return
@@ -27,7 +27,7 @@ def reading(log: Path) -> Iterator[Callable[[int], None] | None]:
 
 @contextmanager
 def steps(title: str) -> Iterator[Callable[[int, int], None] | None]:
-    """Show how many steps of many are done, on a terminal."""
+    """Show the number of completed steps, on a terminal."""
     if not sys.stderr.isatty():
         yield None
         return

@@ -1,4 +1,4 @@
-"""The command ``report``: the answer as one HTML file."""
+"""The command ``report``: writes the result as one HTML file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tell an aircraft's log from other files by its first bytes, before anything heavy is imported."""
+"""Distinguishes an aircraft's log from other files by its first bytes, before any heavy import."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _SIGNATURE: Final = 13
 def is_log(head: bytes) -> bool:
     """Return whether a file that begins with ``head`` is a log that mavhums reads.
 
-    It is a MAVLink telemetry log if six frames follow one another somewhere in it, each with its time
-    stamp or all without, or if it is nothing but a few frames. A damaged beginning does not matter. An
+    It is a MAVLink telemetry log if six consecutive frames occur somewhere in it, all with a time
+    stamp or all without, or if it consists of only a few frames. A damaged start does not matter. An
     on-board log begins with its signature.
 
     Examples
@@ -37,7 +37,7 @@ def is_log(head: bytes) -> bool:
 def _chained(head: bytes, stamp: int) -> bool:
     lines: dict[
         int, tuple[int, int]
-    ] = {}  # by where the next frame must begin: frames so far, and from where
+    ] = {}  # by offset of the next frame: number of frames so far, and the first offset
     for magic in range(stamp, len(head) - 2):
         overhead = _OVERHEAD.get(head[magic])
         if overhead is None:

@@ -1,4 +1,4 @@
-"""When a command that runs until it is told to stop is told to."""
+"""Decides when to stop a command that otherwise runs without end."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ __all__ = ["Stop"]
 
 
 class Stop:
-    """Tells whether to stop: after a time, at Ctrl-C, SIGTERM or SIGHUP; a second one breaks off.
+    """Returns whether to stop: after a time, at Ctrl-C, SIGTERM or SIGHUP; a second signal aborts.
 
-    Until ``begun`` there is nothing to end in order, and a signal ends the program at once. SIGHUP is
-    left alone where the program was started to ignore it (``nohup``).
+    Until ``begun``, there is nothing to end in order, and a signal ends the program at once. SIGHUP stays
+    ignored if the program was started with it ignored (``nohup``).
 
     Parameters
     ----------
     duration
-        Seconds; None for no end.
+        Seconds; None for no limit.
     """
 
     def __init__(self, duration: float | None) -> None:

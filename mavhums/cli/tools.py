@@ -1,4 +1,4 @@
-"""The commands beside the verdict: ``export``, ``model`` and ``profile``."""
+"""The commands ``export``, ``model`` and ``profile``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command ``trend``, and what it shares with ``analyse``: the folder of flights."""
+"""The command ``trend``, and its code for folders of flights that ``analyse`` shares."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def trend(
 
 
 def _hold_known(folder: Path, history: FlightHistory, actuators: list[str], faults: Sequence[str]) -> None:
-    """Refuse names that no flight has, which are misspelt."""
+    """Refuse misspelt names: those that occur in no flight."""
     verdicts = [verdict for flight in history.flights for verdict in flight.assessment.verdicts]
     known = {verdict.actuator for verdict in verdicts}
     shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
@@ -115,7 +115,7 @@ def _write(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
 
 
 def opened_history(folder: Path) -> FlightHistory:
-    """Read a folder of flights, and say on standard error what of it could not be read."""
+    """Read a folder of flights, and print on standard error which files could not be read."""
     from mavhums.history.files import read_history
 
     with steps("reading the flights before") as progress:
@@ -125,7 +125,7 @@ def opened_history(folder: Path) -> FlightHistory:
 
 
 def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History:
-    """Open a folder of flights by its index; say on standard error what of it could not be read."""
+    """Open a folder of flights by its index; print on standard error which files could not be read."""
     from mavhums.history.flights import FlightHistory
     from mavhums.history.index import IndexedFolder
 

@@ -1,4 +1,4 @@
-"""The command ``warm-up``, and the notice that a first call compiles."""
+"""The command ``warm-up``, and the notice that the first call compiles."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def warm_up() -> None:
 
 
 def announce_compiling() -> None:
-    """Tell the user, on standard error, why a first call takes a while; on a terminal with a count."""
+    """Print on standard error why the first call takes longer; on a terminal with a count."""
     count = 0
 
     def tell() -> None:

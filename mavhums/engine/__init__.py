@@ -1,1 +1,1 @@
-"""The composition of the rooms: bytes of a flight in, events and verdicts out."""
+"""Connects the rooms: takes the bytes of a flight and returns events and verdicts."""

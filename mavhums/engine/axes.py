@@ -1,4 +1,4 @@
-"""The axes of every vehicle of a log: tables in, changes of condition out, findings at any time."""
+"""The axes of every vehicle of a log: takes tables, yields changes of condition, returns findings."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ class VehicleAxes:
     vehicle
         System id.
     start_us
-        Where flight time begins, microseconds of UTC.
+        Start of flight time, microseconds of UTC.
     surfaces
-        From a profile; None if the log is to tell them.
+        Surfaces from a profile; None if the log is to define them.
 
     Attributes
     ----------
     surfaces, flight, monitor
-        As far as known.
+        The surfaces, the flight and the monitor, as far as known.
     usage
-        Of its outputs.
+        Use of the vehicle's outputs.
     """
 
     def __init__(self, vehicle: int, start_us: int, surfaces: Surfaces | None) -> None:
@@ -68,7 +68,7 @@ class VehicleAxes:
         self._since_try = 0
 
     def tell(self, second: int, surfaces: Surfaces) -> None:
-        """Take surfaces that the log told in a flight second; they hold from three seconds later on."""
+        """Take surfaces that the log reports in a flight second; they apply from three seconds later on."""
         self._told.append((second + _TOLD_S, surfaces))
 
     def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[ConditionChanged | Indication]:
@@ -85,7 +85,7 @@ class VehicleAxes:
                 yield from self._known(_part(now, at, len(now.index)))
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
-        """Apply what was told by the first second; return the seconds until more was told, and the rest."""
+        """Apply surfaces due by the first second; return the seconds until the next change, and the rest."""
         first = int(seconds.index[0])
         while self._told and self._told[0][0] <= first:
             self._learn(self._told.pop(0)[1])
@@ -109,14 +109,14 @@ class VehicleAxes:
                 yield self._named(event) if isinstance(event, ConditionChanged) else event
 
     def _named(self, event: ConditionChanged) -> ConditionChanged:
-        """Add to what an alert says the surfaces that it may be."""
+        """Add the possible surfaces to the finding of an alert."""
         moved = self.surfaces.of_axis(event.actuator) if self.surfaces else ()
         if not moved or not event.finding:
             return event
         return replace(event, finding=f"{event.finding}, {moved[0].kind}?")
 
     def _unknown(self, second: Seconds) -> Iterator[ConditionChanged | Indication]:
-        """Follow the flight without its outputs, and try to infer them from its beginning."""
+        """Follow the flight without its outputs, and try to infer them from its first part."""
         self._waiting.append(second)
         del self._waiting[:-_KEPT_S]
         yield from self._known(second)
@@ -158,7 +158,7 @@ class Axes:
     Parameters
     ----------
     airframe
-        The profile for every vehicle; None if each tells its own outputs.
+        The profile for every vehicle; None if each vehicle reports its own outputs.
     """
 
     def __init__(self, airframe: Airframe | None = None) -> None:
@@ -169,15 +169,15 @@ class Axes:
         self._vehicles: dict[int, VehicleAxes] = {}
 
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
-        """Return the axes of a vehicle; None if it never told anything of its flight."""
+        """Return the axes of a vehicle; None if it reported nothing about its flight."""
         return self._vehicles.get(vehicle)
 
     def parameters(self, vehicle: int) -> Parameters:
-        """Return what a vehicle told of its outputs."""
+        """Return the parameters that a vehicle reported."""
         return self._sent.of(vehicle)
 
     def flown_s(self) -> float:
-        """Return how many seconds all vehicles flew forward."""
+        """Return the seconds of forward flight of all vehicles."""
         return float(sum(axes.flight.flown_s for axes in self._vehicles.values()))
 
     def feed(
@@ -190,7 +190,7 @@ class Axes:
     ) -> Iterator[ConditionChanged | Indication]:
         """Take tables; yield the changes of condition.
 
-        ``admits`` tells which vehicles are judged, and ``final`` that nothing follows.
+        ``admits`` returns whether a vehicle is judged; ``final`` marks the end of the input.
         """
         by_vehicle: dict[int, list[Signal]] = {vehicle: [] for vehicle in self._vehicles}
         for signal in self._signals.read(tables):
@@ -205,7 +205,7 @@ class Axes:
             yield from self._vehicles[vehicle].feed(signals, final=final)
 
     def announce(self, vehicle: int, time_us: int, start_us: int, airframe: Airframe) -> None:
-        """Take the profile that a vehicle named."""
+        """Apply the profile that a vehicle named."""
         surfaces = of_airframe(airframe)
         if surfaces is None or self._surfaces is not None:
             return
@@ -214,7 +214,7 @@ class Axes:
         self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces)
 
     def _hear(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
-        """Take the outputs' functions from the parameters, second by second, as they were sent."""
+        """Take the outputs' functions from the parameters, second by second, in the order of sending."""
         heartbeats = tables.get("HEARTBEAT")
         if heartbeats is not None:
             self._sent.take({"HEARTBEAT": heartbeats})

@@ -1,4 +1,4 @@
-"""How many vehicles are judged: a sender can feign any number, and each costs memory and time."""
+"""Limits the number of judged vehicles: a sender can fake any number, and each costs memory and time."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ MOST: Final = 32
 
 
 class Crowd:
-    """Admits the first vehicles of a log, in its order, whatever the blocks.
+    """Admits the first vehicles of a log, in the order of the log, whatever the block size.
 
     Parameters
     ----------
     messages
-        Names of the messages that tell of actuators; who sends none takes nobody's place.
+        Names of the messages that describe actuators; a vehicle that sends none takes no place.
     """
 
     def __init__(self, messages: Collection[str]) -> None:
@@ -29,7 +29,7 @@ class Crowd:
         self._admitted: set[int] = set()
 
     def heed(self, tables: Mapping[str, Table]) -> None:
-        """Admit those of the next messages' senders for whom there is room."""
+        """Admit the senders of the next messages, as long as there is room."""
         if len(self._admitted) == MOST:
             return
         first: dict[int, int] = {}

@@ -1,7 +1,7 @@
-"""The engine: bytes of a flight in, events out, and a verdict per actuator at any time.
+"""The engine: takes the bytes of a flight, returns events, and returns a verdict per actuator at any time.
 
-It composes the rooms log → actuator → health, for a file and for a link alike, and has no logic
-of its own. However its input is cut into blocks, the verdicts are the same.
+It connects the rooms log → actuator → health, for a file and for a link alike, and contains no logic
+of its own. The verdicts do not depend on how the input is cut into blocks.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ __all__ = ["Engine"]
 
 
 class Engine:
-    """Follows a telemetry log or link, block by block, in memory that does not grow with it.
+    """Follows a telemetry log or link, block by block, in constant memory.
 
     Parameters
     ----------
@@ -90,13 +90,13 @@ class Engine:
         self._profiles: dict[tuple[int, str], str] = {}
 
     def feed(self, block: bytes) -> list[Event]:
-        """Take the next bytes and return what they bring about."""
+        """Take the next bytes and return the events that they cause."""
         events = self._opening
         self._opening = []
         return [*events, *self._follow(self._decoder.feed(block))]
 
     def finish(self) -> list[Event]:
-        """Say that nothing follows; judge what is left."""
+        """End the input; judge the remaining data and return the events."""
         events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True), final=True)]
         for monitor in self._monitors.values():
             events.extend(monitor.finish())
@@ -105,9 +105,9 @@ class Engine:
     def assessment(
         self, path: str | None = None, sha256: str | None = None, *, indicators: bool = True
     ) -> Assessment:
-        """Return the verdicts on all that was fed so far.
+        """Return the verdicts on all data so far.
 
-        Without ``indicators``, which look at all of the flight again, it costs next to nothing.
+        Without ``indicators``, which evaluate the whole flight again, the call costs next to nothing.
         """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
@@ -143,7 +143,7 @@ class Engine:
         )
 
     def records(self) -> dict[tuple[int, str], ActuatorRecord]:
-        """Return what the flight leaves of each vehicle's actuators, if the options say ``recorded``."""
+        """Return this flight's records of each vehicle's actuators, if the option ``recorded`` is set."""
         return {key: monitor.record() for key, monitor in self._monitors.items() if self._keeps_records}
 
     def profiles(self) -> dict[tuple[int, str], str]:
@@ -158,7 +158,7 @@ class Engine:
                 yield vehicle_usage(self._identities.of(vehicle), followed, parameters, airframe)
 
     def _identity(self, vehicle: int) -> FlightIdentity:
-        """Say which flight a vehicle's was."""
+        """Return the identity of a vehicle's flight."""
         decoder = self._decoder
         known = self._recorded.of(vehicle)
         times = (known.boot_us, decoder.first_time_us, decoder.last_time_us)
@@ -166,7 +166,7 @@ class Engine:
         return FlightIdentity(vehicle=vehicle, board=known.board, boot_utc=boot, start_utc=start, end_utc=end)
 
     def flown_s(self) -> float:
-        """Return how many seconds the vehicles flew forward as fixed wings, where that is known."""
+        """Return the seconds of forward flight as fixed wings, of the vehicles for which it is known."""
         return self._axes.flown_s()
 
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
@@ -193,7 +193,7 @@ class Engine:
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
-        """Heed what vehicles say, and take the profile of each that names one."""
+        """Process the texts of vehicles, and apply the profile of each vehicle that names one."""
         for said, airframe in self._mappers.listen(tables):
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
@@ -228,14 +228,14 @@ class Engine:
         return [model for model in self._models if model.card.airframe == airframe.name]
 
     def _baselines_of(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
-        """Return what an actuator's own flights say, by fault."""
+        """Return the actuator's own baselines, by fault."""
         baselines = self._baselines
         if callable(baselines):
             baselines = baselines(airframe, self._begun())
         return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
 
     def _begun(self) -> datetime | None:
-        """Return when the flight began; None if no clock tells."""
+        """Return the start of the flight; None if no clock gives it."""
         first = self._decoder.first_time_us
         return None if first is None or self._decoder.undated else _utc(first)
 
@@ -245,7 +245,7 @@ class Engine:
         own = any(v.condition != "unmonitored" and v.actuator != ALL for v in actuators)
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
-            return actuators  # their own telemetry answers for them
+            return actuators  # their own telemetry gives the verdicts
         return [*actuators, *axes]
 
     def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:

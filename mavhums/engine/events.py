@@ -1,4 +1,4 @@
-"""What the engine reports while it reads; the same for a file and for a live link.
+"""The events that the engine reports while it reads; they are the same for a file and for a live link.
 
 Times are flight times: seconds since the log's first frame.
 """

@@ -1,4 +1,4 @@
-"""How the engine judges: one object, whoever feeds it."""
+"""The options of the engine, in one object for every caller."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ __all__ = ["EngineOptions"]
 
 @dataclass(frozen=True, slots=True)
 class EngineOptions:
-    """What the engine judges by.
+    """The options by which the engine judges.
 
     Attributes
     ----------
     airframe
-        The profile for every vehicle; if None, each vehicle is judged by the one that it names.
+        The profile for every vehicle; if None, each vehicle is judged by the profile that it names.
     models
-        Networks whose votes are shown beside the friction. An actuator gets the first that is for its
-        airframe and whose quantities its samples carry.
+        Networks whose votes are shown beside the friction. An actuator uses the first network for its
+        airframe whose quantities its samples contain.
     baselines
         Baselines from the actuators' own earlier flights, or a function that returns them for an airframe
         and a time.
@@ -36,7 +36,7 @@ class EngineOptions:
         Function that returns the actuators' earlier flights for an airframe and a time: an actuator without
         a known limit is compared with them.
     false_alarms
-        False alarms that are accepted in 100 hours of an actuator.
+        Accepted number of false alarms in 100 hours of an actuator.
     dialect
         A MAVLink XML file whose definitions take precedence over the shipped ones.
     key
@@ -44,8 +44,8 @@ class EngineOptions:
     vehicle_states
         Whether attitude, position and flight mode are reported as well, for a recording.
     recorded
-        Whether the numbers are kept by which the flight is held against earlier ones afterwards: some 60 kB
-        a minute of flight and eight actuators at most.
+        Whether to keep the numbers needed to compare the flight with earlier ones afterwards: some 60 kB
+        per minute of flight, for at most eight actuators.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The use of a vehicle's servos, with the names and ranges that a profile or the log's parameters give."""
+"""The use of a vehicle's servos, with the names and ranges from a profile or from the log's parameters."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["vehicle_usage"]
 
 
 class _Known(NamedTuple):
-    """What is known of an output: its name, who says so, and its calibrated range."""
+    """The known facts about an output: its name, the source of the name, and its calibrated range."""
 
     name: str
     by: str
@@ -34,13 +34,13 @@ def vehicle_usage(
     Parameters
     ----------
     identity
-        Who it is.
+        Identity of the vehicle.
     axes
-        What followed its flight.
+        The axes that followed its flight.
     parameters
-        Those that the log told.
+        The parameters in the log.
     airframe
-        Its profile, which goes before the parameters; None without one.
+        The vehicle's profile, which takes precedence over the parameters; None without one.
     """
     known = dict(_known(parameters, airframe, axes.surfaces))
     used = axes.usage.outputs
@@ -58,7 +58,7 @@ def vehicle_usage(
 def _known(
     parameters: Parameters, airframe: Airframe | None, surfaces: Surfaces | None
 ) -> Iterator[tuple[int, _Known]]:
-    """Yield by servo what is known; what comes later goes before."""
+    """Yield the known facts by servo; later ones take precedence."""
     if surfaces is not None and surfaces.origin == "inferred":
         yield from ((moved.servo, _Known(moved.surface, "inferred", None)) for moved in surfaces.moved)
     for output in control_surfaces(parameters):

@@ -1,4 +1,4 @@
-"""Many aircraft: their logs judged side by side into one store, and what the store tells."""
+"""Judges the logs of many aircraft into one store, and reports from the store."""
 
 from mavhums.fleet.queries import export, status, trend, verdicts, worst
 from mavhums.fleet.scan import ScanOptions, scan

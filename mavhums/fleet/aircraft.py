@@ -1,4 +1,4 @@
-"""Whose log it is: an aircraft's name out of the log's path by the operator's rule, or its board's id."""
+"""Identifies the aircraft of a log: by the operator's rule from the log's path, or by the board's id."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNKNOWN = ""
 
 
 def hold_rule(rule: str | None) -> None:
-    """Refuse a rule that cannot name an aircraft.
+    """Refuse a rule that cannot identify an aircraft.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def aircraft_of(path: str, rule: str | None) -> str:
 
 
 def board_of(assessment: Assessment) -> str:
-    """Return the only board that a log's vehicles tell, as the aircraft's name, or :data:`UNKNOWN`."""
+    """Return the id of the only board that a log reports, as the aircraft's name, or :data:`UNKNOWN`."""
     boards = {flight.board for flight in assessment.log.flight}
     board = boards.pop() if len(boards) == 1 else None
     return UNKNOWN if board is None else f"board {board}"

@@ -1,4 +1,4 @@
-"""The second pass: each aircraft's flights held against those before, in the order of time, without a log."""
+"""The second pass: compares each aircraft's flights with its earlier ones, in time order, without a log."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ __all__ = ["hold_against_past", "in_order", "rows_of"]
 
 
 def hold_against_past(store: Store, aircraft: str) -> None:
-    """Judge all flights of an aircraft beside its past, and commit the verdicts."""
+    """Judge all flights of an aircraft by its past, and commit the verdicts."""
     flights = (unpacked(data) for data in _stored(store, aircraft))
     held = (flight.assessment for flight in flights) if aircraft == UNKNOWN else in_order(flights)
     store.replace_verdicts(aircraft, [row for assessment in held for row in rows_of(aircraft, assessment)])
 
 
 def in_order(flights: Iterable[LoneFlight]) -> Iterator[Assessment]:
-    """Yield the assessments of one aircraft's flights, given in the order of time, beside their past."""
+    """Yield the assessments of one aircraft's flights, given in time order, compared with their past."""
     known = _Known()
     for flight in flights:
         assessment = compared(flight, known.baselines, known.past)
@@ -37,7 +37,7 @@ def in_order(flights: Iterable[LoneFlight]) -> Iterator[Assessment]:
 
 
 class _Known:
-    """The flights so far: those that can still be references, and the own-scale past of all."""
+    """The flights so far: those that can still be references, and the own-scale data of all."""
 
     def __init__(self) -> None:
         self._references: list[PastFlight] = []
@@ -65,7 +65,7 @@ class _Known:
 
 
 def _slim(assessment: Assessment) -> Assessment:
-    """Return an assessment with what the own-scale past reads of it."""
+    """Return an assessment with only the data that the own-scale equations need from it."""
     nothing: dict[str, object] = {"evidence": (), "indicators": (), "provenance": {}}
     slim = tuple(verdict.model_copy(update=nothing) for verdict in assessment.verdicts)
     return assessment.model_copy(update={"verdicts": slim})
@@ -102,7 +102,7 @@ def _shown(assessment: Assessment) -> Iterator[tuple[object, ...]]:
 
 
 def _stored(store: Store, aircraft: str) -> Iterator[bytes]:
-    """Yield an aircraft's flights in the order of time, each log once, as judged last."""
+    """Yield an aircraft's flights in time order: each log once, in its latest judgement."""
     rows = store.query(
         "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND flight IS NOT NULL"
         " GROUP BY sha256 ORDER BY min(start_us), min(path)",

@@ -1,4 +1,4 @@
-"""What a fleet's store tells."""
+"""Queries on a fleet's store."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ORDER BY urgency DESC, friction_nm DESC NULLS LAST, aircraft, path, vehicle, act
 
 
 class Status(NamedTuple):
-    """What a store holds: logs judged, logs of no known aircraft among them, and failures by reason."""
+    """The contents of a store: judged logs, logs without a known aircraft, and failures by reason."""
 
     judged: int
     aircraft: int
@@ -41,7 +41,7 @@ class Status(NamedTuple):
 
 
 class Worst(NamedTuple):
-    """An actuator in its aircraft's last flight. ``aircraft`` is empty where it is not known."""
+    """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown."""
 
     aircraft: str
     path: str
@@ -50,12 +50,12 @@ class Worst(NamedTuple):
 
 
 def status(store: str | os.PathLike[str]) -> Status:
-    """Return what a store holds.
+    """Return the contents of a store.
 
     Raises
     ------
     MavhumsError
-        If there is no store.
+        If the store does not exist.
     """
     kept = Store(store).opened()
     judged, aircraft, unknown = kept.query(
@@ -77,12 +77,12 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
     store
         Folder of the store.
     most
-        How many; all if None.
+        Maximum number of actuators; None for all.
 
     Raises
     ------
     MavhumsError
-        If there is no store.
+        If the store does not exist.
     """
     rows = Store(store).opened().query(_LATEST + (f" LIMIT {most:d}" if most is not None else "")).fetchall()
     return [
@@ -92,7 +92,7 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
 
 
 def exit_code(store: str | os.PathLike[str]) -> ExitCode:
-    """Return the exit code of ``fleet worst``, as of ``analyse`` on the last flights and the failures."""
+    """Return the exit code of ``fleet worst``: that of ``analyse`` for the last flights and the failures."""
     rows = Store(store).opened().query(f"SELECT condition, worst FROM ({_LATEST})").fetchall()
     code = exit_code_of(max(condition, worst, key=URGENCY.__getitem__) for condition, worst in rows)
     if code not in (ExitCode.EMERGENCY, ExitCode.DEGRADED) and status(store).failures:
@@ -101,7 +101,7 @@ def exit_code(store: str | os.PathLike[str]) -> ExitCode:
 
 
 def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Verdict]]:
-    """Return an aircraft's verdicts beside its past, each with its log, in the order of time."""
+    """Return an aircraft's verdicts with its past, each with its log, in time order."""
     rows = (
         Store(store)
         .opened()
@@ -112,12 +112,12 @@ def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Ve
 
 
 def assessments(store: str | os.PathLike[str], aircraft: str) -> list[Assessment]:
-    """Return an aircraft's assessments beside its past, in the order of time.
+    """Return an aircraft's assessments with its past, in time order.
 
     Raises
     ------
     MavhumsError
-        If there is no store, or no such aircraft in it.
+        If the store does not exist, or does not contain the aircraft.
     """
     kept = Store(store).opened()
     held: dict[str, list[Verdict]] = defaultdict(list)
@@ -137,7 +137,7 @@ def assessments(store: str | os.PathLike[str], aircraft: str) -> list[Assessment
 
 
 def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
-    """Return the trends of an aircraft's actuators; errors as of :func:`assessments`."""
+    """Return the trends of an aircraft's actuators; the errors are those of :func:`assessments`."""
     if aircraft == UNKNOWN:
         raise MavhumsError(f"{store}: an unknown aircraft has no trend", "name aircraft with --aircraft")
     flown = [each for each in assessments(store, aircraft) if each.log.start_utc is not None]
@@ -145,12 +145,12 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
 
 
 def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> pd.DataFrame:
-    """Return a row per verdict, and write them to a table that ends in .csv or .parquet if one is named.
+    """Return one row per verdict; also write them to a .csv or .parquet table if one is named.
 
     Raises
     ------
     MavhumsError
-        If there is no store, or the table cannot be written.
+        If the store does not exist, or the table cannot be written.
     """
     from mavhums.core.files import written_whole
     from mavhums.core.table_writers import writer_for

@@ -1,4 +1,4 @@
-"""A log as a row of the store: judged alone, or why it could not be."""
+"""A log as a row of the store: judged alone, or with the reason why it could not be judged."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["LogFile", "Row", "crashed", "judge", "judge_several", "settings_of"]
 
 
 class LogFile(NamedTuple):
-    """A log as it lies on disk; ``time_ns`` is when it was written."""
+    """A log on disk; ``time_ns`` is its time of modification."""
 
     path: str
     size: int
@@ -29,11 +29,11 @@ class LogFile(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What the store keeps of a log.
+    """The data of a log in the store.
 
-    ``settings`` is the hash of all that a judgement depends on beside the log. ``start_us`` is UTC, None for
-    a log without a date. ``flight`` holds the flight judged alone; it is None where ``problem`` and
-    ``remedy`` say why it could not be judged.
+    ``settings`` is the hash of everything besides the log that a judgement depends on. ``start_us`` is UTC,
+    None for a log without a date. ``flight`` contains the flight judged alone; it is None if ``problem`` and
+    ``remedy`` state why it could not be judged.
     """
 
     path: str
@@ -51,7 +51,7 @@ class Row(NamedTuple):
 
 
 def settings_of(options: Options) -> str:
-    """Return the hash of what a judgement depends on beside the log."""
+    """Return the hash of everything besides the log that a judgement depends on."""
     resolved = options.resolved()
     told = {
         "version": __version__,
@@ -65,12 +65,12 @@ def settings_of(options: Options) -> str:
 
 
 def judge_several(files: tuple[LogFile, ...], options: Options, settings: str, rule: str | None) -> list[Row]:
-    """Judge logs one after the other."""
+    """Judge logs one by one."""
     return [judge(file, options, settings, rule) for file in files]
 
 
 def judge(file: LogFile, options: Options, settings: str, rule: str | None) -> Row:
-    """Judge a log alone; what cannot be judged says why."""
+    """Judge a log alone; a log that cannot be judged gives a row with the reason."""
     aircraft = aircraft_of(file.path, rule)
     try:
         flight = analyse_alone(file.path, _resolved(options))
@@ -100,7 +100,7 @@ def judge(file: LogFile, options: Options, settings: str, rule: str | None) -> R
 
 
 def crashed(file: LogFile, settings: str, rule: str | None) -> Row:
-    """Return the row of a log that no worker survived."""
+    """Return the row of a log on which every worker died."""
     remedy = "judge it alone to see why: mavhums analyse LOG"
     problem = f"{file.path}: crashed the worker that judged it"
     return _failed(file, settings, aircraft_of(file.path, rule), problem, remedy)

@@ -1,4 +1,4 @@
-"""Scan logs into a fleet's store: workers judge, this process alone commits."""
+"""Scans logs into a fleet's store: workers judge, and only this process commits."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanOptions:
-    """How a fleet is scanned.
+    """The options of a scan.
 
     Attributes
     ----------
     judging
-        As for one log; a history is left aside, for the store is the history.
+        Options for each log; a history is ignored, because the store is the history.
     aircraft
-        Whose log it is: ``folder`` for the name of its folder, or a regular expression with a group
-        ``aircraft``. Where it tells nothing, the board's id in the log does; a log without one is held
-        against no other.
+        Rule for the aircraft's name: ``folder`` for the name of the log's folder, or a regular expression
+        with a group ``aircraft``. If the rule gives no name, the board's id in the log is used; a log without
+        an id is compared with no other.
     workers
         Processes on this machine.
     scheduler
         Address of a Dask scheduler whose workers judge instead, such as ``tcp://10.0.0.1:8786``. They must
-        see logs and profiles under the same paths.
+        have logs and profiles under the same paths.
     """
 
     judging: Options = field(default_factory=Options)
@@ -59,7 +59,7 @@ class ScanOptions:
 
 
 class Scanned(NamedTuple):
-    """What a scan did: logs that it judged, that it could not judge, and that were known before."""
+    """The result of a scan: the number of logs judged, of logs that failed, and of logs known before."""
 
     judged: int
     failed: int
@@ -73,9 +73,9 @@ def scan(
     *,
     progress: Progress | None = None,
 ) -> Scanned:
-    """Judge the logs that a store does not have yet, and hold their aircraft against the past.
+    """Judge the logs that are not in a store yet, and compare their aircraft with the past.
 
-    A log is known by its path, size and time, and by all that its judgement depends on. What was judged is
+    A log is identified by its path, size and time, and by everything its judgement depends on. Results are
     committed every 500 logs or 30 s, and at an interruption; the same call resumes.
 
     Parameters
@@ -85,15 +85,15 @@ def scan(
     store
         Folder of the store.
     options
-        How; the defaults if None.
+        Options of the scan; the defaults if None.
     progress
-        Called with the number of logs done and how many there are.
+        Called with the number of finished logs and the total.
 
     Raises
     ------
     MavhumsError
-        If there are no such logs, the store cannot be written, another scan writes into it, or there is no
-        such scheduler.
+        If there are no such logs, the store cannot be written, another scan writes into it, or the scheduler
+        does not exist.
     MissingExtraError
         If the packages of the extra ``fleet`` are not installed.
 
@@ -126,12 +126,12 @@ def scan(
 
 
 def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
-    """Return the logs that sources name, each once, by path.
+    """Return the logs that the sources name, each once, by path.
 
     Raises
     ------
     MavhumsError
-        If a source names nothing.
+        If a source matches nothing.
     """
     paths: set[Path] = set()
     for source in (os.fspath(each) for each in sources):
@@ -152,13 +152,13 @@ def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
 def _file(path: Path) -> LogFile:
     try:
         status = path.stat()
-    except OSError:  # a dangling link: the worker says what is wrong with it
+    except OSError:  # a dangling link: the worker reports the error
         return LogFile(str(path), -1, 0)
     return LogFile(str(path), status.st_size, status.st_mtime_ns)
 
 
 class _Commits:
-    """Collects rows and commits them in blocks; at the end, the verdicts of the aircraft that they are of."""
+    """Collects rows and commits them in blocks; at the end, commits the verdicts of their aircraft."""
 
     def __init__(self, store: Store) -> None:
         self.judged = self.failed = 0
@@ -215,8 +215,8 @@ def _cluster(options: ScanOptions) -> Iterator[Client]:
 def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str) -> Iterator[Row]:
     """Yield the row of each log as it is judged.
 
-    A dying worker takes the batches that wait for it along. So the logs of a batch that no worker survives
-    are tried at the end, one at a time: the log over which a worker dies then is the one that kills.
+    A worker that dies loses its waiting batches. So the logs of a batch that no worker completes are tried
+    again at the end, one at a time: a log on which a worker then dies is the cause.
     """
     from distributed import as_completed, wait
 

@@ -1,6 +1,6 @@
-"""The store: a folder with two Delta tables, of the logs judged alone and of the verdicts beside the past.
+"""The store: a folder with two Delta tables, for logs judged alone and for verdicts compared with the past.
 
-Only the process that scans writes, under a lock; each commit is whole or not at all.
+Only the scanning process writes, under a lock; each commit is written whole or not at all.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Store:
     Parameters
     ----------
     folder
-        Made with the first commit.
+        The folder; the first commit creates it.
 
     Raises
     ------
@@ -49,7 +49,7 @@ class Store:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other scans out.
+        """Lock the store against other scans.
 
         Raises
         ------
@@ -74,16 +74,16 @@ class Store:
             lock.release()
 
     def has(self, table: str) -> bool:
-        """Return whether a table was begun."""
+        """Return whether a table exists."""
         return (self.folder / table / "_delta_log").is_dir()
 
     def query(self, sql: str, *values: object) -> Any:
-        """Return DuckDB's answer; ``logs`` and ``verdicts`` name the tables.
+        """Return DuckDB's result; ``logs`` and ``verdicts`` name the tables.
 
         Raises
         ------
         MavhumsError
-            If there is no store, or it is damaged.
+            If the store does not exist, or is damaged.
         """
         import duckdb
         from deltalake import DeltaTable
@@ -106,12 +106,12 @@ class Store:
             raise MavhumsError(problem, "restore it from a backup, or scan into a new folder") from error
 
     def opened(self) -> Store:
-        """Return the store, if there is one.
+        """Return the store.
 
         Raises
         ------
         MavhumsError
-            If there is none.
+            If the store does not exist.
         """
         if not self.has(LOGS):
             remedy = "fill it: mavhums fleet scan LOGS --to STORE"
@@ -119,12 +119,12 @@ class Store:
         return self
 
     def add_logs(self, rows: Sequence[Row]) -> None:
-        """Commit logs, in one go."""
+        """Commit logs, in one transaction."""
         now = time.time_ns()
         self._write(LOGS, [row._asdict() | {"scanned": now + k} for k, row in enumerate(rows)], mode="append")
 
     def replace_verdicts(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
-        """Commit the verdicts of an aircraft in place of those that it had, in one go."""
+        """Replace the verdicts of an aircraft, in one transaction."""
         if self.has(VERDICTS):
             predicate = f"aircraft = '{aircraft.replace(chr(39), chr(39) * 2)}'"
             self._write(VERDICTS, rows, mode="overwrite", predicate=predicate)
@@ -132,12 +132,12 @@ class Store:
             self._write(VERDICTS, rows, mode="append")
 
     def known(self) -> dict[LogFile, str]:
-        """Return the logs that were scanned, each with the settings it was judged by last."""
+        """Return the scanned logs, each with the settings of its latest judgement."""
         rows = self.query("SELECT path, size, time_ns, settings FROM logs ORDER BY scanned").fetchall()
         return {LogFile(*file): settings for *file, settings in rows}
 
     def waiting(self) -> set[str]:
-        """Return the aircraft with logs that are in no verdict yet, as after an interruption."""
+        """Return the aircraft that have logs without a verdict, as after an interruption."""
         rows = self.query(
             "SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL AND sha256 NOT IN"
             " (SELECT sha256 FROM verdicts)"
@@ -145,7 +145,7 @@ class Store:
         return {aircraft for (aircraft,) in rows}
 
     def compact(self) -> None:
-        """Put small files together, and remove what no version of the last week needs."""
+        """Compact small files, and remove files that no version of the last week needs."""
         from deltalake import DeltaTable
 
         for name in (LOGS, VERDICTS):

@@ -1,4 +1,4 @@
-"""A flight judged alone, and the same flight held against the aircraft's earlier ones."""
+"""Judges a flight alone, and compares it with the aircraft's earlier flights."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class LoneFlight(NamedTuple):
     Attributes
     ----------
     assessment
-        Without any baseline.
+        The assessment without any baseline.
     records
-        By vehicle and actuator.
+        Records of the actuators, by vehicle and actuator.
     profiles
-        Name of the profile by which each was judged.
+        Name of the profile by which each actuator was judged.
     """
 
     assessment: Assessment
@@ -44,16 +44,16 @@ class LoneFlight(NamedTuple):
 
 
 def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | None = None) -> Assessment:
-    """Return the assessment of a flight as held against the actuators' own flights before.
+    """Return the assessment of a flight, compared with the actuators' own earlier flights.
 
     Parameters
     ----------
     flight
-        Judged alone.
+        The flight, judged alone.
     baselines
-        Of the flights before, or a function that returns them for an airframe and a time.
+        Baselines from the earlier flights, or a function that returns them for an airframe and a time.
     past
-        Function that returns the flights before for an airframe and a time; None for none.
+        Function that returns the earlier flights for an airframe and a time; None for none.
     """
     log = flight.assessment.log
     start = None if log.start_utc is None else datetime.fromisoformat(log.start_utc)
@@ -79,7 +79,7 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
 
 
 def packed(flight: LoneFlight) -> bytes:
-    """Return a flight as bytes that :func:`unpacked` takes; numbers come back exactly.
+    """Return a flight as bytes that :func:`unpacked` reads; the numbers are preserved exactly.
 
     Examples
     --------
@@ -97,12 +97,12 @@ def packed(flight: LoneFlight) -> bytes:
 
 
 def unpacked(data: bytes) -> LoneFlight:
-    """Return a flight from what :func:`packed` returned.
+    """Return the flight in the bytes that :func:`packed` returned.
 
     Raises
     ------
     MavhumsError
-        If the bytes are damaged, or another version's.
+        If the bytes are damaged, or from another version.
     """
     try:
         inflate = zlib.decompressobj()

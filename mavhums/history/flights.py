@@ -138,7 +138,7 @@ class FlightHistory:
     def past(
         self, airframe: str | None, before: datetime | None, since: Since | None = None
     ) -> dict[tuple[int, str], list[PastRecord]]:
-        """Return what the flights before left of own-scale equations, by vehicle and actuator.
+        """Return the data of earlier flights for own-scale equations, by vehicle and actuator.
 
         The parameters are those of :meth:`baselines`.
         """
@@ -168,7 +168,7 @@ def _judged_by(flight: PastFlight, airframe: str | None) -> bool:
 
 
 def is_healthy(verdict: Verdict) -> bool:
-    """Return whether a flight may be a reference of the actuator: found sound, and nothing suspected."""
+    """Return whether a flight may be a reference of the actuator: normal, and without a suspected fault."""
     found_sound = verdict.condition == verdict.worst and verdict.condition in _SOUND
     return found_sound and not verdict.suspects
 

@@ -1,8 +1,8 @@
-"""A folder of flights with an index in it: a landing costs the same after ten flights and ten thousand.
+"""A folder of flights with an index: the cost of one more flight does not depend on the number of flights.
 
-The index says which flights are references of which indicator; only their files are read, and the baselines
-come out of :class:`FlightHistory` as from the whole folder. It is a cache: it follows the files' times and
-sizes, and where it is lost, damaged or of another version it is made anew.
+The index lists the reference flights of each indicator. Only their files are read, and :class:`FlightHistory`
+computes the same baselines from them as from the whole folder. The index is a cache: it follows the files'
+times and sizes, and is rebuilt if it is missing, damaged or of another version.
 """
 
 from __future__ import annotations
@@ -60,19 +60,19 @@ class _File(NamedTuple):
 
 
 class IndexedFolder:
-    """The flights in a folder of assessments, of which only those are read that a baseline needs.
+    """The flights in a folder of assessments; only the files that a baseline needs are read.
 
     Parameters
     ----------
     folder
-        As for :func:`mavhums.history.files.read_history`.
+        The same as for :func:`mavhums.history.files.read_history`.
     progress
-        Called with the number of new or changed files read, and how many there are.
+        Called with the number of new or changed files read, and the total.
 
     Raises
     ------
     MavhumsError
-        If there is no such folder.
+        If the folder does not exist.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class IndexedFolder:
         try:
             self._base = _opened(self._folder / INDEX)
             self._follow(files, progress)
-        except sqlite3.Error as error:  # damaged, or in a folder that can only be read
+        except sqlite3.Error as error:  # damaged, or in a read-only folder
             if not isinstance(error, sqlite3.OperationalError):
                 (self._folder / INDEX).unlink(missing_ok=True)
             self._base = _opened(":memory:")
@@ -92,18 +92,18 @@ class IndexedFolder:
 
     @property
     def flights(self) -> tuple[PastFlight, ...]:
-        """All flights; the whole folder is read."""
+        """All flights; this reads the whole folder."""
         return read_history(self._folder).flights
 
     @property
     def errors(self) -> tuple[MavhumsError, ...]:
-        """What could not be read of the folder; the rest was."""
+        """Files of the folder that could not be read."""
         told = self._base.execute("SELECT problem, remedy FROM told WHERE failed ORDER BY name")
         return tuple(MavhumsError(problem, remedy) for problem, remedy in told)
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What was left out without a loss."""
+        """Files that were ignored without loss of data."""
         told = self._base.execute("SELECT problem FROM told WHERE NOT failed ORDER BY name").fetchall()
         (twice,) = self._base.execute("SELECT COUNT(*) - COUNT(DISTINCT same) FROM flight").fetchone()
         older = [f"{self._folder}: {twice} older assessments of logs that were judged again"] if twice else []
@@ -112,7 +112,7 @@ class IndexedFolder:
     def baselines(
         self, airframe: str | None, before: datetime | None, since: Since | None = None
     ) -> Baselines:
-        """Return what :meth:`FlightHistory.baselines` returns of the whole folder."""
+        """Return the same as :meth:`FlightHistory.baselines` for the whole folder."""
         if before is None:
             return {}
         return self._flights(self._references(airframe, before, since)).baselines(airframe, before, since)
@@ -120,11 +120,11 @@ class IndexedFolder:
     def past(
         self, airframe: str | None, before: datetime | None, since: Since | None = None
     ) -> dict[tuple[int, str], list[PastRecord]]:
-        """Return what :meth:`FlightHistory.past` returns; it needs the whole folder."""
+        """Return the same as :meth:`FlightHistory.past`; this reads the whole folder."""
         return read_history(self._folder).past(airframe, before, since)
 
     def with_flight(self, assessment: Assessment) -> IndexedFolder:
-        """Return the folder with one more flight, which was kept in it."""
+        """Return the folder with one more flight, which is already stored in it."""
         self._follow([*_files(self._folder)], None)
         return self
 
@@ -147,7 +147,7 @@ class IndexedFolder:
         return FlightHistory(tuple(flight for flight in read if isinstance(flight, PastFlight)))
 
     def _follow(self, files: list[_File], progress: Callable[[int, int], None] | None) -> None:
-        """Bring the index up to what is in the folder."""
+        """Update the index to the present files of the folder."""
         known = {_File(*row) for row in self._base.execute("SELECT name, time_ns, size FROM file")}
         there = set(files)
         new = sorted(there - known)
@@ -186,7 +186,7 @@ class IndexedFolder:
 
 
 def _opened(path: Path | str) -> sqlite3.Connection:
-    """Open the index, made anew where it is none of this version."""
+    """Open the index; create it if there is none of this version."""
     base = sqlite3.connect(path, timeout=_WAIT_S, isolation_level="IMMEDIATE", check_same_thread=False)
     try:
         (version,) = base.execute("PRAGMA user_version").fetchone()

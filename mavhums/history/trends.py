@@ -1,4 +1,4 @@
-"""Each actuator over its flights: the trend of its indicators and its remaining useful life (RUL)."""
+"""The trend of each actuator's indicators over its flights, and its remaining useful life (RUL)."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def trend(
     Parameters
     ----------
     folder
-        As for :func:`mavhums.history.files.read_history`.
+        The same as for :func:`mavhums.history.files.read_history`.
     actuators, faults
         Names to include; all if empty.
     since
@@ -67,7 +67,7 @@ def trend(
     Raises
     ------
     MavhumsError
-        If there is no such folder.
+        If the folder does not exist.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def trend_report(
     faults: Collection[str] = (),
     since: Since | None = None,
 ) -> TrendReport:
-    """Fit a trend to every indicator of every actuator; arguments as of ``trend``."""
+    """Fit a trend to every indicator of every actuator; the arguments are those of ``trend``."""
     trends: list[ActuatorTrend] = []
     unshown: list[str] = []
     for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():

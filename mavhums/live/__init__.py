@@ -1,7 +1,7 @@
-"""The engine fed from links: the same verdicts while the aircraft flies.
+"""Feeds the engine from links: the verdicts in flight are those of the log.
 
-Nothing here judges. What a link brings becomes the records of a telemetry log, which the engine
-takes and the recorder keeps, so a session and its recording give the same verdicts.
+Nothing here judges. Received data become the records of a telemetry log. The engine processes them and
+the recorder stores them, so a session and its recording give the same verdicts.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where a link is: the addresses that ``mavhums live`` takes."""
+"""The addresses of links that ``mavhums live`` accepts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _BAUD = 57_600
 
 
 class AddressError(MavhumsError):
-    """Nothing can be reached or bound at the address."""
+    """The address cannot be reached or bound."""
 
 
 class Address(NamedTuple):
@@ -27,11 +27,11 @@ class Address(NamedTuple):
     Attributes
     ----------
     kind
-        ``udpin`` binds a port, ``udpout`` and ``tcp`` go to one, ``serial`` opens a device.
+        ``udpin`` binds a port, ``udpout`` and ``tcp`` connect to one, ``serial`` opens a device.
     host
-        Host name or address; of ``serial`` the device.
+        Host name or address; for ``serial``, the device.
     port
-        Port number; of ``serial`` the baud rate.
+        Port number; for ``serial``, the baud rate.
     """
 
     kind: Literal["udpin", "udpout", "tcp", "serial"]
@@ -40,12 +40,12 @@ class Address(NamedTuple):
 
     @classmethod
     def parse(cls, url: str) -> Address:
-        """Return the address that a URL means; a port to bind is on the loopback unless a host is named.
+        """Return the address in a URL; a port to bind is on the loopback unless the URL names a host.
 
         Raises
         ------
         AddressError
-            If the URL has none of the forms.
+            If the URL has none of the accepted forms.
 
         Examples
         --------
@@ -66,7 +66,7 @@ class Address(NamedTuple):
 
     @property
     def exposed(self) -> bool:
-        """Whether it binds a port that other machines may reach."""
+        """Whether it binds a port that other machines can reach."""
         if self.kind != "udpin":
             return False
         try:

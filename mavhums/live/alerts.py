@@ -1,7 +1,7 @@
-"""Alerts to the ground station: what an onboard component may say, and never a command.
+"""Sends alerts to the ground station, as an onboard component may, and never a command.
 
-A HEARTBEAT each second, one STATUSTEXT per fault episode, and the health of each actuator as
-NAMED_VALUE_FLOAT each second. An episode is an unbroken stay in one condition.
+It sends a HEARTBEAT each second, one STATUSTEXT per fault episode, and the health of each actuator as
+NAMED_VALUE_FLOAT each second. An episode is an uninterrupted time in one condition.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def text_of(actuator: str, condition: Condition, fault: str) -> str:
 
 
 def health_name(number: int, actuator: str) -> str:
-    """Return the ten characters that name an actuator's health; ``number`` keeps them apart.
+    """Return a name of ten characters for an actuator's health; ``number`` makes it unique.
 
     Examples
     --------
@@ -73,22 +73,22 @@ def health_name(number: int, actuator: str) -> str:
 
 
 class Alerts:
-    """Speaks on behalf of each vehicle that is judged, with its system id and a component id of its own.
+    """Sends alerts for each judged vehicle, with its system id and a separate component id.
 
     Parameters
     ----------
     send
-        Takes a frame, and the vehicle that it is about, to where it is heard.
+        Sends a frame about a vehicle to the receivers.
     component
         Component id.
     key
-        With which to sign; None sends unsigned.
+        Key that signs the frames; None sends them unsigned.
     newest_ticks
-        Returns the time stamp of the newest signed frame that was accepted.
+        Returns the time stamp of the newest accepted signed frame.
     start_us
-        When the session began, microseconds of UTC.
+        Start of the session, microseconds of UTC.
     unknown
-        System id to speak with while no vehicle is known; None stays silent until then.
+        System id to send with while no vehicle is known; None sends nothing until then.
     """
 
     def __init__(
@@ -113,9 +113,9 @@ class Alerts:
     def take(
         self, events: Iterable[Event], faults: Mapping[tuple[int, str], str], now_us: int
     ) -> list[AlertObject]:
-        """Announce the episodes that begin; return what was announced.
+        """Send the episodes that begin; return the alerts that were sent.
 
-        ``faults`` names what each actuator is suspected of.
+        ``faults`` names the suspected fault of each actuator.
         """
         for event in events:
             if isinstance(event, ConditionChanged):
@@ -126,9 +126,9 @@ class Alerts:
         return list(self._announce(now_us))
 
     def tick(self, actuators: Sequence[ActuatorStatus], now_us: int) -> list[AlertObject]:
-        """Say that we are there, and how each actuator is; NaN where that is not known.
+        """Send the heartbeat and the health of each actuator; NaN if unknown.
 
-        Only of vehicles whose actuators were heard: on others there is nothing to say.
+        Only vehicles with received actuator data are reported.
         """
         judged = [status for status in actuators if status.age_s is not None]
         vehicles = sorted({status.vehicle for status in judged if status.vehicle})
@@ -149,7 +149,7 @@ class Alerts:
         self._say(vehicle, "heartbeat", now_us, _ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE)
 
     def _announce(self, now_us: int) -> Iterator[AlertObject]:
-        """Announce what is held and was not yet told; the same again at the earliest after half a minute."""
+        """Send pending alerts; repeat the same alert after half a minute at the earliest."""
         for (vehicle, actuator), (condition, fault) in list(self._held.items()):
             told_us = self._told.get((vehicle, actuator, condition))
             if told_us is not None and now_us - told_us < _REPEAT_US:

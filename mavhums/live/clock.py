@@ -1,4 +1,4 @@
-"""The time of reception: UTC that never steps."""
+"""The time of reception: UTC without steps."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ _STEP_NS = 50_000_000
 
 
 def _steady_ns() -> int:
-    """Return the time since the computer started, which goes on while it is suspended."""
+    """Return the time since the computer started, which includes suspended time."""
     if hasattr(time, "CLOCK_BOOTTIME"):
         return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
     return time.monotonic_ns()
 
 
 class ReceiveClock:
-    """UTC as it was at the start, plus what a steady clock says has passed.
+    """UTC at the start, plus the time elapsed on a steady clock.
 
-    A computer whose clock is set while it listens (by NTP, or by GPS) would tear a gap into the
-    recording, or turn it back; this clock does not notice.
+    If the computer's clock is set during a session (by NTP, or by GPS), its time steps, which would tear
+    the recording apart or turn it back; this clock does not step.
 
     Parameters
     ----------
@@ -49,20 +49,20 @@ class ReceiveClock:
         return (self._steady_ns() + self._offset_ns) // 1000
 
     def at_us(self, walls_ns: Iterable[int | None], since_us: int | None = None) -> list[int]:
-        """Return the times of moments just past, by what the stepping clock calls them; None is now.
+        """Return the times of recent moments, given in the stepping clock's time; None means now.
 
         Parameters
         ----------
         walls_ns
-            What the stepping clock showed.
+            Readings of the stepping clock.
         since_us
-            When there was nothing to tell yet: none of the moments lies before it. Omitted, a second
+            Time at which nothing had arrived yet: no moment lies before it. The default is one second
             ago.
 
         Notes
         -----
-        Where the clock was set meanwhile, a moment that cannot be by the clock as it is now is taken
-        as one by the clock as it was.
+        If the clock was set meanwhile, a moment that is impossible by the present setting is read by the
+        former setting.
         """
         steady_ns = self._steady_ns()
         ahead_ns = self._wall_ns() - steady_ns

@@ -1,4 +1,4 @@
-"""A sink in a thread of its own, so that a viewer that hangs holds nothing up."""
+"""A sink in its own thread, so that a viewer that hangs delays nothing."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _SAMPLES: Final = 100_000
 
 
 class Detached:
-    """Passes everything on to a sink, later where that is slow; what waits too long is dropped.
+    """Passes everything to a sink in its own thread; drops items that wait too long.
 
     Parameters
     ----------
     sink
-        Used from the thread alone from here on.
+        The sink; from now on only the thread uses it.
     name
-        As messages call it.
+        Name in messages.
     release
-        Called in the thread at the very end.
+        Called in the thread at the end.
     patience_s
-        How long the end may take.
+        Maximum duration of the end.
     """
 
     def __init__(
@@ -41,24 +41,24 @@ class Detached:
         self._sink, self._release, self._patience_s = sink, release, patience_s
 
     def consume(self, events: Sequence[Event], faults: dict[tuple[int, str], str]) -> None:
-        """Pass events on."""
+        """Pass events to the sink."""
         samples = sum(event.time_s.size for event in events if isinstance(event, Samples))
         self.outlet.put(partial(self._sink.consume, events, faults), 1 + samples)
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
-        """Pass the state on."""
+        """Pass the state to the sink."""
         self.outlet.put(partial(self._sink.tick, status, stale))
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Pass on what was said to the ground station."""
+        """Pass the alerts that were sent to the sink."""
         self.outlet.put(partial(self._sink.announce, alerts))
 
     def close(self, assessment: Assessment) -> None:
-        """Pass the verdicts on."""
+        """Pass the verdicts to the sink."""
         self.outlet.put(partial(self._sink.close, assessment))
 
     def finish(self) -> bool:
-        """Release the sink; return whether that was done within its time."""
+        """Release the sink; return whether it was released within its time."""
         began_s = time.monotonic()
         self.outlet.put(self._release)
         return self.outlet.close(self._patience_s - (time.monotonic() - began_s))

@@ -1,4 +1,4 @@
-"""A session as JSON, one object a line, or as a line per finding where nobody watches."""
+"""Writes a session as JSON Lines, or as one text line per finding for unattended sessions."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ class JsonLines:
     Parameters
     ----------
     write
-        Takes a line, and must flush it.
+        Writes a line; it must flush it.
     now_us
         The present time, microseconds of UTC.
     watch
-        Of the session; asked for the account at its end.
+        Watch of the session, for the account at its end.
     """
 
     def __init__(self, write: Callable[[str], object], now_us: Callable[[], int], watch: Watch) -> None:
         self._write, self._now_us, self._watch = write, now_us, watch
 
     def start(self, links: Sequence[str], *, airframe: str | None, signed_only: bool) -> None:
-        """Say what the session is."""
+        """Write the description of the session."""
         record = self._watch.record()
         self._put(
             StartObject(
@@ -58,7 +58,7 @@ class JsonLines:
         )
 
     def consume(self, events: Sequence[Event], faults: Faults) -> None:
-        """Write events, but for samples."""
+        """Write events except samples."""
         now = utc(self._now_us())
         for event in events:
             told = _object(event, faults, now)
@@ -72,7 +72,7 @@ class JsonLines:
         self._put(status)
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Write what was said to the ground station."""
+        """Write the alerts that were sent."""
         for alert in alerts:
             self._put(alert)
 
@@ -95,7 +95,7 @@ class JsonLines:
 
 
 class PlainLines:
-    """Writes a line when a condition changes or an actuator falls silent."""
+    """Writes a line when a condition changes or an actuator stops reporting."""
 
     def __init__(self, write: Callable[[str], object]) -> None:
         self._write = write
@@ -112,13 +112,13 @@ class PlainLines:
                 )
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
-        """Write what fell silent or came back."""
+        """Write which actuators stopped or resumed reporting."""
         for change in stale:
             state = f"stale, silent for {change.age_s:.1f} s" if change.stale else "heard again"
             self._write(f"{status.uptime_s:8.1f} s  vehicle {change.vehicle}, {change.actuator}: {state}")
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Write nothing: the change was written."""
+        """Write nothing: the line of the change contains the alert."""
 
     def close(self, assessment: Assessment) -> None:
         """Write nothing: the verdicts are printed at the end."""

@@ -1,4 +1,4 @@
-"""Links over UDP and TCP: pieces in, each with the time at which the kernel received it."""
+"""Links over UDP and TCP: each received piece has the time at which the kernel received it."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ _BUFFER = 8 << 20
 _LARGEST = 65_535
 _AT_ONCE = 4096
 _RETRY_US = 1_000_000
-# Of Linux; the socket module does not name them all.
+# Linux constants; the socket module does not define all of them.
 _SO_TIMESTAMPNS, _SO_RXQ_OVFL, _SO_RCVBUFFORCE = 35, 40, 33
 _TIMESPEC, _COUNT = struct.Struct("@ll"), struct.Struct("@I")
 _ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_COUNT.size)
 
 
 class Link(Protocol):
-    """One way to hear vehicles, and to answer.
+    """A link that receives from vehicles and answers them.
 
     Attributes
     ----------
     address
-        Where it is.
+        Address of the link.
     dropped
-        Datagrams that the kernel dropped because nobody fetched them in time.
+        Datagrams that the kernel dropped because they were not read in time.
     stamped
-        Whether the kernel tells when each piece was received.
+        Whether the kernel reports when each piece was received.
     """
 
     address: Address
@@ -52,22 +52,22 @@ class Link(Protocol):
         ...
 
     def fileno(self) -> int:
-        """Return what ``select`` waits on; -1 while there is nothing to wait on."""
+        """Return the descriptor for ``select``; -1 while there is none."""
         ...
 
     def receive(self) -> list[Piece]:
-        """Return what has arrived, without waiting."""
+        """Return the received data, without waiting."""
         ...
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
         """Send a frame to those of ``heard`` that are on this link, without waiting.
 
-        What cannot be sent is dropped and counted.
+        Frames that cannot be sent are dropped and counted.
         """
         ...
 
     def close(self) -> None:
-        """Close it."""
+        """Close the link."""
         ...
 
 
@@ -89,7 +89,7 @@ def open_link(address: Address, clock: ReceiveClock) -> Link:
 
 
 class UdpLink:
-    """A UDP port of ours (``udpin``), or the way to one of a peer (``udpout``)."""
+    """A local UDP port (``udpin``), or a UDP connection to a peer (``udpout``)."""
 
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         family, target = _resolve(address, socket.SOCK_DGRAM)
@@ -114,7 +114,7 @@ class UdpLink:
         return self._socket.fileno()
 
     def receive(self) -> list[Piece]:
-        """Return the datagrams that have arrived, at most a few thousand."""
+        """Return the received datagrams, at most a few thousand."""
         came = []
         since_us, began_us = self._emptied_us, self._clock.now_us()
         try:
@@ -133,7 +133,7 @@ class UdpLink:
         return pieces
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
-        """Answer whoever was heard here; of ``udpout`` the peer, heard or not."""
+        """Send to the peers heard on this link; ``udpout`` sends to its peer, heard or not."""
         if not self._listens:
             self._try(self._socket.send, data)
             return
@@ -146,7 +146,7 @@ class UdpLink:
         self._socket.close()
 
     def _try(self, send: Callable[..., object], *arguments: object) -> None:
-        """Send; once more if the error was that of a datagram before."""
+        """Send; try once more if the error belongs to an earlier datagram."""
         for _ in range(2):
             try:
                 send(*arguments)
@@ -158,7 +158,7 @@ class UdpLink:
         self.unsent += 1
 
     def _received_ns(self, ancillary: list[tuple[int, int, bytes]]) -> int | None:
-        """Return when a datagram came, if the kernel tells, and note how many it has dropped."""
+        """Return when a datagram arrived, if the kernel reports it, and note the number of dropped ones."""
         received_ns = None
         for level, kind, content in ancillary:
             if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
@@ -170,7 +170,7 @@ class UdpLink:
 
 
 class TcpLink:
-    """A connection to a TCP server, made again when it breaks."""
+    """A connection to a TCP server, restored after a failure."""
 
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         self._family, self._target = _resolve(address, socket.SOCK_STREAM)
@@ -186,11 +186,11 @@ class TcpLink:
         return self._out.dropped
 
     def fileno(self) -> int:
-        """Return the connection's descriptor, -1 without one."""
+        """Return the connection's descriptor, -1 without a connection."""
         return self._socket.fileno() if self._socket and self._connected else -1
 
     def receive(self) -> list[Piece]:
-        """Return what has arrived; connect first where there is no connection."""
+        """Return the received data; connect first if there is no connection."""
         if self._socket is None or not self._connected:
             self._connect()
         if self._socket is None or not self._connected:
@@ -224,7 +224,7 @@ class TcpLink:
             self._socket, self._connected = None, False
 
     def _connect(self) -> None:
-        """Begin to connect, or see whether it has succeeded."""
+        """Start to connect, or check whether the connection is established."""
         if self._socket is None:
             if self._clock.now_us() < self._retry_us:
                 return
@@ -259,14 +259,14 @@ def _resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressF
 
 
 def _enlarge(link: socket.socket) -> bool:
-    """Ask for a large receive buffer, for times of reception, and for the number of what is dropped.
+    """Request a large receive buffer, times of reception, and the number of dropped datagrams.
 
-    Return whether the times will be told.
+    Return whether the kernel reports the times.
     """
     link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
     if sys.platform != "linux":
         return False
     for option, value in ((_SO_RCVBUFFORCE, _BUFFER), (_SO_TIMESTAMPNS, 1), (_SO_RXQ_OVFL, 1)):
-        with contextlib.suppress(OSError):  # the first is for root alone
+        with contextlib.suppress(OSError):  # only root may set the first
             link.setsockopt(socket.SOL_SOCKET, option, value)
     return True

@@ -1,4 +1,4 @@
-"""Frames on their way into a stream whose other end may not read: whole frames, and never a wait."""
+"""Queues whole frames for a stream whose receiver may stall, without waiting."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _ROOM: Final = 4096
 
 
 class Outgoing:
-    """Holds at most a few kilobytes of frames; beyond that the oldest that has not begun is dropped.
+    """Holds at most a few kilobytes of frames; when full, it drops the oldest frame not yet started.
 
     Attributes
     ----------
     dropped
-        Number of frames that were not sent whole.
+        Number of frames that were not sent completely.
 
     Examples
     --------
@@ -41,11 +41,11 @@ class Outgoing:
             self.dropped += 1
 
     def refuse(self) -> None:
-        """Count a frame that has nowhere to go."""
+        """Count a frame without a destination."""
         self.dropped += 1
 
     def pump(self, write: Callable[[bytes], int]) -> None:
-        """Write as much as goes; ``write`` returns how many bytes it took, or raises."""
+        """Write as much as possible; ``write`` returns how many bytes it took, or raises."""
         try:
             while self._begun or self._frames:
                 if not self._begun:
@@ -55,10 +55,10 @@ class Outgoing:
                     return
                 self._begun = self._begun[taken:]
         except OSError:
-            return  # full, or broken: who reads finds out
+            return  # full or broken: the reading side detects it
 
     def clear(self) -> None:
-        """Drop everything; the stream has ended."""
+        """Drop everything after the stream has ended."""
         self.dropped += len(self._frames) + bool(self._begun)
         self._frames.clear()
         self._begun = b""

@@ -1,7 +1,7 @@
-"""Outputs that never make anybody wait: a bounded queue, and a thread that empties it.
+"""Outputs that never block their writer: a bounded queue, and a thread that empties it.
 
-A terminal that is stopped, a pipe that nobody reads, a disk that is full, a viewer that hangs: each
-costs what it should have shown, and nothing else.
+A stopped terminal, a pipe without a reader, a full disk or a viewer that hangs loses its own
+output, and affects nothing else.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ Item = TypeVar("Item")
 
 
 class Outlet(Generic[Item]):
-    """Hands items to ``take`` in a thread of its own.
+    """Passes items to ``take`` in a separate thread.
 
     Parameters
     ----------
     name
-        As messages call the output.
+        Name of the output in messages.
     take
-        Called with each item, in order; whatever it raises costs that item.
+        Called with each item, in order; an exception loses that item.
     room
-        Weight of the items that may wait; beyond it the oldest are dropped.
+        Total weight of the items that may wait; above it, the oldest are dropped.
     report
-        Takes a message when the output fails and when it works again; None for none.
+        Takes a message when the output fails and when it works again; None for no messages.
 
     Attributes
     ----------
     dropped
         Number of items that were dropped or failed.
     error
-        Why the last item failed; None if it did not.
+        Reason why the last item failed; None if it did not fail.
     gone
-        Whether nobody is at the other end any more.
+        Whether the receiver is gone.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Outlet(Generic[Item]):
         self._thread.start()
 
     def put(self, item: Item, weight: int = 1) -> None:
-        """Queue an item, at once; where there is no room the oldest make it."""
+        """Queue an item at once; drop the oldest items if there is no room."""
         with self._change:
             if self._closing:
                 self.dropped += 1
@@ -80,7 +80,7 @@ class Outlet(Generic[Item]):
             self._change.notify_all()
 
     def close(self, timeout_s: float) -> bool:
-        """Take nothing more; return whether all that waited was handed over within the time."""
+        """Accept no more items; return whether all waiting items were passed on within the time."""
         with self._change:
             self._closing = True
             self._change.notify_all()
@@ -120,16 +120,16 @@ class Outlet(Generic[Item]):
 
 
 class Spool(io.TextIOBase):
-    """A text stream whose writer never waits; what is flushed together is shown together or not at all.
+    """A text stream whose writer never waits; text flushed together is shown together or not at all.
 
     Parameters
     ----------
     stream
-        Where the text goes; None, as of a program that was started without it, for nowhere.
+        Destination of the text; None, if the program was started without it, discards the text.
     name
-        As messages call it.
+        Name in messages.
     report
-        As of :class:`Outlet`.
+        The same as for :class:`Outlet`.
     """
 
     def __init__(
@@ -145,15 +145,15 @@ class Spool(io.TextIOBase):
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """Of the stream beneath."""
+        """Encoding of the underlying stream."""
         return (self._stream and self._stream.encoding) or "utf-8"
 
     def isatty(self) -> bool:
-        """Return whether somebody may watch."""
+        """Return whether the stream is interactive."""
         return bool(self._stream and self._stream.isatty())
 
     def fileno(self) -> int:
-        """Return the descriptor of the stream beneath."""
+        """Return the descriptor of the underlying stream."""
         if self._stream is None:
             raise io.UnsupportedOperation("fileno")
         return self._stream.fileno()
@@ -168,13 +168,13 @@ class Spool(io.TextIOBase):
         return len(text)
 
     def flush(self) -> None:
-        """Queue what was written."""
+        """Queue the written text."""
         pending, self._pending = "".join(self._pending), []
         if pending:
             self.outlet.put(pending, len(pending))
 
     def finish(self, until_s: float) -> bool:
-        """Return whether everything was shown by a moment of the monotonic clock."""
+        """Return whether everything is shown before a time of the monotonic clock."""
         self.flush()
         return self.outlet.close(max(until_s - time.monotonic(), 0.0))
 
@@ -197,7 +197,7 @@ class Spool(io.TextIOBase):
 
 
 def _descriptor(stream: TextIO | None) -> int | None:
-    """Return the file beneath, which has no lock that a stalled write would hold; None if there is none."""
+    """Return the underlying file, which has no lock that a stalled write could hold; None without one."""
     if os.name != "posix" or stream is None:
         return None
     try:

@@ -1,7 +1,7 @@
-"""Who speaks for which vehicle over a link, and how much may be said back to each.
+"""The peers that send for each vehicle over a link, and how many bytes each may receive.
 
-An address of a datagram is what its sender claims. So a peer is told only of vehicles that it speaks
-for, never more bytes than came from it, and not once it has been silent for ten seconds.
+The address of a datagram can be forged. So a peer receives data only about vehicles that it sends
+for, never more bytes than it sent, and none after ten seconds of silence.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ _CREDIT: Final = 1 << 16
 
 @dataclass(slots=True)
 class _Peer:
-    """``credit`` is how many bytes may be said to it; ``latest_us`` when it spoke, by vehicle."""
+    """``credit``: number of bytes it may receive; ``latest_us``: time of its last frame, by vehicle."""
 
     credit: int = 0
     latest_us: dict[int, int] = field(default_factory=dict)
 
 
 class Peers:
-    """Remembers at most 64 peers, those from which most came."""
+    """Remembers at most 64 peers: those that sent most."""
 
     def __init__(self) -> None:
         self._peers: dict[Hashable, _Peer] = {}
@@ -36,7 +36,7 @@ class Peers:
         return len(self._peers)
 
     def hear(self, sender: Hashable, vehicles: Iterable[int], size: int, time_us: int) -> None:
-        """Note that ``size`` bytes of accepted frames of these vehicles came."""
+        """Note ``size`` bytes of accepted frames of these vehicles from a peer."""
         if sender not in self._peers and len(self._peers) >= 2 * _PEERS:
             self.forget(time_us)
         peer = self._peers.setdefault(sender, _Peer())
@@ -45,7 +45,7 @@ class Peers:
             peer.latest_us[vehicle] = time_us
 
     def forget(self, now_us: int) -> None:
-        """Forget who is silent, and of too many those from which least came."""
+        """Forget silent peers and, if there are too many, those that sent least."""
         since_us = now_us - _HEARD_US
         for peer in self._peers.values():
             peer.latest_us = {k: latest for k, latest in peer.latest_us.items() if latest >= since_us}
@@ -56,7 +56,7 @@ class Peers:
         self._peers = kept
 
     def speaking_for(self, vehicle: int | None, now_us: int) -> list[Hashable]:
-        """Return who lately spoke for a vehicle; for any vehicle if None."""
+        """Return the peers that recently sent for a vehicle; for any vehicle if None."""
         since_us = now_us - _HEARD_US
         return [
             sender
@@ -67,7 +67,7 @@ class Peers:
         ]
 
     def afford(self, sender: Hashable, size: int) -> bool:
-        """Return whether so many bytes may be said to a peer, and count them."""
+        """Return whether a peer may receive this many bytes, and count them."""
         peer = self._peers.get(sender)
         if peer is None or peer.credit < size:
             return False
@@ -75,7 +75,7 @@ class Peers:
         return True
 
     def contested(self, now_us: int) -> list[int]:
-        """Return the vehicles for which more than one peer lately spoke."""
+        """Return the vehicles for which more than one peer recently sent."""
         since_us = now_us - _HEARD_US
         claims = Counter(
             vehicle

@@ -1,4 +1,4 @@
-"""The telemetry log of a session: one record per frame that counted, on the disk within a second."""
+"""The telemetry log of a session: one record per accepted frame, on the disk within a second."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ _CLOSE_S = 1.0
 
 
 class TlogRecorder:
-    """Writes records to a new file; a full disk loses records, never the session.
+    """Writes records to a new file; a full disk loses records but never ends the session.
 
-    Each call hands its records to the operating system whole or not at all, so that the file always
-    ends with a whole record, and once a second they are forced to the disk. After an error every
-    call tries again; what could not be written is counted. Once a second the recorder looks whether
-    the file is still where it was.
+    Each call passes its records to the operating system whole or not at all, so that the file always
+    ends with a whole record, and once a second they are synced to the disk. After an error, every
+    call tries again; records that could not be written are counted. Once a second, the recorder checks that
+    the file still exists under its name.
 
     Parameters
     ----------
     path
-        Of the file; ``%Y%m%d-%H%M%S`` and the like stand for the time of the start, UTC.
+        Path of the file; ``%Y%m%d-%H%M%S`` and similar codes give the start time, UTC.
 
     Attributes
     ----------
     path
-        Of the file that is written.
+        Path of the file in use.
     bytes, lost_frames
-        What was written, and what could not be.
+        Number of bytes written, and of frames that could not be written.
 
     Raises
     ------
     MavhumsError
-        If the file exists, or cannot be made.
+        If the file exists, or cannot be created.
     """
 
     def __init__(self, path: Path, *, start: datetime | None = None) -> None:
@@ -66,7 +66,7 @@ class TlogRecorder:
 
     @property
     def error(self) -> str | None:
-        """Why nothing is recorded, or not where it should be; None if all is well."""
+        """Reason why nothing is recorded, or not at the intended place; None if recording works."""
         return self._failure or self._absence
 
     def write(self, records: bytes, frames: int) -> None:
@@ -86,7 +86,7 @@ class TlogRecorder:
             self._failure = None
 
     def close(self) -> None:
-        """Force everything to the disk and close the file; a disk that takes long is not waited for."""
+        """Sync everything to the disk and close the file; do not wait for a slow disk."""
         self._closing.set()
         self._syncer.join(_CLOSE_S)
         if self._syncer.is_alive():
@@ -111,7 +111,7 @@ class TlogRecorder:
         os.close(self._file)
 
     def _look(self) -> None:
-        """See whether the file that is written is still there, under its name."""
+        """Check that the file still exists under its name."""
         absence = None
         try:
             written = os.fstat(self._file)
@@ -128,7 +128,7 @@ class TlogRecorder:
         self._absence = absence
 
     def _rescue(self, absence: str) -> str:
-        """Return how to save what was written."""
+        """Return how to save the written data."""
         there = Path(f"/proc/{os.getpid()}/fd/{self._file}")
         if absence != "the file was removed" or not there.exists():
             return "; it is written on"

@@ -1,4 +1,4 @@
-"""The newest signature of each stream that was ever accepted, kept beside the key."""
+"""The newest accepted signature of each stream, stored beside the key."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Stream = tuple[int, int, int]
 
 
 class Seen:
-    """Remembers between sessions what was accepted, so that a recorded session is never a new one.
+    """Keeps the accepted time stamps between sessions, so that a replayed recording is never accepted as new.
 
     Parameters
     ----------
     key
-        File of the key; what is remembered lies beside it, as ``KEY.seen``.
+        File of the key; the time stamps are stored beside it, as ``KEY.seen``.
     """
 
     def __init__(self, key: Path) -> None:
@@ -31,7 +31,7 @@ class Seen:
         self._complained = False
 
     def load(self) -> dict[Stream, int]:
-        """Return the newest time stamp by link, system and component; empty if nothing is remembered."""
+        """Return the newest time stamp by link, system and component; empty if none is stored."""
         try:
             kept = json.loads(self._path.read_text(encoding="ascii"))
             self._saved = {_stream(name): int(ticks) for name, ticks in kept.items()}
@@ -43,7 +43,7 @@ class Seen:
         return dict(self._saved)
 
     def save(self, latest: Mapping[Stream, int]) -> None:
-        """Remember the newest time stamps."""
+        """Store the newest time stamps."""
         if latest == self._saved:
             return
         try:

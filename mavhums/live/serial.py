@@ -1,4 +1,4 @@
-"""A link over a serial device, through pymavlink; opened again when it vanishes."""
+"""A link over a serial device, through pymavlink; it reopens a device that disappears."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SerialLink:
             raise AddressError(f"{address.host}: {error.strerror or error}", remedy) from error
 
     def fileno(self) -> int:
-        """Return the device's descriptor, -1 while it is not there."""
+        """Return the device's descriptor, -1 while the device is absent."""
         return -1 if self._port is None or self._port.fd is None else int(self._port.fd)
 
     @property
@@ -48,7 +48,7 @@ class SerialLink:
         return self._out.dropped
 
     def receive(self) -> list[Piece]:
-        """Return what has arrived."""
+        """Return the received data."""
         if self._port is None:
             self._open_again()
             return []
@@ -62,7 +62,7 @@ class SerialLink:
         return [Piece((self.address, self._openings), self._clock.now_us(), data)] if data else []
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
-        """Write a frame, or what the device takes of it at once."""
+        """Write a frame, or the part that the device takes at once."""
         if self._port is None:
             self._out.refuse()
             return
@@ -70,17 +70,17 @@ class SerialLink:
         self._out.pump(self._write)
 
     def close(self) -> None:
-        """Close the device; what it has not taken is thrown away, else closing would wait for it."""
+        """Close the device; discard its unsent data, because closing would wait for them."""
         self._out.clear()
         if self._port is not None:
-            with contextlib.suppress(Exception):  # termios has an error of its own
+            with contextlib.suppress(Exception):  # termios has its own error type
                 self._port.port.reset_output_buffer()
             with contextlib.suppress(OSError):
                 self._port.close()
             self._port = None
 
     def _write(self, data: bytes) -> int:
-        """Write without waiting; pyserial itself would wait, whatever its time-out."""
+        """Write without waiting; pyserial would wait, whatever its time-out."""
         if os.name == "posix":
             return os.write(self._port.fd, data)
         return int(self._port.port.write(data) or 0)

@@ -1,4 +1,4 @@
-"""A live session: links in, verdicts out, until it is told to stop."""
+"""A live session: data from links in, verdicts out, until a stop request."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ _PENDING = 1 << 13
 
 
 class Sink(Protocol):
-    """Where a session shows itself."""
+    """A display or output of a session."""
 
     def consume(self, events: Sequence[Event], faults: dict[tuple[int, str], str]) -> None:
-        """Take events as they come; ``faults`` names what each actuator is suspected of."""
+        """Take events as they come; ``faults`` names the suspected fault of each actuator."""
         ...
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
-        """Take the state, once a second, and what fell silent or came back."""
+        """Take the state, once a second, and the actuators that stopped or resumed reporting."""
         ...
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Take what was said to the ground station."""
+        """Take the alerts that were sent to the ground station."""
         ...
 
     def close(self, assessment: Assessment) -> None:
@@ -57,31 +57,31 @@ class Sink(Protocol):
 class Session:
     """Feeds an engine from links.
 
-    What the stamper accepts goes to the recorder and, the same bytes, to the engine. So the verdicts
+    The recorder and the engine receive the same accepted bytes from the stamper. So the verdicts
     are those of ``mavhums analyse`` on the recording.
 
     Parameters
     ----------
     engine
-        New. It needs no key: the stamper's guard has seen to the signatures.
+        A new engine. It needs no key: the stamper's guard has checked the signatures.
     stamper
-        Makes records of what comes.
+        Makes records of the received data.
     links
-        To listen to.
+        Links to receive from.
     recorder, alerts
         None for none.
     greet
-        Called once a second with the time, to make ourselves known where nobody would send otherwise.
+        Called once a second with the time, to announce ourselves to peers that would not send otherwise.
     remember
-        Called now and then and at the end, to keep what the next session must know.
+        Called now and then and at the end, to store data for the next session.
     sinks
         Take events, state and verdicts.
     clock
-        Of reception.
+        Clock of reception.
     peers
-        Who speaks over the links; the stamper tells it.
+        The senders on the links; the stamper updates them.
     ground
-        Links over which alerts are sent, and nothing is heard.
+        Links that send alerts and receive nothing.
 
     Examples
     --------
@@ -122,7 +122,7 @@ class Session:
         self._first_us: int | None = None
 
     def run(self, stop: Callable[[], bool]) -> Assessment:
-        """Follow the links until ``stop`` says so, and return the verdicts."""
+        """Follow the links until ``stop`` returns true, and return the verdicts."""
         pending: list[Piece] = []
         try:
             while not stop():
@@ -144,7 +144,7 @@ class Session:
         return assessment
 
     def take(self, pieces: list[Piece]) -> None:
-        """Take pieces: records to the recorder, the same to the engine, its events to everyone."""
+        """Pass the records of received pieces to the recorder and the engine, and the events to all sinks."""
         pieces.sort(key=lambda piece: piece.time_us)
         if pieces and pieces[0].time_us < self._latest_us:
             pieces = [piece._replace(time_us=max(piece.time_us, self._latest_us)) for piece in pieces]
@@ -154,7 +154,7 @@ class Session:
             self._record(self._stamper.feed(pieces), before)
 
     def tick(self) -> None:
-        """Show the state; say to the ground station that we are there, and how the actuators are."""
+        """Show the state; send the heartbeat and the actuators' health to the ground station."""
         now_us = self.clock.now_us()
         self._due_us = max(self._due_us + _TICK_US, now_us)
         assessment = self._engine.assessment(indicators=False)
@@ -176,7 +176,7 @@ class Session:
             sink.tick(status, stale)
 
     def close(self) -> Assessment:
-        """Judge what is left, close recorder, links and sinks, and return the verdicts."""
+        """Judge the remaining data, close recorder, links and sinks, and return the verdicts."""
         now_us = max(self.clock.now_us(), self._latest_us)
         before = self._stamper.frames
         self._record(self._stamper.close(now_us), before)
@@ -194,7 +194,7 @@ class Session:
         return assessment
 
     def _heard(self, assessment: Assessment) -> Assessment:
-        """Say what is missing where no frame counted: there is no log that could be without a vehicle."""
+        """State why no frame was accepted: there is no log that could lack a vehicle."""
         counts = self._stamper.counts
         if counts.frames:
             return assessment
@@ -222,7 +222,7 @@ class Session:
         self._spread(events)
 
     def _spread(self, events: list[Event]) -> None:
-        """Give events to the alerts and the sinks."""
+        """Pass events to the alerts and the sinks."""
         now_us = self.clock.now_us()
         faults = self._faults(events)
         for event in events:
@@ -236,7 +236,7 @@ class Session:
             self._announce(self._alerts.take(events, faults, now_us))
 
     def _tell_contested(self, vehicles: Sequence[int], now_us: int) -> None:
-        """Say for which vehicles more than one sender speaks, each at most once a minute."""
+        """Warn about vehicles with more than one sender, at most once a minute for each vehicle."""
         told = []
         for vehicle in vehicles:
             if now_us - self._contested.get(vehicle, 0) >= _CONTESTED_US:
@@ -257,7 +257,7 @@ class Session:
                 sink.announce(alerts)
 
     def _faults(self, events: Sequence[Event]) -> dict[tuple[int, str], str]:
-        """Return what is wrong with actuators that have just got worse, as the event or the verdict says."""
+        """Return the faults of actuators that have just become worse, from the event or the verdict."""
         worse = [
             e for e in events if isinstance(e, ConditionChanged) and e.after in ("degraded", "emergency")
         ]
@@ -277,9 +277,9 @@ class Session:
         return found
 
     def _wait(self, pending: Sequence[Piece]) -> None:
-        """Wait for something to arrive, or for what is pending to be due.
+        """Wait until data arrive, or until pending work is due.
 
-        Where the kernel tells the times of reception, what arrives may lie there for a while.
+        If the kernel reports the times of reception, data may wait there for a while.
         """
         now_us = self.clock.now_us()
         due_us = pending[0].time_us + BLOCK_S * 1e6 if pending else now_us + BLOCK_S * 1e6

@@ -1,4 +1,4 @@
-"""Put a session together from what the user asked for, and run it."""
+"""Builds a session from the user's options, and runs it."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ __all__ = ["Options", "prepare"]
 
 _LOG = logging.getLogger(__name__)
 _UNKNOWN_VEHICLE = 1
-_HEADERS = 28  # of a datagram, IPv4 and UDP
+_HEADERS = 28  # bytes of a datagram's IPv4 and UDP headers
 _SERVO_OUTPUT_RAW = bytes.fromhex("fe150001012401000000dc05dc05dc05dc050000000000000000007188")
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """The options of ``mavhums live``, by their names there.
+    """The options of ``mavhums live``, under the same names.
 
     Raises
     ------
     AddressError
-        If a URL has none of the forms.
+        If a URL has none of the accepted forms.
     """
 
     urls: Sequence[str]
@@ -62,7 +62,7 @@ class Options:
 
     @property
     def judging(self) -> judging.Options:
-        """How the links are judged; signatures are checked before the engine sees a frame."""
+        """The options by which the links are judged; signatures are checked before the engine."""
         return judging.Options(
             airframe=self.airframe,
             model=self.model,
@@ -78,7 +78,7 @@ class Options:
 
 
 def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: bool = False) -> Session:
-    """Return a session that listens already; ``vehicle_states`` as of :class:`mavhums.Engine`.
+    """Return a session that already listens; ``vehicle_states`` as in :class:`mavhums.Engine`.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
 
 
 def _warm_up(options: EngineOptions) -> None:
-    """Compile what is compiled at its first use, before anything is missed for it."""
+    """Compile the loops before the session, so that no data are lost during compilation."""
     dialect = None if options.dialect is None else Path(options.dialect)
     stamper, airframe = Stamper(load_dialect(dialect)), load_airframe("paper")
     records = stamper.feed([Piece(None, 0, _SERVO_OUTPUT_RAW)])

@@ -1,4 +1,4 @@
-"""The session on a terminal: a table that stays in place, redrawn each second."""
+"""Shows the session on a terminal, as a table in place that is redrawn each second."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _TOLD = 5
 
 
 class View:
-    """Shows verdicts, rates, losses and the age of the last data.
+    """Shows verdicts, rates, losses and the age of the latest data.
 
     Parameters
     ----------
     console
-        A terminal.
+        The terminal.
     title
-        What is listened to.
+        The links of the session.
     """
 
     def __init__(self, console: Console, title: str) -> None:
@@ -58,16 +58,16 @@ class View:
         self._live.update(draw(status, self._title, list(self._told)), refresh=True)
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Remember what was said to the ground station."""
+        """Remember the alerts that were sent."""
         self._told.extend(f"said to the ground station: {alert.text}" for alert in alerts)
 
     def close(self, assessment: Assessment) -> None:
-        """Take the table away; the verdicts are printed in its place."""
+        """Remove the table; the verdicts are printed in its place."""
         self._live.stop()
 
 
 def draw(status: StatusObject, title: str, told: Sequence[str] = ()) -> Group:
-    """Return what a terminal shows of the state."""
+    """Return the display of the state."""
     head = Text(f"{title}   {clock(status.uptime_s)}", style="bold")
     parts: list[Text | Table] = [head, _table(status.actuators)]
     parts += [Text(printable(line)) for line in told]

@@ -1,4 +1,4 @@
-"""The session in a Rerun viewer, in a recording, or in both; trouble there never ends the session."""
+"""Shows the session in a Rerun viewer, in a recording, or in both; an error there never ends the session."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ MODES = ("window", "browser", "web", "serve")
 
 
 class Drawn:
-    """Passes events to a viewer or a recorder until that fails, which is said once.
+    """Passes events to a viewer or a recorder until it fails; the failure is reported once.
 
     Parameters
     ----------
     drawing
-        Opened; its owner closes it.
+        An open drawing; its owner closes it.
     """
 
     def __init__(self, drawing: LiveViewer | Recorder) -> None:
@@ -35,14 +35,14 @@ class Drawn:
         self._try(lambda: self._drawing.consume(events))
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
-        """See whether the viewer still runs."""
+        """Check whether the viewer still runs."""
         trouble = self._drawing.trouble if isinstance(self._drawing, LiveViewer) else None
         if trouble and not self._failed:
             self._failed = True
             _LOG.error("%s", trouble)
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Draw nothing: the change was drawn."""
+        """Draw nothing: the change was already drawn."""
 
     def close(self, assessment: Assessment) -> None:
         """Draw the verdicts."""

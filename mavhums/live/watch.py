@@ -1,4 +1,4 @@
-"""What a session shows of itself once a second: verdicts, ages, rates, and everything that was lost."""
+"""The state of a session once a second: verdicts, ages, rates, and all losses."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Key = tuple[int, str]
 
 @dataclass(slots=True)
 class _Heard:
-    """Samples of an actuator since the last look, and when the latest came."""
+    """The number of samples of an actuator since the last update, and the time of the latest."""
 
     latest_us: int
     samples: int = 0
@@ -41,23 +41,23 @@ class _Heard:
 
 
 class Watch:
-    """Keeps the time at which each actuator was last heard, for as many as the profile has.
+    """Keeps the time of the latest data of each actuator, for at most as many as the profile has.
 
     Parameters
     ----------
     stamper, links, recorder
-        What is watched.
+        The objects to watch.
     start_us
-        When the session began, microseconds of UTC.
+        Start of the session, microseconds of UTC.
     peers
-        Who speaks over the links.
+        The senders on the links.
 
     Attributes
     ----------
     outlets
-        Outputs, to tell what they drop.
+        Outputs whose losses are reported.
     told
-        Links over which alerts are sent.
+        Links that send alerts.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Watch:
         self._frames = self._bytes = 0
 
     def take(self, events: Iterable[Event], now_us: int) -> None:
-        """Note which actuators were heard."""
+        """Note which actuators reported."""
         self._latest_us = now_us
         for event in events:
             if isinstance(event, Samples):
@@ -87,7 +87,7 @@ class Watch:
                 heard.samples += event.time_s.size
 
     def look(self, assessment: Assessment, now_us: int) -> tuple[StatusObject, list[StaleObject]]:
-        """Return the present state, and which actuators fell silent or came back since the last look."""
+        """Return the present state, and which actuators stopped or resumed reporting since the last call."""
         elapsed_s = max((now_us - self._looked_us) / 1e6, 1e-3)
         changes = [
             StaleObject(
@@ -115,7 +115,7 @@ class Watch:
         return status, changes
 
     def link(self, assessment: Assessment, now_us: int, elapsed_s: float = 1.0) -> LinkStatus:
-        """Return the account of the links; rates are since the last one."""
+        """Return the account of the links, with rates since the last call."""
         counts = asdict(self._stamper.counts)
         datagrams, sequence = counts.pop("pieces"), assessment.log.losses.sequence
         frames, self._frames = counts["frames"] - self._frames, counts["frames"]
@@ -134,7 +134,7 @@ class Watch:
         )
 
     def outputs(self) -> tuple[OutputStatus, ...]:
-        """Return the outputs that dropped something."""
+        """Return the outputs that dropped items."""
         told = [
             OutputStatus(name=o.name, dropped=o.dropped, error=o.error) for o in self.outlets if o.dropped
         ]

@@ -1,1 +1,1 @@
-"""What the vehicle did and was told: parameters, outputs, attitude, position, mode."""
+"""The state and the use of the vehicle: parameters, outputs, attitude, position, mode."""

@@ -1,4 +1,4 @@
-"""The airspeed that each vehicle reports, held until the next report."""
+"""The airspeed that each vehicle reports, held until its next report."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class Airspeeds:
-    """Follows the airspeed of every vehicle, block after block, in memory that does not grow.
+    """Follows the airspeed of every vehicle, block by block, in constant memory.
 
     Examples
     --------
@@ -35,7 +35,7 @@ class Airspeeds:
         self._known: dict[int, tuple[Times, Array]] = {}
 
     def feed(self, tables: Mapping[str, Table]) -> None:
-        """Take what these messages tell."""
+        """Take the reports in these messages."""
         table = tables.get("VFR_HUD")
         if table is None:
             return
@@ -48,7 +48,7 @@ class Airspeeds:
             self._known[vehicle] = np.maximum.accumulate(time_us), np.concatenate([before, speed[rows]])
 
     def at(self, vehicle: int, utc_us: Times) -> Array:
-        """Return the airspeed at increasing times, m/s, shape (n,); NaN where none is known."""
+        """Return the airspeed at increasing times, m/s, shape (n,); NaN where it is unknown."""
         if vehicle not in self._known or not utc_us.size:
             return np.full(utc_us.size, np.nan)
         time_us, speed = self._known[vehicle]

@@ -1,4 +1,4 @@
-"""Place the sender's clock on the time axis of reception."""
+"""Maps the sender's clock to the time of reception."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ _CONFIRM = 3
 class SenderClock:
     """Maps a sender's microseconds since boot to UTC, causally.
 
-    The first sample fixes the offset. Where three samples in a row are more than two seconds away
-    from it, the sender has rebooted or its clock was set, and a new segment starts; fewer are a
-    damaged time stamp, and the offset stays. What claims to be sent more than two seconds after it
-    was received is taken at its time of reception, so that it does not stand before what follows.
+    The first sample fixes the offset. If at least three consecutive samples differ from it by more than two
+    seconds, the sender has rebooted or its clock was set, and a new segment starts. A shorter run is
+    treated as damaged time stamps, and the offset stays. A sample whose mapped time lies more than two
+    seconds after its reception gets the time of reception, so that later samples do not precede it.
 
     Parameters
     ----------
     wrap_us
-        After which the sender's time starts anew, as a 32-bit counter of microseconds does.
+        Period after which the sender's time restarts, as a 32-bit counter of microseconds does.
 
     Attributes
     ----------
     segments
         Number of segments so far.
     restarts
-        Of the latest call: the rows with which a segment after the first began, and its number.
+        Of the latest call: each row that starts a new segment after the first, and the segment's number.
     """
 
     def __init__(self, wrap_us: int | None = None) -> None:
@@ -40,7 +40,7 @@ class SenderClock:
         self._astray = 0
 
     def to_utc_us(self, sent_us: NDArray[np.int64], received_us: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return UTC in microseconds, shape (n,), from times of sending and reception, shape (n,).
+        """Return UTC in microseconds, shape (n,), from send times and reception times, shape (n,).
 
         Examples
         --------
@@ -75,7 +75,7 @@ class SenderClock:
         self._astray = 0
 
     def _end_of_segment(self, lag: NDArray[np.int64]) -> int:
-        """Return where the present offset ceases to hold, or the size; keep the run of astray samples."""
+        """Return the row at which the present offset ends, or the size; keep the run of outliers."""
         holds = np.abs(lag - self._offset_us) <= _JUMP_US
         if holds.all():
             self._astray = 0

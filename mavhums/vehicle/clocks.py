@@ -18,7 +18,7 @@ Rows = NDArray[Any] | slice
 
 
 class Clocks:
-    """The clocks of every sender and message; how many segments a vehicle's have had."""
+    """The clocks of every sender and message, and the number of segments of each vehicle."""
 
     def __init__(self) -> None:
         self._clocks: dict[tuple[int, int, str], SenderClock] = {}
@@ -33,13 +33,13 @@ class Clocks:
         Parameters
         ----------
         table
-            Of one message type, any senders.
+            Messages of one type, from any senders.
         scale
             Microseconds per unit of ``field``.
         field
-            With the sender's time.
+            Name of the field with the sender's time.
         wrap_us
-            After which the sender's time starts anew.
+            Period after which the sender's time restarts.
         """
         utc_us = np.empty(len(table), dtype=np.int64)
         sent_us = table[field].astype(np.int64) * scale
@@ -55,8 +55,8 @@ class Clocks:
     def jumps(self) -> list[tuple[int, int]]:
         """Return the vehicle and time, microseconds of UTC, of each jump since the last call.
 
-        A reboot moves the clocks of all of a vehicle's messages; it is told once, as the first of them in
-        the order of the log shows it.
+        A reboot moves the clocks of all of a vehicle's messages. It is reported once, for the first of
+        these messages in the order of the log.
         """
         found = []
         for _, vehicle, segment, time_us in sorted(self._restarts):
@@ -68,9 +68,9 @@ class Clocks:
 
 
 def each(keys: NDArray[Any], among: NDArray[np.bool_] | None = None) -> Iterator[tuple[int, Rows]]:
-    """Yield each of the whole numbers ``keys`` (n,) that occur, and where, in the order of their size.
+    """Yield each integer that occurs in ``keys`` (n,), with its rows, in increasing order.
 
-    ``among`` (n,) are the rows that count; all if None.
+    ``among`` (n,) selects the rows that count; None selects all.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The temperature that each ESC reports, over a flight: its median, which wild readings do not move."""
+"""The median temperature that each ESC reports over a flight; the median is robust to outliers."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ ESC_TEMPERATURE_MESSAGES: Final = frozenset(_FIRST)
 
 
 class EscTemperatures:
-    """Counts the readings of every ESC, block after block, in memory that does not grow.
+    """Counts the readings of every ESC, block by block, in constant memory.
 
-    Zero is how an ESC without a sensor reads.
+    An ESC without a sensor reports zero.
 
     Examples
     --------
@@ -34,7 +34,7 @@ class EscTemperatures:
         self._counts: dict[tuple[int, int], NDArray[np.int64]] = {}
 
     def feed(self, tables: Mapping[str, Table]) -> None:
-        """Take what these messages tell."""
+        """Take the readings in these messages."""
         for name, first in _FIRST.items():
             table = tables.get(name)
             if table is None:
@@ -47,7 +47,7 @@ class EscTemperatures:
                     self._counts[key] = self._counts.get(key, np.zeros(_DEGREES, dtype=np.int64)) + counts
 
     def median(self, vehicle: int, esc: int | None) -> float | None:
-        """Return the median of an ESC's readings, °C; None where it has no sensor."""
+        """Return the median of an ESC's readings, °C; None if it has no sensor."""
         counts = None if esc is None else self._counts.get((vehicle, esc))
         if counts is None:
             return None

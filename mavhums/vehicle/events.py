@@ -1,4 +1,4 @@
-"""What the engine reports of a vehicle's state. Times are flight times: seconds since the log's start."""
+"""The events of a vehicle's state. Times are flight times: seconds since the log's start."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ __all__ = ["Attitude", "FlightMode", "Position"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attitude:
-    """How a vehicle lies in the air: ``time_s`` of shape (n,), increasing; angles of shape (n, 3).
+    """The attitude of a vehicle: ``time_s`` of shape (n,), increasing; angles of shape (n, 3).
 
-    Roll (right wing down), pitch (nose up) and yaw (clockwise from north), as ATTITUDE has them.
+    The angles are roll (right wing down), pitch (nose up) and yaw (clockwise from north), as in ATTITUDE.
     """
 
     vehicle: int
@@ -24,9 +24,9 @@ class Attitude:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Position:
-    """Where a vehicle is: ``time_s`` of shape (n,), increasing, and with it a position and an altitude.
+    """The position of a vehicle: ``time_s`` of shape (n,), increasing, with coordinates and altitude.
 
-    ``latitude_longitude_deg`` has shape (n, 2), ``altitude_m``, above mean sea level, (n,).
+    ``latitude_longitude_deg`` has shape (n, 2); ``altitude_m``, above mean sea level, has shape (n,).
     """
 
     vehicle: int
@@ -37,7 +37,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class FlightMode:
-    """A vehicle entered a flight mode, by the name that its autopilot's ground station gives it."""
+    """A vehicle entered a flight mode, named as its autopilot's ground station names it."""
 
     vehicle: int
     time_s: float

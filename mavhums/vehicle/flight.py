@@ -1,6 +1,6 @@
-"""What the aircraft did and what was asked of it, row by row on the grid, and whether it flew forward.
+"""The motion and the demand of the aircraft, row by row on the grid, and whether it is in forward flight.
 
-Only this is known to the detectors of an axis.
+The detectors of an axis use only these data.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
 _ON_GROUND: Final = 1  # MAV_LANDED_STATE_ON_GROUND
 _ARDUPILOT: Final = 3
 _HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)  # ArduPlane's Q modes
-_UNLED_MODES: Final = (0, 2, 3, 4, 16)  # ArduPlane leaves the attitude to the pilot in these
+_UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
 _LIFTING_US: Final = 1050.0
 _LEAST_SPEED: Final = 8.0
 _LEAST_GROUND_SPEED: Final = 5.0
@@ -39,28 +39,28 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Some whole seconds in a row of one flight; each array has ``RATE_HZ`` rows a second.
+    """Whole seconds of one flight without a gap; each array has ``RATE_HZ`` rows per second.
 
     Attributes
     ----------
     second
-        The first of the flight seconds.
+        Number of the first flight second.
     fresh
-        Whether the second before is not known.
+        Whether the preceding second is unknown.
     roll_rate, pitch_rate, yaw_rate
         Body rates, rad/s.
     side_force, load
         Specific force to the right, m/s², and downwards in g.
     roll, pitch, roll_demand, pitch_demand
-        Flown and demanded, rad.
+        Measured and demanded angles, rad.
     speed
-        Airspeed, measured or by the wind triangle, m/s.
+        Airspeed from the sensor or from the wind triangle, m/s.
     flying
-        Whether it is a fixed wing in forward flight.
+        Whether the vehicle is a fixed wing in forward flight.
     spacing
-        Between the samples of the outputs and of the rates that a row lies among, the longer, s.
+        Spacing of the samples around each row, s: the longer one of the outputs and the rates.
     outputs
-        Demand about roll, pitch and yaw by the servo outputs, ±1 at full travel, shape (n, 3).
+        Demand about roll, pitch and yaw from the servo outputs, ±1 at full travel, shape (n, 3).
     """
 
     second: int
@@ -92,34 +92,34 @@ class Rows:
         return self.outputs[:, AXES.index(axis)]
 
     def cut(self, first: int, last: int) -> Rows:
-        """Return the seconds from the ``first`` to before the ``last``, counted from the first of these."""
+        """Return the seconds from ``first`` to before ``last``, as indices into these seconds."""
         a, b = first * RATE_HZ, last * RATE_HZ
         arrays = {f.name: getattr(self, f.name)[a:b] for f in fields(self)[2:]}
         return Rows(self.second + first, self.fresh and first == 0, **arrays)
 
     @classmethod
     def join(cls, parts: list[Rows]) -> Rows:
-        """Join rows that follow each other."""
+        """Join consecutive rows."""
         arrays = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)[2:]}
         return cls(parts[0].second, parts[0].fresh, **arrays)
 
 
 class Flight:
-    """Turns settled seconds into rows.
+    """Converts settled seconds to rows.
 
     Parameters
     ----------
     surfaces
-        Which outputs move what; None if that is not known yet.
+        The outputs that move each surface; None if they are not known yet.
 
     Attributes
     ----------
     flown_s, fastest
         Seconds of forward flight so far, and the highest airspeed, m/s.
     kinds
-        MAV_TYPEs that the vehicle told.
+        MAV_TYPEs that the vehicle reported.
     heard
-        Signals that carried a number at least once.
+        Signals with at least one number.
     """
 
     def __init__(self, surfaces: Surfaces | None) -> None:
@@ -134,12 +134,12 @@ class Flight:
         self.heard: set[str] = set()
 
     def learn(self, surfaces: Surfaces) -> None:
-        """Take the outputs' functions, where the log told them late."""
+        """Take the outputs' functions if the log contains them late."""
         self._lift = [servo - 1 for servo in surfaces.lift]
         self._demands = Demands(surfaces)
 
     def feed(self, seconds: Seconds) -> Iterator[Rows]:
-        """Yield the rows of these seconds, unbroken runs of them."""
+        """Yield the rows of these seconds, as runs without a gap."""
         breaks = np.flatnonzero(np.diff(seconds.index) != 1) + 1
         edges = [0, *breaks.tolist(), len(seconds.index)]
         for a, b in itertools.pairwise(edges):
@@ -176,7 +176,7 @@ class Flight:
         )
 
     def _speed(self, signals: dict[str, Array], flat: dict[str, Array]) -> Array:
-        """Return the airspeed: the sensor's if it lives, else the wind triangle's, else that over ground."""
+        """Return the airspeed: from a working sensor, else from the wind triangle, else the ground speed."""
         winds = []
         for velocity, attitude in zip(signals["velocity"][:, 0], signals["attitude"][:, 0], strict=True):
             self._wind.step(velocity, float(attitude[2]))
@@ -203,7 +203,7 @@ class Flight:
         return self._lasting(up, speed, fresh)
 
     def _lasting(self, up: Flags, speed: Array, fresh: bool) -> Flags:
-        """Return where it has flown for seconds without a break; count them."""
+        """Return where the vehicle has flown for seconds without a break; count these seconds."""
         if fresh:
             self._run = 0
         rows = np.arange(len(up))
@@ -218,7 +218,7 @@ class Flight:
 
 
 def _spacing(flat: dict[str, Array]) -> Array:
-    """Return the longer of the spacings of the outputs and of whichever rates are used, (n,)."""
+    """Return the longer spacing, of the outputs or of the rates in use, (n,)."""
     fast = np.isfinite(flat["rates"]).all(axis=1)
     rates = np.where(fast, flat["rates_spacing"][:, 0], flat["slow_rates_spacing"][:, 0])
     longer: Array = np.fmax(rates, flat["outputs_spacing"][:, 0])

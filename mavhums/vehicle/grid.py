@@ -1,8 +1,8 @@
-"""Signals of one vehicle on one even grid of times, whole seconds at once, however they arrive.
+"""Resamples the signals of one vehicle on an even time grid, in whole seconds, whatever the block size.
 
-A second is settled when the latest time heard is :data:`SETTLED_S` past its end. Between samples a signal
-is interpolated; over a gap of more than :data:`GAP_S` it is NaN. What comes later than :data:`LATE_S` behind
-the latest is left out, so a settled second never depends on how the log was cut into blocks.
+A second is settled when the latest received time is :data:`SETTLED_S` past its end. Between samples a signal
+is interpolated; over a gap of more than :data:`GAP_S` it is NaN. Samples more than :data:`LATE_S` behind the
+latest are ignored, so a settled second does not depend on how the log was cut into blocks.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ Times = NDArray[np.int64]
 
 
 class Seconds:
-    """Some settled seconds: arrays of k seconds of ``RATE_HZ`` rows.
+    """Settled seconds: arrays of k seconds with ``RATE_HZ`` rows each.
 
     Attributes
     ----------
     index
-        Whole flight seconds, shape (k,), increasing; seconds in which nothing was heard are left out.
+        Whole flight seconds, shape (k,), increasing; seconds without any sample are omitted.
     signals
-        By name, shape (k, RATE_HZ, columns); under ``outputs_spacing`` and the like one column, how far the
-        samples before and after a row lie apart, s.
+        By name, shape (k, RATE_HZ, columns). Names such as ``outputs_spacing`` have one column: the distance
+        between the samples before and after a row, s.
     """
 
     def __init__(self, index: Times, signals: Mapping[str, Array]) -> None:
@@ -46,12 +46,12 @@ class Seconds:
 
 
 class Grid:
-    """Puts one vehicle's signals on the grid.
+    """Resamples one vehicle's signals on the grid.
 
     Parameters
     ----------
     start_us
-        Where flight time begins, microseconds of UTC.
+        Start of flight time, microseconds of UTC.
     """
 
     def __init__(self, start_us: int) -> None:
@@ -63,7 +63,7 @@ class Grid:
         self.sources: dict[str, str] = {}
 
     def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Seconds | None:
-        """Take new samples and return the seconds that they settle; ``final`` says that nothing follows."""
+        """Take new samples and return the seconds that they settle; ``final`` marks the end of the input."""
         self._take(signals)
         reach = np.inf if final else np.floor(self._latest_s - SETTLED_S)
         index = self._heard(reach)
@@ -102,13 +102,13 @@ class Grid:
         self.sources.setdefault(signal.name, signal.source)
 
     def _heard(self, reach: float) -> Times:
-        """Return the settled seconds in or next to which the attitude or an output was heard."""
+        """Return the settled seconds that contain or adjoin a sample of the attitude or of an output."""
         heard = [np.floor(self._times[name]) for name in ("outputs", "attitude", "rates", "state")]
         seconds = np.unique(np.concatenate(heard)).astype(np.int64)
         return seconds[(seconds >= self._settled) & (seconds + 1 <= reach)]
 
     def _forget(self) -> None:
-        """Keep what the next second may need: the sample before it, and all after."""
+        """Keep the samples that the next second may need: the one before it, and all later ones."""
         for name in NAMES:
             first = max(int(np.searchsorted(self._times[name], self._settled - GAP_S)) - 1, 0)
             self._times[name] = self._times[name][first:]
@@ -116,7 +116,7 @@ class Grid:
 
 
 def _between(time_s: Array, values: Array, at: Array) -> Array:
-    """Interpolate; NaN where samples on both sides are more than a gap apart."""
+    """Interpolate; return NaN where the samples on both sides are more than a gap apart."""
     out = np.full((at.size, values.shape[1]), np.nan)
     after = np.searchsorted(time_s, at, side="right")
     inside = (after > 0) & (after < time_s.size)
@@ -133,7 +133,7 @@ def _between(time_s: Array, values: Array, at: Array) -> Array:
 
 
 def _spacing(time_s: Array, at: Array) -> Array:
-    """Return how far the samples around each time lie apart, shape (n, 1); NaN outside them."""
+    """Return the distance between the samples around each time, shape (n, 1); NaN outside them."""
     out = np.full((at.size, 1), np.nan)
     after = np.searchsorted(time_s, at, side="right")
     inside = (after > 0) & (after < time_s.size)
@@ -142,7 +142,7 @@ def _spacing(time_s: Array, at: Array) -> Array:
 
 
 def _held(time_s: Array, values: Array, at: Array) -> Array:
-    """Return the last value told; NaN where none was for seconds."""
+    """Return the last reported value; NaN if none was reported for seconds."""
     if not time_s.size:
         return np.full((at.size, values.shape[1]), np.nan)
     before = np.searchsorted(time_s, at, side="right") - 1

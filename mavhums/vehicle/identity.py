@@ -1,7 +1,7 @@
-"""Who a vehicle is: its type, its autopilot, its firmware and its board, as it says itself.
+"""The identity of a vehicle: its type, autopilot, firmware and board, as the vehicle reports them.
 
-Type and autopilot are told by HEARTBEAT, firmware and board by AUTOPILOT_VERSION, which only a ground
-station that asks for it gets; ArduPilot and PX4 also name their firmware in a STATUSTEXT.
+HEARTBEAT reports type and autopilot. AUTOPILOT_VERSION reports firmware and board, but only to a ground
+station that requests it; ArduPilot and PX4 also report their firmware in a STATUSTEXT.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ _RELEASES: Final = {255: "", 192: "-rc", 128: "-beta", 64: "-alpha", 0: "-dev"}
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What a vehicle says of itself; None where it does not.
+    """The identity that a vehicle reports; None for what it does not report.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class Identity:
 
 
 class Identities:
-    """Follows what vehicles say of themselves, block after block.
+    """Follows the identities that vehicles report, block by block.
 
     Examples
     --------
@@ -118,15 +118,15 @@ class Identities:
 
     @property
     def vehicles(self) -> tuple[int, ...]:
-        """System ids of those whose heartbeat is a vehicle's, not a ground station's or a peripheral's."""
+        """System ids whose heartbeat is a vehicle's, not a ground station's or a peripheral's."""
         return tuple(sorted(self._heard))
 
     def of(self, vehicle: int) -> Identity:
-        """Return what is known of a vehicle."""
+        """Return the known identity of a vehicle."""
         return self._known.get(vehicle, Identity(vehicle))
 
     def feed(self, tables: Mapping[str, Table]) -> None:
-        """Take what these messages tell."""
+        """Take the identities in these messages."""
         self._heartbeats(tables.get("HEARTBEAT"))
         self._versions(tables.get("AUTOPILOT_VERSION"))
         self._texts(tables)
@@ -167,7 +167,7 @@ class Identities:
                 self._known[said.vehicle] = replace(self.of(said.vehicle), firmware=match[1])
             kind = kind_of(said.text)
             if kind is not None and said.vehicle not in self._heard:
-                several = kind in _MULTIROTORS  # the firmware is one for all numbers of rotors
+                several = kind in _MULTIROTORS  # one firmware serves all numbers of rotors
                 self._known[said.vehicle] = replace(
                     self.of(said.vehicle),
                     kind=_KINDS.get(_MULTIROTOR if several else kind),
@@ -177,7 +177,7 @@ class Identities:
 
 
 def _version(number: int) -> str:
-    """Return a version in words.
+    """Return a version as text.
 
     Examples
     --------
@@ -189,7 +189,7 @@ def _version(number: int) -> str:
 
 
 def _distinct(rows: NDArray[np.uint8]) -> list[tuple[int, int, int]]:
-    """Return the different rows of an (n, 3) array, in the order of their first appearance."""
+    """Return the distinct rows of an (n, 3) array, in the order of their first appearance."""
     _, first = np.unique(rows, axis=0, return_index=True)
     return [(int(a), int(b), int(c)) for a, b, c in rows[np.sort(first)].tolist()]
 

@@ -1,8 +1,8 @@
-"""Which outputs move the aircraft, told by its own answer where no parameter and no profile tells it.
+"""Infers which outputs move the aircraft from its response, if no parameter and no profile defines them.
 
-Roll: the output to which the roll rate answers, and those that move with it. Pitch: the one other output to
-which the pitch acceleration answers, if no second comes near. A rudder cannot be told so: it mostly moves
-with the ailerons.
+Roll: the output to which the roll rate responds, and the outputs that move with it. Pitch: the one other
+output to which the pitch acceleration responds, if no second output is nearly as good. A rudder cannot be
+inferred in this way: it mostly moves with the ailerons.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ Explains = Callable[[str, Array], float]
 
 
 def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
-    """Return the surfaces that the flight itself tells; None where not even the ailerons are clear.
+    """Return the surfaces inferred from the flight; None if not even the ailerons are clear.
 
     Parameters
     ----------
     rows
-        Of forward flight, with turns.
+        Rows of forward flight, with turns.
     pulses
-        Of the outputs over the same rows, µs, shape (n, OUTPUTS).
+        Pulses of the outputs over the same rows, µs, shape (n, OUTPUTS).
     explains
-        Tells how well a demand explains what an axis does.
+        Returns how well a demand explains the motion about an axis.
     """
     moving = [k for k in range(OUTPUTS) if rows.flying.any() and _moves(pulses[rows.flying, k])]
     flying = rows.flying & np.isfinite(pulses[:, moving]).all(axis=1)

@@ -1,4 +1,4 @@
-"""The mode that a vehicle flies in, by the name that the autopilot's own ground station has for it."""
+"""The flight mode of a vehicle, named as the autopilot's own ground station names it."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ _NAV_STATES: Final = {
 
 
 class Modes:
-    """Follows the mode of every vehicle, block after block.
+    """Follows the mode of every vehicle, block by block.
 
-    What an on-board log tells of modes waits for the text that names the kind of vehicle.
+    Modes from an on-board log are kept back until the text that names the kind of vehicle.
     """
 
     def __init__(self) -> None:
@@ -121,7 +121,7 @@ def _navigated(table: Table | None) -> Iterator[tuple[int, int, str]]:
 
 
 def kind_of(text: str) -> int | None:
-    """Return the MAV_TYPE of the vehicle whose firmware names itself in a text; None in any other.
+    """Return the MAV_TYPE of the vehicle whose firmware a text names; None for any other text.
 
     Examples
     --------

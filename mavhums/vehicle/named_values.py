@@ -1,4 +1,4 @@
-"""What scripts and autopilots send under names of their own: named values and debug arrays, counted."""
+"""Counts named values and debug arrays, which scripts and autopilots send under their own names."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class NamedValues:
     Attributes
     ----------
     counts
-        By (system, message, name); of a log with more names, the first thousand.
+        Counts by (system, message, name); only the first thousand names of a log are counted.
     """
 
     def __init__(self) -> None:
         self.counts: Counter[tuple[int, str, str]] = Counter()
 
     def feed(self, tables: Mapping[str, Table]) -> None:
-        """Take some messages."""
+        """Take the named values in these messages."""
         for message, field in _NAMES.items():
             table = tables.get(message)
             if table is None or not table.holds_text(field):

@@ -1,7 +1,7 @@
-"""Which servo outputs move control surfaces, by an autopilot's parameters.
+"""The servo outputs that move control surfaces, according to an autopilot's parameters.
 
-Motors, throttle, gimbals and the like are no control surfaces. Functions: ArduPilot SERVOn_FUNCTION;
-PX4 PWM_MAIN_FUNCn, PWM_AUX_FUNCn or UAVCAN_SV_FUNCn = 201 + k, and what surface k is, CA_SV_CSk_TYPE.
+Motors, throttle and gimbals, for example, are not control surfaces. Functions: ArduPilot SERVOn_FUNCTION;
+PX4 PWM_MAIN_FUNCn, PWM_AUX_FUNCn or UAVCAN_SV_FUNCn = 201 + k, with the type of surface k in CA_SV_CSk_TYPE.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _CHANNELS = 32
 
 
 class _Bus(NamedTuple):
-    """Outputs of PX4: how their parameters begin, where their channels do, and their usual range."""
+    """A group of PX4 outputs: the prefix of their parameters, their first channel, and their usual range."""
 
     prefix: str
     first: int
@@ -79,17 +79,17 @@ class Output:
     Attributes
     ----------
     servo
-        Output channel, from 1; of PX4, MAIN n is n, AUX n is 16 + n, UAVCAN n is 32 + n.
+        Output channel, from 1. For PX4, MAIN n is n, AUX n is 16 + n, UAVCAN n is 32 + n.
     surface
-        Which; of outputs that do the same there may be several.
+        Name of the surface; several outputs may have the same one.
     because
-        The parameter that says so.
+        The parameter that defines the surface.
     pwm_us
         Smallest, zero and largest pulse.
     calibrated_by
-        Where those come from.
+        Source of these pulses.
     is_reversed
-        Whether the autopilot turns the direction; the pulses in the log already contain that.
+        Whether the autopilot reverses the direction; the pulses in the log already include the reversal.
     """
 
     servo: int
@@ -152,7 +152,7 @@ def _px4(values: Mapping[str, float]) -> Iterator[Output]:
 def _pulses(
     values: Mapping[str, float], names: tuple[str, str, str], defaults: tuple[int, int, int]
 ) -> tuple[tuple[int, int, int], str]:
-    """Return the pulses, and where they come from; a zero that does not lie between is the middle."""
+    """Return the pulses and their source; a zero outside the range is replaced by the middle."""
     low, zero, high = (round(values.get(name, d)) for name, d in zip(names, defaults, strict=True))
     known = [name for name in (names[0], names[2]) if name in values]
     if not low < high:

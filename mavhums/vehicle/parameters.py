@@ -1,8 +1,8 @@
-"""The parameters of the autopilots that a log carries, as numbers.
+"""The autopilot parameters in a log, as numbers.
 
-ArduPilot sends an integer as a float of the same value, PX4 the integer's bits in the float's place;
-PARAM_VALUE says the type, HEARTBEAT the autopilot. On-board logs tell numbers:
-ArduPilot's PARM, ULog's parameter messages.
+ArduPilot sends an integer as a float of the same value; PX4 sends the integer's bits in place of the float.
+PARAM_VALUE gives the type, HEARTBEAT the autopilot. On-board logs contain numbers:
+ArduPilot's PARM records and ULog's parameter messages.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _INTEGERS = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4"}  # MAV_PARAM_
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """One vehicle's parameters, the last value of each by name."""
+    """The parameters of one vehicle, by name, each with its last value."""
 
     vehicle: int
     is_px4: bool
@@ -39,13 +39,13 @@ class Parameters:
 
 @dataclass(slots=True)
 class Sent:
-    """What vehicles sent: (bits of the float, type) by name, and who is a PX4."""
+    """The parameters that vehicles sent, as (bits of the float, type) by name, and the vehicles with PX4."""
 
     values: dict[int, dict[str, tuple[int, int]]] = field(default_factory=dict)
     px4: set[int] = field(default_factory=set)
 
     def take(self, tables: Mapping[str, Table]) -> None:
-        """Take the parameters, and who is a PX4, of these tables."""
+        """Take the parameters, and the autopilots, of these tables."""
         heartbeats, sent = tables.get("HEARTBEAT"), tables.get("PARAM_VALUE")
         if heartbeats is not None:
             self.px4.update(heartbeats.system[heartbeats["autopilot"] == _PX4].tolist())
@@ -69,7 +69,7 @@ class Sent:
                 self.values.setdefault(int(system), {})[name] = int(value), _REAL32
 
     def of(self, vehicle: int) -> Parameters:
-        """Return what a vehicle sent so far."""
+        """Return the parameters that a vehicle sent so far."""
         is_px4 = vehicle in self.px4
         sent = self.values.get(vehicle, {})
         values = {name: _number(*value, is_px4=is_px4) for name, value in sent.items()}
@@ -89,7 +89,7 @@ def read_parameters(
     path
         A ``.tlog`` file.
     vehicle
-        System id; may be None where only one vehicle's parameters are in the log.
+        System id; may be None if the log contains the parameters of only one vehicle.
     progress
         Called with the number of bytes read after each block.
 
@@ -98,7 +98,7 @@ def read_parameters(
     UnreadableLogError
         If the file is missing or not a telemetry log.
     MavhumsError
-        If the log holds no parameters, not the vehicle's, or those of several vehicles.
+        If the log contains no parameters, none of the vehicle, or those of several vehicles.
     """
     sent = Sent()
     for tables, size, _ in decode_blocks(path, Decoder(PARAMETER_MESSAGES)):

@@ -1,9 +1,9 @@
-"""Which vehicle it is, and when it was switched on: what tells two recordings of one flight from two flights.
+"""The board and the boot time of a vehicle, which distinguish two recordings of one flight from two flights.
 
 The board's unique id is in AUTOPILOT_VERSION and in a text that ArduPilot sends and logs, as the same
-hexadecimal digits: 12 bytes of ArduPilot, 18 of PX4, whose ULog has them as sys_uuid. Where none is, the
-operator's serial number (BRD_SERIAL_NUM) stands for it. The time of boot is what the log's dates and the
-vehicle's own clock differ by.
+hexadecimal digits: 12 bytes for ArduPilot, 18 for PX4, whose ULog contains them as sys_uuid. If there is no
+id, the operator's serial number (BRD_SERIAL_NUM) replaces it. The boot time is the difference between the
+log's dates and the vehicle's own clock.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ _CLOCKS: Final = {
 
 
 class Recorded(NamedTuple):
-    """A board's unique id, and UTC at its boot in microseconds; None where the log does not tell."""
+    """A board's unique id, and UTC at its boot in microseconds; None if the log does not contain it."""
 
     board: str | None
     boot_us: int | None
 
 
 class RecordedFlights:
-    """Follows what the vehicles of a log tell of themselves, block after block.
+    """Follows the boards and boot times of the vehicles of a log, block by block.
 
-    The first that is told counts.
+    The first value of each counts.
     """
 
     def __init__(self) -> None:
@@ -84,7 +84,7 @@ class RecordedFlights:
         self._date(tables)
 
     def of(self, vehicle: int) -> Recorded:
-        """Return what a vehicle told so far."""
+        """Return the board and the boot time of a vehicle, as known so far."""
         board = self._boards.get(vehicle, self._serials.get(vehicle))
         return Recorded(board, self._boots.get(vehicle, self._rough_boots.get(vehicle)))
 

@@ -1,7 +1,7 @@
-"""The seam between a log's format and what is judged of the aircraft: signals in SI units, by name.
+"""The interface between a log's format and the health of the aircraft: signals in SI units, by name.
 
-A format adds one module in :mod:`mavhums.vehicle.signal_readers` that turns its tables into these signals;
-nothing behind the seam knows a message, a record or a topic.
+A format adds one module in :mod:`mavhums.vehicle.signal_readers` that converts its tables to these signals;
+the modules that use the signals do not depend on a message, a record or a topic.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ class Signal(NamedTuple):
     Attributes
     ----------
     source
-        Message or record, as a verdict quotes it.
+        Message or record, as a verdict names it.
     frame
         Positions in the log, shape (n,), increasing.
     time_us
         Microseconds of UTC, shape (n,).
     values
-        Shape (n, columns of the signal), NaN where not told.
+        Shape (n, columns of the signal), NaN where unknown.
     """
 
     vehicle: int

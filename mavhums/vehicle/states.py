@@ -1,4 +1,4 @@
-"""What a vehicle tells of itself: its attitude, its position, and the mode it flies in."""
+"""The state that a vehicle reports: its attitude, its position and its flight mode."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _columns(table: Table, *fields: str) -> Array:
 
 
 class VehicleStates:
-    """Follows the state of every vehicle, block after block.
+    """Follows the state of every vehicle, block by block.
 
     Examples
     --------
@@ -49,7 +49,7 @@ class VehicleStates:
     def feed(
         self, tables: Mapping[str, Table], *, start_us: int
     ) -> Iterator[Attitude | Position | FlightMode]:
-        """Yield what these messages tell; flight times count from ``start_us``, microseconds of UTC."""
+        """Yield the states in these messages; flight times count from ``start_us``, microseconds of UTC."""
         for vehicle, table, time_us in self._each(tables.get("ATTITUDE"), "time_boot_ms"):
             yield from _attitude(vehicle, _columns(table, "roll", "pitch", "yaw"), time_us - start_us)
         for vehicle, table, time_us in self._each(tables.get("ATT")):
@@ -70,14 +70,14 @@ class VehicleStates:
             for vehicle, table, time_us in self._each(positions):
                 metres = table["alt"].astype(np.float64)
                 yield from _position(vehicle, _columns(table, "lat", "lon"), metres, time_us - start_us)
-        self._clocks.jumps()  # are told by those who map the actuators
+        self._clocks.jumps()  # the modules that map the actuators report these
         for vehicle, since_us, mode in self._modes.feed(tables):
             yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
 
     def _each(
         self, table: Table | None, stamp: str | None = None
     ) -> Iterator[tuple[int, Table, NDArray[np.int64]]]:
-        """Yield each vehicle's messages, of the first component that sent one, increasing in time."""
+        """Yield each vehicle's messages, from the first component that sent one, increasing in time."""
         if table is None:
             return
         time_us = table.time_us if stamp is None else self._clocks.utc_us(table, 1000, stamp)
@@ -94,7 +94,7 @@ class VehicleStates:
 
 
 def _angles_of(q: Array) -> Array:
-    """Return roll, pitch and yaw, rad, shape (n, 3), of rotations w, x, y, z from body to north-east-down."""
+    """Return roll, pitch and yaw, rad, shape (n, 3), of quaternions w, x, y, z, body to north-east-down."""
     w, x, y, z = q.T
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))

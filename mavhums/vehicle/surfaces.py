@@ -1,7 +1,7 @@
-"""Which outputs demand rolling, pitching and yawing, and how much, whatever mixes them.
+"""The outputs that demand roll, pitch and yaw, and the size of the demand, for any mixing.
 
-Elevons and V-tails are unmixed. Where several outputs do the same, those that still change are the demand:
-an output that stands while its likes move tells nothing of what was asked for.
+Elevons and V-tails are unmixed. If several outputs have the same function, those that still change give the
+demand: an output that is stuck while the others move does not show the demand.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class Moved(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """What the surface does: one of aileron, flaperon, elevon, elevator, rudder, tail."""
+        """The kind of surface: one of aileron, flaperon, elevon, elevator, rudder, tail."""
         return next(kind for kind in KINDS if kind in self.surface)
 
     @property
     def side(self) -> str:
-        """Return ``left`` or ``right``, or nothing where it is not told."""
+        """Return ``left`` or ``right``, or an empty text if the side is unknown."""
         return next((side for side in ("left", "right") if side in self.surface), "")
 
 
@@ -57,7 +57,7 @@ class Surfaces:
     moved
         The outputs.
     origin
-        What says so: ``parameters``, ``profile`` or ``inferred``.
+        Source of the outputs: ``parameters``, ``profile`` or ``inferred``.
     lift
         Outputs of lift motors.
     """
@@ -85,7 +85,7 @@ class Surfaces:
 
 
 def of_parameters(parameters: Parameters) -> Surfaces | None:
-    """Return the surfaces that an autopilot's parameters tell; None if they tell none."""
+    """Return the surfaces that an autopilot's parameters define; None if they define none."""
     values = parameters.values
     found = []
     for output in control_surfaces(parameters):
@@ -102,7 +102,7 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
 
 
 def _px4_sign(because: str, surface: str, values: Mapping[str, float]) -> float:
-    """Return the sense of a PX4 output about its own axis, by its torque or else by its side."""
+    """Return the sign of a PX4 output about its own axis, from its torque or else from its side."""
     surface_number = because.partition("CA_SV_CS")[2].partition("_")[0]
     letter = "R" if "aileron" in surface else "Y" if "rudder" in surface else "P"
     torque = values.get(f"CA_SV_CS{surface_number}_TRQ_{letter}", 0.0)
@@ -112,12 +112,12 @@ def _px4_sign(because: str, surface: str, values: Mapping[str, float]) -> float:
 
 
 class Demands:
-    """Follows what the outputs demand about each axis, from grid rows to grid rows.
+    """Follows the demand of the outputs about each axis, from one set of grid rows to the next.
 
     Parameters
     ----------
     surfaces
-        The outputs that count.
+        The outputs in use.
     """
 
     def __init__(self, surfaces: Surfaces) -> None:
@@ -133,7 +133,7 @@ class Demands:
         self._changed = {name: np.zeros(len(group), dtype=np.int64) for name, group in self._groups.items()}
 
     def feed(self, pulses: Array) -> Array:
-        """Return the demand about roll, pitch and yaw, (n, 3), of pulses (n, OUTPUTS); NaN if unknown."""
+        """Return the demand about roll, pitch and yaw, (n, 3), from pulses (n, OUTPUTS); NaN if unknown."""
         known = {name: self._demand(name, group, pulses) for name, group in self._groups.items()}
         self._row += len(pulses)
         none = np.full(len(pulses), np.nan)
@@ -146,7 +146,7 @@ class Demands:
         return np.stack([roll, pitch, yaw], axis=1)
 
     def _demand(self, name: str, group: Sequence[Moved], pulses: Array) -> Array:
-        """Return the mean of a group's outputs that still change, as a share of half the travel."""
+        """Return the mean of a group's outputs that still change, as a fraction of half the travel."""
         columns = [moved.servo - 1 for moved in group]
         zero, half = (np.array([moved[k] for moved in group]) for k in (2, 3))
         share = (pulses[:, columns] - zero) / half

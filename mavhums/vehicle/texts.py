@@ -1,4 +1,4 @@
-"""What a vehicle says in words, in whatever messages its log has for that."""
+"""The texts that a vehicle sends, from any message type that carries text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TEXT_MESSAGES: Final = frozenset(_FIELDS)
 
 
 class Text(NamedTuple):
-    """One text: its position in the log, its time in microseconds of UTC, who says it."""
+    """One text: its position in the log, its time in microseconds of UTC, and its sender."""
 
     frame: int
     time_us: int
@@ -25,7 +25,7 @@ class Text(NamedTuple):
 
 
 def texts(tables: Mapping[str, Table]) -> Iterator[Text]:
-    """Yield what vehicles say, each kind of message in the order of the log."""
+    """Yield the texts that vehicles send, each kind of message in the order of the log."""
     for name, field in _FIELDS.items():
         table = tables.get(name)
         if table is None or not table.holds_text(field):

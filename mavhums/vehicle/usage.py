@@ -1,8 +1,8 @@
-"""How far, how often and where the servo outputs of a vehicle were commanded, in memory that does not grow.
+"""The travel, reversals and dwell times of the servo outputs of a vehicle, in constant memory.
 
-Pulses count in whole microseconds and times in whole microseconds, so that every sum is exact and does not
+Pulses and times count in whole microseconds, so that every sum is exact and does not
 depend on how a log is cut into blocks. A pulse holds until the next sample, but no longer than
-:data:`HELD_S`. A reversal counts once the output has come back by :data:`BAND_US`.
+:data:`HELD_S`. A reversal counts when the output has returned by :data:`BAND_US`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Counts = NDArray[np.int64]
 
 
 class OutputUse(NamedTuple):
-    """What one output did.
+    """The use of one output.
 
     Attributes
     ----------
@@ -55,22 +55,22 @@ class OutputUse(NamedTuple):
 
     @property
     def commanded(self) -> bool:
-        """Whether it moved at all."""
+        """Whether the output moved at all."""
         return self.greatest_us - self.least_us >= BAND_US
 
     @property
     def held_s(self) -> float:
-        """Time for which it was followed while armed."""
+        """Time for which the output was followed while armed."""
         return float(self.held_us.sum()) / 1e6
 
     @property
     def mean_us(self) -> float | None:
-        """Mean pulse over that time; None of no time."""
+        """Mean pulse over that time; None if that time is zero."""
         total = int(self.held_us.sum())
         return float(self.held_us @ np.arange(_LEAST_US, _GREATEST_US + 1)) / total if total else None
 
     def at_stops_s(self, low_us: int, high_us: int) -> tuple[float, float]:
-        """Return for how long it stood within 1 % of the calibrated range of either end, or beyond."""
+        """Return the time for which it was within 1 % of the calibrated range of either end, or beyond."""
         near = max(round((high_us - low_us) * _STOP), 1)
         low = self.held_us[: max(low_us + near - _LEAST_US + 1, 0)].sum()
         high = self.held_us[max(high_us - near - _LEAST_US, 0) :].sum()
@@ -78,7 +78,7 @@ class OutputUse(NamedTuple):
 
 
 class Usage:
-    """Follows the servo outputs and the armed state of one vehicle, block after block.
+    """Follows the servo outputs and the armed state of one vehicle, block by block.
 
     Examples
     --------
@@ -100,12 +100,12 @@ class Usage:
 
     @property
     def armed_s(self) -> float | None:
-        """Time for which it was armed; None if the log does not tell."""
+        """Armed time; None if the log does not contain it."""
         return None if self._armed_at_us is None else self._armed_us / 1e6
 
     @property
     def outputs(self) -> dict[int, OutputUse]:
-        """What the outputs that ever had a pulse did, by their number from 1."""
+        """The use of each output that ever had a pulse, by output number from 1."""
         return {
             k + 1: OutputUse(
                 int(self._least[k]),
@@ -173,7 +173,7 @@ def _followed(
     last: Counts,
     last_time: Counts,
 ) -> None:
-    """Add samples, pulses of shape (n, outputs) with -1 where an output is off, to the sums."""
+    """Add samples to the sums: pulses of shape (n, outputs), -1 where an output is off."""
     for k in range(pulses.shape[0]):
         passed = min(time_us[k] - last_time[0], _HELD_US)
         fresh = time_us[k] - last_time[0] > 1 << 60

@@ -1,4 +1,4 @@
-"""Airspeed without a sensor: the wind that makes the velocities over ground of all headings agree."""
+"""Airspeed without a sensor: the wind that makes the ground velocities of all headings consistent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 __all__ = ["WindTriangle"]
 
 _MEMORY_S: Final = 60.0
-_LEAST_SPEED: Final = 5.0  # over ground, m/s: a standing aircraft's heading says nothing of the wind
+_LEAST_SPEED: Final = 5.0  # over ground, m/s: the heading of a slow aircraft does not show the wind
 _GUESS: Final = (15.0, 0.0, 0.0)  # airspeed and wind to the north and east, m/s
 _MOST: Final = 1e4
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 class WindTriangle:
     """Follows airspeed and wind by recursive least squares, one step a second.
 
-    ``velocity = airspeed · (cos heading, sin heading) + wind``, with a memory of a minute.
+    ``velocity = airspeed · (cos heading, sin heading) + wind``, with a memory of one minute.
 
     Attributes
     ----------
@@ -34,11 +34,11 @@ class WindTriangle:
 
     @property
     def wind(self) -> Array:
-        """The wind held now, to the north and east, m/s."""
+        """The present estimate of the wind, to the north and east, m/s."""
         return self._state[1:]
 
     def step(self, velocity: Array, heading: float) -> None:
-        """Take a velocity over ground (2,), m/s, and the heading, rad; what is not finite is left out."""
+        """Take a ground velocity (2,), m/s, and the heading, rad; ignore values that are not finite."""
         if not (np.isfinite(velocity).all() and np.isfinite(heading)) or np.hypot(*velocity) < _LEAST_SPEED:
             return
         h = np.array([[np.cos(heading), 1.0, 0.0], [np.sin(heading), 0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""One module a log format: its tables into the signals of :mod:`mavhums.vehicle.signals`."""
+"""Converts the tables of each log format to the signals of :mod:`mavhums.vehicle.signals`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class _Reader(Protocol):
 
 
 class SignalReaders:
-    """Reads signals from the tables of any format, block after block."""
+    """Reads signals from the tables of any format, block by block."""
 
     def __init__(self) -> None:
         self._readers: tuple[_Reader, ...] = (

@@ -1,7 +1,7 @@
-"""Signals from the records of ArduPilot's on-board log.
+"""Reads signals from the records of ArduPilot's on-board log.
 
-Of several sensors the first is taken (``I`` = 0). The state is told with every STAT record: whether it
-is armed, in the mode that the last MODE record told; the kind of vehicle is that of its firmware's text.
+Of several sensors, the first is used (``I`` = 0). Every STAT record gives a state: whether the vehicle is
+armed, with the mode of the last MODE record. The text of the firmware gives the kind of vehicle.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _velocity(table: Table) -> Array:
 
 
 class _Source(NamedTuple):
-    """A message, the signal that it gives, the columns that this takes, and its values."""
+    """A message, the signal that it gives, the columns that it needs, and its values."""
 
     message: str
     signal: str
@@ -78,7 +78,7 @@ MESSAGES: Final = frozenset({source.message for source in _SOURCES} | {"MODE", "
 
 
 class DataFlashSignals:
-    """Reads signals from the tables of an on-board log, block after block."""
+    """Reads signals from the tables of an on-board log, block by block."""
 
     def __init__(self) -> None:
         self._kinds: dict[int, tuple[int, float]] = {}

@@ -1,4 +1,4 @@
-"""Signals from MAVLink messages."""
+"""Reads signals from MAVLink messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class _Stamp(NamedTuple):
-    """The field with the sender's time, microseconds a unit, and after how many it starts anew."""
+    """The field with the sender's time, its unit in microseconds, and the period after which it restarts."""
 
     field: str
     scale: int
@@ -64,7 +64,7 @@ def _of_quaternion(table: Table) -> Array:
 
 
 class _Source(NamedTuple):
-    """A message, the signal that it gives, its time stamp and its values; earlier ones are preferred."""
+    """A message, the signal that it gives, its time stamp and its values; earlier entries are preferred."""
 
     message: str
     signal: str
@@ -101,10 +101,10 @@ MESSAGES: Final = frozenset({source.message for source in _SOURCES} | {"HEARTBEA
 
 
 class MavlinkSignals:
-    """Reads signals from the tables of MAVLink messages, block after block.
+    """Reads signals from the tables of MAVLink messages, block by block.
 
-    Of several messages that give the same signal a vehicle's first is taken, and of several components that
-    send it the first that did.
+    If several messages of a vehicle give the same signal, the first received is used; if several components
+    send that message, the first sender is used.
     """
 
     def __init__(self) -> None:
@@ -132,7 +132,7 @@ class MavlinkSignals:
                     yield Signal(vehicle, signal, message, part.frame, times[message][rows], values(part))
 
     def _choose(self, tables: Mapping[str, Table]) -> None:
-        """Take for each signal the message that came first, whatever block it came in."""
+        """Choose for each signal the message that came first, whatever block it came in."""
         firsts: dict[tuple[int, str], tuple[int, str, int]] = {}
         for message, signal, _, _ in _SOURCES:
             table = tables.get(message)

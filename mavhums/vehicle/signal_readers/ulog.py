@@ -1,4 +1,4 @@
-"""Signals from the topics of a PX4 ULog, whose times are all of one clock already."""
+"""Reads signals from the topics of a PX4 ULog, whose times are all of one clock."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _outputs(table: Table) -> Array:
 
 
 def _angles(q: NDArray[np.float32]) -> Array:
-    """Return roll, pitch and yaw, rad, of rotations w, x, y, z from body to north-east-down."""
+    """Return roll, pitch and yaw, rad, of quaternions w, x, y, z from body to north-east-down."""
     w, x, y, z = q.astype(np.float64).T
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
@@ -52,7 +52,7 @@ def _landed(table: Table) -> Array:
 
 
 class _Source(NamedTuple):
-    """A topic, the signal that it gives, the fields that it takes with their widths, and its values."""
+    """A topic, the signal that it gives, the fields that it needs with their widths, and its values."""
 
     topic: str
     signal: str
@@ -98,10 +98,10 @@ MESSAGES: Final = frozenset({source.topic for source in _SOURCES} | {"parameter"
 
 
 class UlogSignals:
-    """Reads signals from topics, block after block.
+    """Reads signals from topics, block by block.
 
-    Of several topics, and of their instances, that give the same signal the first that came is taken; of
-    outputs always instance 0. A topic whose fields are of another layout gives nothing.
+    If several topics or instances give the same signal, the first received is used; for outputs, always
+    instance 0. A topic with a different field layout gives no signal.
     """
 
     def __init__(self) -> None:
@@ -128,7 +128,7 @@ class UlogSignals:
                     )
 
     def _choose(self, found: list[tuple[int, _Source, Table]]) -> None:
-        """Take for each signal the topic whose first record came first, whatever block it came in."""
+        """Choose for each signal the topic whose first record came first, whatever block it came in."""
         firsts: dict[tuple[int, str], tuple[int, int, int]] = {}
         for place, source, table in found:
             for vehicle in np.unique(table.system).tolist():
@@ -143,7 +143,7 @@ class UlogSignals:
 
 
 def _holds(table: Table, widths: Mapping[str, int]) -> bool:
-    """Return whether there are fields of numbers with so many elements each; a log defines its own."""
+    """Return whether these numeric fields with these widths exist; each log defines its own fields."""
     wire = table.fields.dtype
     for name, width in widths.items():
         if name not in (wire.names or ()) or wire[name].base.kind not in "iuf":
