@@ -191,7 +191,7 @@ def endure(attack: Attack, folder: Path, *, root: Path | None = None) -> Cost:
         time.sleep(_QUIET_S)
         used_s = _used_s(program.pid) - before_s
         memory_mb = _peak_mb(program.pid)
-        began, used_before_s = time.monotonic(), _used_s(program.pid) - _reaped_s()
+        began, used_before_s = time.monotonic(), _used_s(program.pid) + _reaped_s()
         program.send_signal(signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             program.wait(timeout=60)

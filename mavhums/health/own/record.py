@@ -85,7 +85,7 @@ class OwnSums:
             return None
         needed = self._equation.min_rate_hz
         if self.rate_hz < needed:
-            return f"the {self._equation.quantity} needs {needed:g} Hz, and {self.rate_hz:.1f} Hz are there"
+            return f"the {self._equation.quantity} needs {needed:g} Hz, and the log has less"
         return f"the servo moved too little to show its {self._equation.quantity}"
 
     @property
