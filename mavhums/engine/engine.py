@@ -31,11 +31,11 @@ from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
     ALL,
     Assessment,
-    FlightIdentity,
     LogSummary,
     ModelSummary,
     Verdict,
 )
+from mavhums.report.flight import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures

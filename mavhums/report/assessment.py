@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from datetime import datetime
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -19,6 +18,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
 from mavhums.log.losses import Losses
+from mavhums.report.flight import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ __all__ = [
     "Assessment",
     "Coverage",
     "Evidence",
-    "FlightIdentity",
     "Indicator",
     "Interval",
     "LogSummary",
@@ -50,7 +49,6 @@ READABLE = ("mavhums.assessment/1", SCHEMA)
 """Versions whose objects are still read: version 2 only adds fields."""
 NOTICE = "not an airworthiness decision; validated in simulation only"
 
-_CLOCKS_APART_S = 30.0
 
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
@@ -218,45 +216,6 @@ class Verdict(Contract):
     def gravest(self) -> Condition:
         """What the maintainer must act on: a fault that was seen, else that nothing is known, else normal."""
         return max(self.worst, self.condition, key=URGENCY.__getitem__)
-
-
-class FlightIdentity(Contract):
-    """Which flight a log is of, so that two recordings of it count once.
-
-    Attributes
-    ----------
-    vehicle
-        Its id on MAVLink.
-    board
-        Unique id of its autopilot's board, or the operator's serial number; None if the log tells neither.
-    boot_utc
-        When the autopilot was switched on; None if the log tells no date.
-    start_utc, end_utc
-        Of the log; None if it tells no date.
-
-    Examples
-    --------
-    >>> sent = FlightIdentity(vehicle=1, board="0A", boot_utc="2026-01-01T09:00:00+00:00")
-    >>> logged = sent.model_copy(update={"boot_utc": "2026-01-01T09:00:02+00:00"})
-    >>> sent.is_same(logged), sent.is_same(logged.model_copy(update={"board": None}))
-    (True, False)
-    """
-
-    vehicle: int
-    board: str | None = None
-    boot_utc: str | None = None
-    start_utc: str | None = None
-    end_utc: str | None = None
-
-    def is_same(self, other: FlightIdentity) -> bool:
-        """Return whether both are recordings of one flight: the same known board and the same boot time.
-
-        The clocks of a ground station and of a satellite receiver may differ by half a minute.
-        """
-        if self.board is None or self.board != other.board or None in (self.boot_utc, other.boot_utc):
-            return False
-        boots = [datetime.fromisoformat(str(each.boot_utc)) for each in (self, other)]
-        return abs((boots[0] - boots[1]).total_seconds()) <= _CLOCKS_APART_S
 
 
 class LogSummary(Contract):

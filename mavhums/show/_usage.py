@@ -10,7 +10,7 @@ from mavhums.show._words import clock, join, percent
 
 __all__ = ["HEAD", "lines", "rows", "title"]
 
-HEAD = ("output", "span", "travelled", "reversals", "at its stops", "mean (trim), µs")
+HEAD = ("output", "span", "total travel", "reversals", "at its stops", "mean (trim)")
 
 
 def title(usage: VehicleUsage, *, several: bool) -> str:
@@ -23,7 +23,7 @@ def title(usage: VehicleUsage, *, several: bool) -> str:
     'Usage: fixed wing, PX4; armed 1m30s, forward flight 1m15s'
     """
     who = ", ".join(printable(told) for told in (usage.kind, usage.firmware) if told)
-    armed = "armed state not told" if usage.armed_s is None else f"armed {clock(usage.armed_s)}"
+    armed = "arming not recorded" if usage.armed_s is None else f"armed {clock(usage.armed_s)}"
     times = [armed, *([f"forward flight {clock(usage.forward_s)}"] if usage.forward_s else [])]
     vehicle = f" of vehicle {usage.vehicle}" if several else ""
     return f"Usage{vehicle}: {'; '.join(filter(None, (who, ', '.join(times))))}"
@@ -36,7 +36,8 @@ def lines(usage: VehicleUsage) -> Iterator[str]:
         _, span, travelled, reversals, stops, mean = _row(output)
         ends = "" if stops == "—" else f", {stops} at its stops"
         yield (
-            f"{_name(output)}: span {span}, travelled {travelled}, {reversals} reversals{ends}, mean {mean}"
+            f"{_name(output)}: span {span}, total travel {travelled}, {reversals} reversals{ends}, "
+            f"mean {mean}"
         )
     if idle:
         yield f"never commanded: {join(map(_name, idle))}"
@@ -66,9 +67,9 @@ def _row(output: OutputUsage) -> tuple[str, ...]:
     travelled = f"{output.travelled_us} µs"
     stops, mean = "—", "—"
     if output.span is not None and output.travelled is not None:
-        span, travelled = percent(output.span), f"{output.travelled:.1f} ranges"
+        span, travelled = f"{percent(output.span)} of the range", f"{output.travelled:.1f} × the range"
     if output.at_low_s is not None and output.at_high_s is not None and output.held_s:
         stops = percent((output.at_low_s + output.at_high_s) / output.held_s)
     if output.mean_us is not None:
-        mean = f"{output.mean_us:.0f}" + (f" ({output.range_us[1]})" if output.range_us else "")
+        mean = f"{output.mean_us:.0f} µs" + (f" (trim {output.range_us[1]} µs)" if output.range_us else "")
     return _name(output), span, travelled, str(output.reversals), stops, mean

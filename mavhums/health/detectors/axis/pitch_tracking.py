@@ -1,53 +1,20 @@
-"""Pitch: the flown attitude leaves the demanded one, as it does when no surface answers any more.
-
-The limit lies a quarter to a third above the highest value of the healthy development flights.
-"""
+"""Pitch: the flown attitude leaves the demanded one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import degrees
 from typing import ClassVar
 
-from mavhums.health.axis.detector import Limits, Seen, Shown
-from mavhums.health.axis.persistence import Persistent
-from mavhums.health.axis.residual import Residual
+from mavhums.health.axis.detector import Limits
 from mavhums.health.axis.tracking import PitchTracking
+from mavhums.health.axis.tracking_detector import TrackingDetector
 
 __all__ = ["Detector"]
 
 
-class Detector:
-    """An attitude that does not follow its demand."""
+class Detector(TrackingDetector):
+    """A pitch angle that does not follow its demand."""
 
     axes: ClassVar[tuple[str, ...]] = ("pitch",)
-    inspect: ClassVar[Mapping[str, str]] = {
-        "tracking": "every surface of the axis, and whether the autopilot was overridden"
-    }
 
     def __init__(self, limits: Limits) -> None:
-        self._limit = limits.pitch_tracking
-        self._residual = Residual(PitchTracking())
-        self._persistent = Persistent(self._limit)
-
-    def feed(self, seen: Seen) -> list[Shown]:
-        """Return the seconds in which the attitude is away for certain."""
-        shown = []
-        for left in self._residual.feed(seen.rows):
-            since_s = self._persistent.left(left)
-            if since_s is not None:
-                rule = f"emergency: pitch {degrees(left.value):.0f}° away from the demanded one for 3 s"
-                shown.append(
-                    Shown(
-                        "pitch",
-                        left.end_s,
-                        "tracking",
-                        "emergency",
-                        since_s,
-                        left.deviations,
-                        self._limit,
-                        rule,
-                        0.99,
-                    )
-                )
-        return shown
+        super().__init__("pitch", PitchTracking(), limits.pitch_tracking)
