@@ -98,6 +98,7 @@ def judged_axis(
         suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
         evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
         effectiveness=_rounded(findings.effectiveness),
+        limits=findings.limits,
         indicators=tuple(_indicators(findings)),
         provenance=origin,
         reason=reason,
