@@ -14,16 +14,17 @@ E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from math import exp
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.axis.chain import Chain, Form, Shape, judgeable
+from mavhums.health.axis.chain import Chain, Columns, Form, Shape, judgeable
 from mavhums.health.axis.scores import Scores, Sums
+from mavhums.health.axis.standing import Constant, constants
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
@@ -101,6 +102,8 @@ class Reference:
         Standard deviation of the regression's residuals.
     power
         Mean sum of squares of the drive over a second, without its slow part.
+    constants
+        What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
     """
 
     speed: float
@@ -114,6 +117,7 @@ class Reference:
     power: float
     start_s: int
     end_s: int
+    constants: Mapping[str, Constant] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,16 +222,23 @@ class Gain:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
         if found.explained >= wanted.explained and found.error <= wanted.error:
-            self.reference = found
+            self.reference = replace(found, constants=self._constants(rows, found))
             self._begin(rows)
+
+    def _constants(self, rows: Rows, found: Reference) -> Mapping[str, Constant]:
+        design, answer, _ = self._design(Chain(self._form, found.speed, found.shape).feed(rows))
+        return constants(self._form, found.speed, design, answer)
+
+    def _design(self, columns: Columns) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return the last usable rows that a reference needs: design, response and their places."""
+        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
+        return np.column_stack([columns.drive, columns.others])[at], columns.answer[at], at
 
     def _fit(self, rows: Rows, speed: float, shape: Shape) -> Reference | None:
         columns = Chain(self._form, speed, shape).feed(rows)
-        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
-        if at.size < REFERENCE_S * _LEAST_ROWS or columns.drive[at].std() < 1e-4:
+        design, answer, at = self._design(columns)
+        if at.size < REFERENCE_S * _LEAST_ROWS or design[:, 0].std() < 1e-4:
             return None
-        design = np.column_stack([columns.drive, columns.others])[at]
-        answer = columns.answer[at]
         beta, left = _least_squares(design, answer)
         _, without = _least_squares(design[:, 1:], answer)
         explained = 1.0 - left / without if without > 0 else 0.0

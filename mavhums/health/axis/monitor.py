@@ -81,9 +81,9 @@ class AxisFindings:
         The reference used, or else the best candidate; None if there is none.
     usable_s
         Seconds of forward flight in which its demand was known, until the reference.
-    effectiveness
+    effectiveness, windows
         The mean since the last change of the condition, or of a loss the value since its onset, with its
-        95 % interval.
+        95 % interval; and the number of windows in the mean, 0 for a loss.
     spacing_s
         Time between samples of the outputs or the rates, where a reference was sought.
     limits
@@ -98,6 +98,7 @@ class AxisFindings:
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
     effectiveness: Interval | None
+    windows: int
     reference: Reference | None
     best: Reference | None
     usable_s: int
@@ -285,6 +286,7 @@ class AxisMonitor:
                 for e in held.episodes
             ),
             effectiveness=held.value,
+            windows=0 if held.lost else held.windows,
             reference=gain.reference,
             best=gain.best,
             usable_s=gain.usable_s,
