@@ -138,6 +138,4 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: unmonitored"), [f"why: {reason}", f"what to do: {remedy}"])
     for used in assessment.usage:
-        told = list(_usage.lines(used))
-        if told:
-            yield (_usage.title(used, several=len(assessment.usage) > 1), told)
+        yield (_usage.title(used, several=len(assessment.usage) > 1), list(_usage.lines(used)))
