@@ -243,7 +243,7 @@ class Engine:
             return baselines
         begun = self._begun()
         if begun is None:
-            return {}
+            return baselines(airframe, None)
         if airframe not in self._looked_up:
             self._looked_up[airframe] = baselines(airframe, begun)
         return self._looked_up[airframe]

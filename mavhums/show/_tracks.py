@@ -24,6 +24,7 @@ STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
 
 _EFFECTIVENESS: Final = "effectiveness"
+_FAULTY: Final[tuple[Condition, ...]] = ("degraded", "emergency")
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
 _ROWS_PER_CHUNK: Final = 4096
@@ -173,6 +174,11 @@ class Track:
             self._states.clear()
             self._state_s = None
             return
+        if condition in _FAULTY and SEVERITY[condition] > SEVERITY[self.worst]:
+            self._states.clear()
+            self._state_s = None
+            self.held = self.worst = condition
+            self._state(min(self._first_s, self.last_s), condition)
         if condition not in _COMPARED or self._first_s == np.inf:
             return
         self._states = [(at_s, condition if state == self.held else state) for at_s, state in self._states]

@@ -20,16 +20,18 @@ from mavhums.health.decision import FALSE_ALARMS, tail_of
 from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
 from mavhums.report.axis_limits import AxisLimits
 
-__all__ = ["LEAST_FLIGHTS", "against_flights"]
+__all__ = ["LEAST_FLIGHTS", "LOSSES", "against_flights"]
 
 LEAST_FLIGHTS: Final = 5
 """Fewer flights tell too little about their scatter."""
+
+LOSSES: Final = ("effectiveness", "manoeuvre")
+"""Faults whose indicators fall as the fault grows."""
 
 _NORMAL_95: Final = 1.96
 _WINDOW_S: Final = 10.0
 _MOST_TAIL: Final = 0.01
 _TESTS: Final = 4  # of an axis: gain, manoeuvre, lag, trim
-_GAINS: Final = ("effectiveness", "manoeuvre")
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +130,7 @@ def _beside(shown: Indicator, baseline: Baseline | None) -> Indicator:
 
 def _found(compared: list[_Compared], limits: AxisLimits, tail: float) -> Iterator[_Found]:
     """Yield the differences that are certain and beyond the limits: of the gains the most certain one."""
-    lost = [one for one in compared if one.indicator.fault in _GAINS and one.baseline.mean > 0]
+    lost = [one for one in compared if one.indicator.fault in LOSSES and one.baseline.mean > 0]
     losses = [loss for one in lost if (loss := _loss(one, limits, tail))]
     yield from sorted(losses, key=lambda loss: loss.value)[:1]
     for one in compared:
