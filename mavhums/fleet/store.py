@@ -17,12 +17,14 @@ from mavhums.fleet.rows import LogFile, Row
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from deltalake import WriterProperties
 
 __all__ = ["LOGS", "VERDICTS", "Store", "schemas"]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
 _COMPACT_FILES: Final = 64
+_ROW_GROUP: Final = 2_000
 
 
 class Store:
@@ -152,7 +154,7 @@ class Store:
             if self.has(name):
                 table = DeltaTable(self.folder / name)
                 if len(table.file_uris()) > _COMPACT_FILES:
-                    table.optimize.compact()
+                    table.optimize.compact(writer_properties=_written())
                     table.vacuum(dry_run=False)
 
     def _write(self, table: str, rows: Sequence[dict[str, object]], **how: Any) -> None:
@@ -162,7 +164,7 @@ class Store:
 
         content = pa.Table.from_pylist(list(rows), schema=schemas()[table])
         try:
-            write_deltalake(self.folder / table, content, **how)
+            write_deltalake(self.folder / table, content, writer_properties=_written(), **how)
         except (DeltaError, OSError) as error:
             problem = f"{self.folder}: cannot be written: {str(error).splitlines()[0][:200]}"
             raise MavhumsError(problem, "make room or mend it, and scan again: it resumes") from error
@@ -181,6 +183,13 @@ def schemas() -> dict[str, pa.Schema]:
     verdict += [("actuator", text), ("condition", text), ("worst", text), ("urgency", number)]
     verdict += [("friction_nm", number), ("airframe", text), ("verdict", text)]
     return {LOGS: pa.schema(log), VERDICTS: pa.schema(verdict)}
+
+
+def _written() -> WriterProperties:
+    """Return how tables are written: in small groups of rows, of which a query skips most."""
+    from deltalake import WriterProperties
+
+    return WriterProperties(compression="ZSTD", max_row_group_size=_ROW_GROUP)
 
 
 def _quoted(files: Sequence[str]) -> str:
