@@ -40,7 +40,7 @@ SELECT {_COLUMNS} FROM (
     GROUP BY each.aircraft, last.log, each.vehicle, each.actuator, each.start_us)
 ORDER BY urgency DESC, friction_nm DESC NULLS LAST, aircraft, path, vehicle, actuator
 """
-"""The actuators in their aircraft's last flights, the worst first; without the verdicts' JSON, which is large."""
+"""The actuators in their last flights, the worst first; without the JSON of the verdicts, which is large."""
 
 
 class Status(NamedTuple):
