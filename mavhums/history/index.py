@@ -40,15 +40,15 @@ _TABLES: Final = """
 CREATE TABLE file (name TEXT PRIMARY KEY, time_ns INTEGER, size INTEGER) WITHOUT ROWID;
 CREATE TABLE told (name TEXT, failed INTEGER, problem TEXT, remedy TEXT);
 CREATE TABLE flight (name TEXT, place INTEGER, same TEXT, log TEXT, PRIMARY KEY (name, place)) WITHOUT ROWID;
-CREATE TABLE shown (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT, start INTEGER, name TEXT,
-    place INTEGER, stop INTEGER, PRIMARY KEY (airframe, vehicle, actuator, fault, start, name, place))
-    WITHOUT ROWID;
+CREATE TABLE shown (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT, start INTEGER, same TEXT,
+    name TEXT, place INTEGER, stop INTEGER,
+    PRIMARY KEY (airframe, vehicle, actuator, fault, start, same, name, place)) WITHOUT ROWID;
 CREATE TABLE series (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT,
     PRIMARY KEY (airframe, vehicle, actuator, fault)) WITHOUT ROWID;
 CREATE TABLE recording (airframe TEXT, vehicle INTEGER, board TEXT, boot REAL, start INTEGER, name TEXT,
     place INTEGER, stop INTEGER, content TEXT,
     PRIMARY KEY (airframe, vehicle, board, boot, start, name, place)) WITHOUT ROWID;
-CREATE INDEX recording_name ON recording (name);
+CREATE INDEX recording_name ON recording (name, place);
 CREATE INDEX flight_log ON flight (log);
 CREATE INDEX flight_same ON flight (same);
 CREATE INDEX shown_name ON shown (name);
@@ -63,10 +63,10 @@ _REFERENCES: Final = f"""
 SELECT shown.name, flight.log FROM shown JOIN flight USING (name, place) JOIN file USING (name)
 WHERE airframe = ? AND vehicle = ? AND actuator = ? AND fault = ? AND start >= ? AND start <= ? AND stop <= ?
 AND {_LATEST}
-ORDER BY start, flight.same
+ORDER BY start, shown.same
 """
 _BOOTS: Final = """
-SELECT DISTINCT board, boot FROM flight JOIN recording USING (name, place)
+SELECT DISTINCT board, boot FROM flight CROSS JOIN recording USING (name, place)
 WHERE airframe = ? AND log = ? AND vehicle = ?
 """
 _RECORDINGS: Final = f"""
@@ -248,8 +248,8 @@ class IndexedFolder:
             ]
             self._base.executemany("INSERT OR IGNORE INTO series VALUES (?, ?, ?, ?)", series)
             self._base.executemany(
-                "INSERT OR IGNORE INTO shown VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                [(*which, *times) for which in series],
+                "INSERT OR IGNORE INTO shown VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                [(*which, times[0], same, *times[1:]) for which in series],
             )
             self._base.executemany(
                 "INSERT OR IGNORE INTO recording VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",

@@ -122,12 +122,14 @@ def test_which_recordings_count_does_not_depend_on_their_order(
         assert known[copy].quality < known[taken].quality
 
 
-def recorded(day: float, name: str, value: float, decidable: int, **times: float) -> Assessment:
+def recorded(
+    day: float, name: str, value: float, decidable: int, *, boot_s: float = -60.0, end_s: float = 600.0
+) -> Assessment:
     judged = verdict(shown(value))
     judged = judged.model_copy(
         update={"coverage": Coverage(moving_fraction=1.0, windows=decidable, decidable=decidable)}
     )
-    return flown(judged, day=day, name=name, identities=[identity(day=day, **times)])
+    return flown(judged, day=day, name=name, identities=[identity(day=day, boot_s=boot_s, end_s=end_s)])
 
 
 def test_baselines_and_trends_count_a_flight_once(tmp_path: Path) -> None:
