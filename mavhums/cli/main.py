@@ -46,7 +46,7 @@ __all__ = ["main"]
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="mavhums")
 def cli() -> None:
-    """Health of a UAV's servo actuators from the MAVLink log it already records.
+    """Health of a UAV's servos and control surfaces from the log it already records.
 
     \b
     Start here:
@@ -94,7 +94,7 @@ def analyse(
     no_position: bool,
     open_viewer: bool,
 ) -> None:
-    """Judge every actuator of each LOG (.tlog).
+    """Judge every actuator and control axis in each LOG: .tlog, .BIN or .ulg, also .gz, .zst or .zip.
 
     With --history, each actuator is also held against its own first flights; --keep makes this flight one
     of them, so that one command after each landing is all the book-keeping. Give several logs oldest first.

@@ -77,7 +77,8 @@ def name(verdict: Verdict, assessment: Assessment) -> str:
     vehicles = {other.vehicle for other in assessment.verdicts}
     if verdict.actuator == ALL:
         return "every actuator"
-    own = f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator
+    moved = "roll, pitch and yaw" if verdict.actuator == "axes" else verdict.actuator
+    own = f"{moved} control" if verdict.subject == "axis" else verdict.actuator
     return own if len(vehicles) < 2 else f"{verdict.vehicle}: {own}"
 
 
