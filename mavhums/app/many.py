@@ -17,6 +17,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.history.comparison import LoneFlight, compared
 from mavhums.history.files import keep_assessment
+from mavhums.history.repeated import with_copies
 from mavhums.report.assessment import Assessment
 
 __all__ = ["Batch", "Outcome", "analyse_many"]
@@ -157,9 +158,10 @@ def _by_processes(logs: Sequence[Path], options: Options, jobs: int, batch: Batc
                     raise MavhumsError(*flight)
                 history = options.flights()
                 since = options.since
-                return compared(
+                held = compared(
                     flight, partial(history.baselines, since=since), partial(history.past, since=since)
                 )
+                return with_copies(held, history)
 
             yield judge
 

@@ -42,7 +42,7 @@ __all__ = ["main"]
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="mavhums")
 def cli() -> None:
-    """Health of a UAV's servo actuators from the MAVLink log it already records.
+    """Health of a UAV's servos and control surfaces from the log it already records.
 
     \b
     Start here:
@@ -92,7 +92,7 @@ def analyse(
     jobs: int | None,
     open_viewer: bool,
 ) -> None:
-    """Judge every actuator of each LOG (.tlog, .bin, .ulg).
+    """Judge every actuator and control axis in each LOG: .tlog, .BIN or .ulg, also .gz, .zst or .zip.
 
     Several logs are judged on all cores, and the results come in the order given, each with its log's name.
     With --history, each actuator is also held against its own first flights; --keep makes this flight one of

@@ -44,12 +44,23 @@ ORDER BY urgency DESC, friction_nm DESC NULLS LAST, aircraft, path, vehicle, act
 
 
 class Status(NamedTuple):
-    """The contents of a store: judged logs, logs without a known aircraft, and failures by reason."""
+    """The contents of a store.
+
+    Attributes
+    ----------
+    judged, aircraft, unknown
+        Number of judged logs, of known aircraft, and of logs without one.
+    failures
+        Problem and remedy of each log that could not be judged.
+    copies
+        Each log whose flight another log records better, and that log, which counts.
+    """
 
     judged: int
     aircraft: int
     unknown: int
     failures: tuple[tuple[str, str], ...]
+    copies: tuple[tuple[str, str], ...] = ()
 
 
 class Worst(NamedTuple):
@@ -78,7 +89,8 @@ def status(store: str | os.PathLike[str]) -> Status:
         "SELECT problem, remedy FROM logs WHERE problem IS NOT NULL"
         " QUALIFY row_number() OVER (PARTITION BY path ORDER BY scanned DESC) = 1 ORDER BY path"
     ).fetchall()
-    return Status(judged, aircraft, unknown, tuple((problem, remedy) for problem, remedy in failures))
+    copies = kept.query("SELECT DISTINCT path, counted FROM copies ORDER BY path").fetchall()
+    return Status(judged, aircraft, unknown, tuple(failures), tuple(copies))
 
 
 def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Worst]:

@@ -259,7 +259,7 @@ class Monitor:
             for change in self._trackers[fault].feed(look, end_s):
                 changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
-        voted = outcomes(self._networks, votes[whole])
+        voted = outcomes(self._networks, votes[whole].astype(np.int64))
         for k, (end, fraction, vote) in enumerate(
             zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
         ):

@@ -104,7 +104,7 @@ def trend_report(
             baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
             trends.append(_trend(flown, fault, baseline, airframe))
     return TrendReport(
-        flights=len(history.flights),
+        flights=history.count(),
         trends=tuple(sorted(trends, key=_rank)),
         unshown=tuple(unshown),
         errors=tuple(error.problem for error in history.errors),
@@ -117,10 +117,13 @@ def _by_actuator(
 ) -> dict[tuple[int, str, str | None], list[_Flown]]:
     """Return the flights of each actuator in time order."""
     found: dict[tuple[int, str, str | None], list[_Flown]] = {}
+    left_out = history.untaken()
     for flight in history.flights:
         for verdict in flight.assessment.verdicts:
             unwanted = verdict.actuator == ALL or (actuators and verdict.actuator not in actuators)
             if verdict.vehicle is None or unwanted or not flight.counts(verdict.actuator, since):
+                continue
+            if (flight.assessment.airframe, flight.log, verdict.vehicle) in left_out:
                 continue
             key = (verdict.vehicle, verdict.actuator, flight.assessment.airframe)
             flown = found.setdefault(key, [])

@@ -51,7 +51,7 @@ def why_not_at_all(flight: Flight) -> tuple[str, str] | None:
         return reason, "record the autopilot's heartbeats as well"
     if not kinds & {1, *range(19, 26)}:
         what = " and ".join(_KINDS.get(kind, f"a vehicle of MAV_TYPE {kind}") for kind in sorted(kinds))
-        reason = f"{what}: control effectiveness is judged of fixed wings in forward flight only"
+        reason = f"{what}: control effectiveness is judged for fixed-wing aircraft in forward flight only"
         return reason, "judge its actuators by telemetry of their own"
     missing = [text for name, text in _NEEDED.items() if name not in flight.heard]
     if missing:
