@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 __all__ = ["eliminated", "full", "packed", "unpacked"]
 
 _NOTHING = 1e-10
+_ROUNDING = 1e-11
 
 Array = NDArray[np.float64]
 
@@ -33,10 +34,10 @@ def eliminated(gram: Array, columns: Sequence[int]) -> Array:
     >>> float(left[1, 2] / left[1, 1])
     2.0
     """
-    gram = gram.copy()
+    gram, least = gram.copy(), np.maximum(_ROUNDING * np.diag(gram), _NOTHING)
     for k in columns:
         pivot = gram[k, k]
-        if pivot > _NOTHING:
+        if pivot > least[k]:
             gram -= np.outer(gram[:, k], gram[k]) / pivot
         gram[k, :] = 0.0
         gram[:, k] = 0.0

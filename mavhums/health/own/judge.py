@@ -14,7 +14,8 @@ from scipy.special import stdtrit
 from mavhums.core.conditions import Condition
 from mavhums.health.decision import FALSE_ALARMS, tail_of
 from mavhums.health.own.equation import OwnEquation
-from mavhums.health.own.fit import Nuisances, Wear, learned, wear
+from mavhums.health.own.fit import Wear
+from mavhums.health.own.method import Individual, learned, wear
 from mavhums.health.own.past import PastRecord, compared
 from mavhums.health.random_effects import Population, population
 from mavhums.report.assessment import Interval, OwnRecord
@@ -122,7 +123,7 @@ def compare(
 class _Healthy:
     """The reference flights: their population, and their temperatures if these are used."""
 
-    nuisances: Nuisances
+    nuisances: Individual
     flights: Population
     warmth: tuple[float, float, float] | None
     sign: float
