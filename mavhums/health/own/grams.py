@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,11 +47,18 @@ def eliminated(gram: Array, columns: Sequence[int]) -> Array:
 
 def packed(gram: Array) -> list[float]:
     """Return the upper triangle, row by row, in nine significant digits."""
-    return [float(f"{number:.9g}") for number in gram[np.triu_indices(len(gram))]]
+    return [float(f"{number:.9g}") for number in gram[_upper(len(gram))].tolist()]
 
 
 def unpacked(numbers: Sequence[float], size: int) -> Array:
     """Return the matrix of an upper triangle."""
-    gram = np.zeros((size, size))
-    gram[np.triu_indices(size)] = numbers
-    return np.triu(gram) + np.triu(gram, 1).T
+    rows, columns = _upper(size)
+    gram = np.empty((size, size))
+    gram[rows, columns] = gram[columns, rows] = numbers
+    return gram
+
+
+@lru_cache
+def _upper(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    rows, columns = np.triu_indices(size)
+    return rows, columns
