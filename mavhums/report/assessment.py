@@ -19,7 +19,7 @@ from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
 from mavhums.log.losses import Losses
 from mavhums.report.axis_limits import AxisLimits
-from mavhums.report.flight import FlightIdentity
+from mavhums.report.flight import FlightCopy, FlightIdentity
 from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:
@@ -224,7 +224,8 @@ class Verdict(Contract):
 class LogSummary(Contract):
     """The log that was judged.
 
-    ``format`` is ``tlog``, ``dataflash`` or ``ulog``; ``flight`` says of each vehicle which flight it was.
+    ``format`` is ``tlog``, ``dataflash`` or ``ulog``; ``flight`` says of each vehicle which flight it was,
+    ``copies`` which other logs of the history are of the same flight; one of them counts.
     """
 
     path: str | None
@@ -235,6 +236,7 @@ class LogSummary(Contract):
     losses: Losses
     format: str = "tlog"
     flight: tuple[FlightIdentity, ...] = ()
+    copies: tuple[FlightCopy, ...] = ()
 
 
 class Assessment(Contract):
