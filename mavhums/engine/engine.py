@@ -74,7 +74,7 @@ class Engine:
         wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         wanted |= AXIS_MESSAGES
-        self._axes = Axes(airframe)
+        self._axes = Axes(airframe, angles=options.vehicle_states)
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._identities, self._recorded = Identities(), RecordedFlights()
