@@ -134,10 +134,10 @@ class VehicleAxes:
 
     def _named(self, event: ConditionChanged) -> ConditionChanged:
         """Add the possible surfaces to the finding of an alert."""
-        moved = self.surfaces.of_axis(event.actuator) if self.surfaces else ()
-        if not moved or not event.finding:
+        suspect = self.surfaces.brief(event.actuator) if self.surfaces else ""
+        if not suspect or not event.finding:
             return event
-        return replace(event, finding=f"{event.finding}, {moved[0].kind}?")
+        return replace(event, finding=f"{event.finding}: {suspect}?")
 
     def _unknown(self, second: Seconds) -> Iterator[AxisEvent]:
         """Follow the flight without its outputs, and try to infer them from its first part."""
