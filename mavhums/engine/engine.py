@@ -266,7 +266,7 @@ class Engine:
         followed = self._axes.vehicle(vehicle)
         if followed is None or not self._crowd.admits(vehicle):
             return
-        why = why_not_at_all(followed.flight)
+        why = why_not_at_all(followed.flight, self._identities.of(vehicle).kind)
         if why is not None:
             yield unjudged_axes(vehicle, *why)
             return

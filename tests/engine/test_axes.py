@@ -184,3 +184,10 @@ def test_a_jam_is_seen_as_half_the_aileron_from_ordinary_messages() -> None:
     roll = of(assessment, "roll")
     assert (roll.condition, roll.worst) == ("normal", "emergency") or roll.worst == "emergency"
     assert any(60 <= e.start_s <= 125 for e in roll.evidence)
+
+
+@pytest.mark.skipif(not (REAL_LOGS / "onboard").is_dir(), reason="the real logs are absent")
+def test_an_onboard_log_of_a_copter_is_told_why_not() -> None:
+    assessment = mavhums.analyse(REAL_LOGS / "onboard" / "lrs17.BIN")
+    [axes] = [v for v in assessment.verdicts if v.subject == "axis"]
+    assert "multirotor: control effectiveness is judged for fixed-wing aircraft" in str(axes.reason)
