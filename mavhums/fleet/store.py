@@ -18,6 +18,7 @@ from mavhums.fleet.rows import LogFile, Row
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from deltalake import WriterProperties
 
 __all__ = ["COPIES", "LOGS", "VERDICTS", "Store", "schemas"]
 
@@ -25,6 +26,7 @@ LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
 COPIES: Final = "copies"
 _COMPACT_FILES: Final = 64
+_ROW_GROUP: Final = 2_000
 
 
 class Store:
@@ -162,7 +164,7 @@ class Store:
             if self.has(name):
                 table = DeltaTable(self.folder / name)
                 if len(table.file_uris()) > _COMPACT_FILES:
-                    table.optimize.compact()
+                    table.optimize.compact(writer_properties=_written())
                     table.vacuum(dry_run=False)
 
     def _write(self, table: str, rows: Sequence[dict[str, object]], **how: Any) -> None:
@@ -172,7 +174,7 @@ class Store:
 
         content = pa.Table.from_pylist(list(rows), schema=schemas()[table])
         try:
-            write_deltalake(self.folder / table, content, **how)
+            write_deltalake(self.folder / table, content, writer_properties=_written(), **how)
         except (DeltaError, OSError) as error:
             problem = f"{self.folder}: cannot be written: {str(error).splitlines()[0][:200]}"
             raise MavhumsError(problem, "make room or mend it, and scan again: it resumes") from error
@@ -192,6 +194,13 @@ def schemas() -> dict[str, pa.Schema]:
     verdict += [("friction_nm", number), ("airframe", text), ("verdict", text)]
     copy = [("aircraft", text), ("path", text), ("sha256", text), ("vehicle", whole), ("counted", text)]
     return {LOGS: pa.schema(log), VERDICTS: pa.schema(verdict), COPIES: pa.schema(copy)}
+
+
+def _written() -> WriterProperties:
+    """Return how tables are written: in small groups of rows, of which a query skips most."""
+    from deltalake import WriterProperties
+
+    return WriterProperties(compression="ZSTD", max_row_group_size=_ROW_GROUP)
 
 
 def _quoted(files: Sequence[str]) -> str:

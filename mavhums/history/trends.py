@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cache
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -93,14 +94,14 @@ def trend_report(
     """Fit a trend to every indicator of every actuator; the arguments are those of ``trend``."""
     trends: list[ActuatorTrend] = []
     unshown: list[str] = []
+    references = cache(lambda airframe, before: history.baselines(airframe, before, since))
     for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():
         names = {one.fault for each in flown for one in each.verdict.indicators}
         if not names:
             unshown.append(f"{vehicle}: {actuator}")
         for fault in sorted(name for name in names if not faults or name in faults):
             newest = next(each for each in reversed(flown) if each.shown(fault))
-            references = history.baselines(airframe, newest.flight.start, since)
-            baseline = references.get((vehicle, actuator, fault))
+            baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
             trends.append(_trend(flown, fault, baseline, airframe))
     return TrendReport(
         flights=history.count(),
@@ -163,7 +164,7 @@ def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe:
         flights_left=fitted.flights_left if fitted else None,
         reason=fitted.reason if fitted else f"{len(pairs)} flights show it; a trend needs {MIN_FLIGHTS}",
         points=tuple(
-            FlightPoint(
+            FlightPoint.model_construct(
                 flight=each.number,
                 start_utc=start,
                 log=each.flight.assessment.log.path,

@@ -314,7 +314,7 @@ def test_of_several_logs_each_is_held_against_those_before(
         known.append(len(options.flights().flights))
         return flown(verdict(), day=len(known), name=log.stem)
 
-    monkeypatch.setattr("mavhums.app.analysis.analyse", judge)
+    monkeypatch.setattr("mavhums.app.many.analyse", judge)
     assert run("analyse", *logs, "--history", tmp_path / "kept", "--keep").code == ExitCode.OK
     assert known == [0, 1, 2]
     known.clear()
