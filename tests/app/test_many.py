@@ -174,3 +174,25 @@ def test_the_processes_end_with_a_command_that_is_killed(stuck: subprocess.Popen
     stuck.communicate(timeout=60)
     _, alive = psutil.wait_procs(children, timeout=60)
     assert not alive
+
+
+def test_analyse_loads_nothing_heavy_that_it_does_not_need(logs: list[Path]) -> None:
+    heavy = {
+        "torch",
+        "sklearn",
+        "pandas",
+        "pyarrow",
+        "distributed",
+        "duckdb",
+        "deltalake",
+        "rerun",
+        "scipy.stats",
+    }
+    code = (
+        "import sys\nfrom mavhums.cli.main import main\n"
+        f"sys.argv[1:] = ['analyse', {str(logs[0])!r}]\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        f"print('loaded:', sorted({heavy!r} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("loaded: []\n")

@@ -1,4 +1,4 @@
-"""The operator's table in a fleet names aircraft, also of logs that are there already, and dates actuators."""
+"""The operator's table in a fleet names aircraft, also of logs that are there already; it dates actuators."""
 
 from __future__ import annotations
 
