@@ -23,7 +23,7 @@ from scipy.stats import chi2
 
 from mavhums.health.own.identify import identified
 from mavhums.health.own.judge import Comparison, compare
-from mavhums.health.own.method import learned, wear
+from mavhums.health.own.method import learned, shows, wear
 from mavhums.health.own.past import PastRecord
 from mavhums.health.own.power_fit import Law
 from mavhums.health.own.record import KEPT
@@ -33,6 +33,7 @@ from mavhums.report.assessment import OwnRecord
 from mavhums_sim import FlightRecord
 
 BASELINES = (5, 10, 20)
+FLIGHTS_BEFORE = 30  # position only shows nothing in some of them
 SCATTERS = (0.0, 0.05, 0.10)
 SCATTERED = ("motor, 50 Hz", "bus, 50 Hz")
 SCANNED = ("motor, 50 Hz", "motor, 25 Hz", "bus, 50 Hz", "position, 50 Hz", "position, 25 Hz")
@@ -61,7 +62,7 @@ class Fleet:
         self._pasts: dict[tuple[tuple[int, str], str, int, float], list[PastRecord]] = {}
 
     def learn(self, row: Row) -> None:
-        if row.record is not None:
+        if row.record is not None and shows(row.record):
             self.reference[row.actuator, row.tier].append(row.record)
 
     def take(self, row: Row) -> None:
@@ -116,7 +117,7 @@ def tasks_of(args: argparse.Namespace) -> tuple[list[Task], list[Task]]:
     aircraft = tuple(range(args.first, args.first + args.aircraft))
     every = tuple(tier for tier in TIERS if tier.startswith(tuple(args.only.split(","))))
     scanned = tuple(tier for tier in every if tier in SCANNED)
-    base = [Task("base", k, "friction", 0.0, aircraft, every) for k in range(20)]
+    base = [Task("base", k, "friction", 0.0, aircraft, every) for k in range(FLIGHTS_BEFORE)]
     worn = [
         Task(f"+{severity:g} N·m", 2000 + 100 * n + k, "friction", severity, aircraft, every)
         for n, severity in enumerate(FRICTIONS)
