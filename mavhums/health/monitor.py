@@ -32,7 +32,7 @@ from mavhums.health.tracker_report import (
     record_of,
     suspect_of,
 )
-from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcome
+from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcomes
 from mavhums.health.windows import WINDOW_SLOTS, Windows
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
@@ -260,11 +260,12 @@ class Monitor:
             for change in self._trackers[fault].feed(look, end_s):
                 changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
-        for k, (end, fraction, ballots) in enumerate(
-            zip(end_s.tolist(), moving[whole].tolist(), votes[whole], strict=True)
+        voted = outcomes(self._networks, votes[whole].astype(np.int64))
+        for k, (end, fraction, vote) in enumerate(
+            zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
         ):
             changed = [*self._changed(changes.get(k, []), end)]
-            yield self._window(end, fraction, friction.get(k), outcome(self._networks, ballots))
+            yield self._window(end, fraction, friction.get(k), vote)
             yield from changed
 
     def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array]:

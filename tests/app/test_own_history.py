@@ -14,6 +14,7 @@ from mavhums.report.assessment import Assessment
 from mavhums_sim import Flight, Gearbox, fly
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters
+from mavhums_sim.link import Link
 from mavhums_sim.telemetry import write_tlog
 from tests.conftest import Run
 
@@ -42,7 +43,7 @@ def log_of(folder: Path, number: int, added_nm: float = 0.0) -> Path:
         tiers=("esc-signed", "pwm"),
     )
     path = folder / f"{number}.tlog"
-    write_tlog(fly(flight), path)
+    write_tlog(fly(flight), path, Link(day=float(number)))
     return path
 
 
