@@ -128,7 +128,7 @@ class Fleet:
 
 def tasks_of(args: argparse.Namespace) -> tuple[list[Task], list[Task]]:
     aircraft = tuple(range(args.first, args.first + args.aircraft))
-    every = tuple(tier for tier in TIERS if tier.startswith(tuple(args.only.split(","))))
+    every = tuple(tier for tier in TIERS if tier.startswith(tuple(args.only or [""])))
     scanned = tuple(tier for tier in every if tier in SCANNED)
     base = [Task("base", k, "friction", 0.0, aircraft, every) for k in range(FLIGHTS_BEFORE)]
     worn = [
@@ -315,7 +315,7 @@ def main() -> None:
     parser.add_argument("--healthy", type=int, default=450, help="healthy flights of each aircraft")
     parser.add_argument("--sheet", type=int, default=2, help="aircraft judged with their data sheet as well")
     parser.add_argument("--identify", type=int, default=4, help="aircraft whose motors are identified")
-    parser.add_argument("--only", default="", help="tiers by their first letters, separated by commas")
+    parser.add_argument("--only", action="append", help="first letters of the tiers; may be repeated")
     parser.add_argument("--report", type=int, default=10**9, help="print the table after so many comparisons")
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
