@@ -9,7 +9,7 @@ import signal
 import sys
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final
 
@@ -27,18 +27,15 @@ Progress = Callable[[int], None]
 class _Worker:
     """One process; ``start`` begins it, and the first ``ask`` waits until it is ready."""
 
-    def __init__(self, memory_bytes: int) -> None:
-        self._memory_bytes = memory_bytes
+    def __init__(self, command: Sequence[str]) -> None:
+        self._command = command
         self._process: Process | None = None
         self._ready = False
         self._jobs = 0
 
     async def start(self) -> None:
         self._process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            "mavhums.serve.worker",
-            str(self._memory_bytes),
+            *self._command,
             stdin=PIPE,
             stdout=PIPE,
             stderr=DEVNULL,
@@ -105,10 +102,14 @@ class Workers:
     ----------
     limits
         Number of processes, and time and memory of one job.
+    command
+        The program; None for :mod:`mavhums.serve.worker`.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: Limits, command: Sequence[str] | None = None) -> None:
         self._limits = limits
+        usual = (sys.executable, "-m", "mavhums.serve.worker", str(limits.memory_bytes))
+        self._command = usual if command is None else command
         self._free: list[_Worker] = []
         self._waiting: list[tuple[str, asyncio.Future[_Worker]]] = []
         self._running: Counter[str] = Counter()
@@ -119,14 +120,6 @@ class Workers:
         """Start the processes; they get ready meanwhile."""
         for _ in range(self._limits.workers):
             await self._add()
-
-    async def ready(self) -> None:
-        """Wait until the first process is ready."""
-        await self._free[0].wait_ready()
-
-    def ahead(self) -> int:
-        """Return the number of jobs that wait."""
-        return len(self._waiting)
 
     async def run(self, user: str, job: Job, progress: Progress) -> Job:
         """Return the answer to a job, or a ``problem`` with its ``remedy``.
@@ -186,7 +179,7 @@ class Workers:
             await self._add()
 
     async def _add(self) -> None:
-        worker = _Worker(self._limits.memory_bytes)
+        worker = _Worker(self._command)
         await worker.start()
         self._all.add(worker)
         self._hand(worker)

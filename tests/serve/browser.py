@@ -68,9 +68,7 @@ class Browser(Chromium):
 
     def js(self, expression: str) -> Any:
         """Return what an expression, or its promise, gives."""
-        answer = self.call(
-            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
-        )
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
