@@ -8,14 +8,14 @@ from pathlib import PurePath
 from typing import NamedTuple
 from urllib.parse import urlencode
 
-from mavhums.core.conditions import URGENCY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.report.assessment import Assessment
 from mavhums.report.trend import TrendReport
 from mavhums.serve.options import LastFlight
 from mavhums.show.html import in_brief
 from mavhums.show.html_trend import TrendShown, trend_shown
 
-__all__ = ["AircraftLine", "FlightLine", "aircraft_lines", "flight_lines", "trends_shown"]
+__all__ = ["ActuatorShown", "AircraftLine", "FlightLine", "aircraft_lines", "flight_lines", "trends_shown"]
 
 
 class AircraftLine(NamedTuple):
@@ -40,6 +40,15 @@ class FlightLine(NamedTuple):
     headline: str
 
 
+class ActuatorShown(NamedTuple):
+    """An actuator or axis on an aircraft's page: the trends to see first, and the others."""
+
+    name: str
+    condition: Condition
+    first: list[TrendShown]
+    others: list[TrendShown]
+
+
 def aircraft_lines(rows: Iterable[LastFlight]) -> list[AircraftLine]:
     """Return a line per aircraft; the rows come worst first, and so do the lines."""
     groups: dict[tuple[str, str], list[LastFlight]] = {}
@@ -55,12 +64,18 @@ def _aircraft(rows: Sequence[LastFlight]) -> AircraftLine:
     verdict = first.verdict
     suspects = ", ".join(one.fault.replace("_", " ") for one in verdict.suspects)
     file = PurePath(first.path).name
+    subject = f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator
+    well = SEVERITY[verdict.gravest] == SEVERITY["normal"]
     return AircraftLine(
         name=first.aircraft or f"unknown aircraft ({file})",
         address=f"/fleet/aircraft?{urlencode({'name': first.aircraft})}" if first.aircraft else "",
         condition=verdict.gravest,
-        worst=f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator,
-        detail=suspects or verdict.reason or "",
+        worst=""
+        if well
+        else f"{verdict.actuator} control"
+        if verdict.subject == "axis"
+        else verdict.actuator,
+        detail="" if well else suspects or verdict.reason or "",
         last_flight=_date(first.start_us),
         counts=tuple((one, found.count(one)) for one in conditions),
     )
@@ -89,7 +104,19 @@ def _flight(aircraft: str, flight: Assessment) -> FlightLine:
     )
 
 
-def trends_shown(report: TrendReport) -> list[TrendShown]:
-    """Return the trends with their drawings, the worst first."""
+def trends_shown(report: TrendReport) -> list[ActuatorShown]:
+    """Return each actuator's trends with their drawings, the worst first."""
     several = len({one.vehicle for one in report.trends}) > 1
-    return [trend_shown(one, f"{one.vehicle}: " if several else "") for one in report.trends]
+    found: dict[str, list[TrendShown]] = {}
+    for one in report.trends:
+        shown = trend_shown(one, f"{one.vehicle}: " if several else "")
+        found.setdefault(shown.actuator, []).append(shown)
+    return [
+        ActuatorShown(
+            name,
+            trends[0].condition,
+            [one for one in trends if one.first],
+            [one for one in trends if not one.first],
+        )
+        for name, trends in found.items()
+    ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import ceil, floor
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,22 +15,30 @@ from mavhums.show.html_plot import Limit, Plot, plot
 
 __all__ = ["TrendShown", "trend_shown"]
 
+_MAIN: Final = ("friction", "effectiveness")
+
 
 class TrendShown(NamedTuple):
     """A trend: its title, its numbers in words, its drawing, and the remaining useful life.
 
     Attributes
     ----------
+    actuator, condition
+        Whose trend it is, and its gravest condition in the last flight, of whatever indicator.
     told
         The last value with its interval, the change and the slope.
     life
         Remaining useful life in flights, or why there is none.
+    first
+        Whether a reader must see it: friction, what grows, and what is beyond its limit.
     """
 
-    title: str
+    actuator: str
     condition: Condition
+    title: str
     told: str
     life: str
+    first: bool
     drawing: Plot
 
 
@@ -51,12 +59,18 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "") -> TrendShown:
     unit = "" if trend.unit == "1" else f" {trend.unit}"
     drawing = plot(Curve(flights, rows), limits, float(trend.flights), flights=True)
     return TrendShown(
-        title=f"{prefix}{trend.actuator}: {trend.quantity}{f', {unit.strip()}' if unit else ''}",
+        actuator=f"{prefix}{trend.actuator}",
         condition=trend.condition,
+        title=f"{trend.quantity}{f', {unit.strip()}' if unit else ''}",
         told=_told(trend, unit),
         life=_life(trend.flights_left, trend.reason),
+        first=trend.fault in _MAIN or trend.flights_left is not None or _beyond(trend),
         drawing=drawing,
     )
+
+
+def _beyond(trend: ActuatorTrend) -> bool:
+    return trend.limit is not None and trend.points[-1].value.low > trend.limit
 
 
 def _told(trend: ActuatorTrend, unit: str) -> str:
