@@ -70,11 +70,7 @@ def _aircraft(rows: Sequence[LastFlight]) -> AircraftLine:
         name=first.aircraft or f"unknown aircraft ({file})",
         address=f"/fleet/aircraft?{urlencode({'name': first.aircraft})}" if first.aircraft else "",
         condition=verdict.gravest,
-        worst=""
-        if well
-        else f"{verdict.actuator} control"
-        if verdict.subject == "axis"
-        else verdict.actuator,
+        worst="" if well else subject,
         detail="" if well else suspects or verdict.reason or "",
         last_flight=_date(first.start_us),
         counts=tuple((one, found.count(one)) for one in conditions),

@@ -76,12 +76,16 @@ def _listening(host: str, port: int) -> socket.socket:
     MavhumsError
         If it cannot.
     """
+    listening: socket.socket | None = None
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(address)
+        listening.listen(_CONNECTIONS)  # who asks before the page is ready waits
     except OSError as error:
+        if listening is not None:
+            listening.close()
         remedy = "stop what listens there, or choose another --port (0 takes a free one) or --host"
         raise MavhumsError(f"{host}:{port}: {error.strerror or error}", remedy) from error
     return listening
@@ -105,6 +109,7 @@ def _greeting(host: str, port: int, token: str | None) -> list[str]:
 
 def _application(options: ServeOptions) -> FastAPI:
     from fastapi import FastAPI
+    from nicegui import app as nicegui_app
     from nicegui import ui
 
     from mavhums.serve.pages import add_pages
@@ -129,6 +134,7 @@ def _application(options: ServeOptions) -> FastAPI:
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     add_routes(app, sessions, options.fleet)
     add_pages(sessions, options)
+    nicegui_app.config.quasar_config["loadingBar"]["skipHijack"] = True  # it has no name for a screen reader
     ui.run_with(
         app,
         title="mavhums",

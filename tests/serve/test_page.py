@@ -1,4 +1,4 @@
-"""The page in a true browser: drop, progress, verdict, plots, 3-D view, fleet, several users, hostile texts."""
+"""The page in a true browser: drop, progress, verdict, plots, 3-D view, fleet, users, hostile texts."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def test_everything_can_be_reached_with_the_keyboard(
     for _ in range(6):
         for kind in ("keyDown", "keyUp"):
             browser.call("Input.dispatchKeyEvent", type=kind, key="Tab", code="Tab", windowsVirtualKeyCode=9)
-        reached.append(browser.js("document.activeElement.id || document.activeElement.innerText"))
+        reached.append(browser.js("document.activeElement.innerText || document.activeElement.id"))
     names = " ".join(str(name) for name in reached)
     for name in ("logs", "Show the answer", "Open in the 3-D viewer", "Save the report", "Remove"):
         assert name in names
@@ -247,7 +247,7 @@ def test_a_log_is_kept_only_when_asked(tmp_path: Path, browser: Browser, healthy
         browser.wait(HEADLINE)
         assert not list(store.iterdir())
         browser.press("Keep in the store")
-        browser.wait("document.querySelector('.log').innerText.includes('kept in the store')")
+        browser.wait("document.querySelector('.log').innerText.includes('kept in the store as')")
         browser.open(f"{page.url}/fleet")
         assert len(browser.wait("[...document.querySelectorAll('tbody th')].map(one => one.innerText)")) == 1
 
