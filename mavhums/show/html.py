@@ -10,6 +10,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.version import __version__
 from mavhums.health.axis.detector import Limits
 from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.show import _usage
 from mavhums.show._certainty import certainty
 from mavhums.show._words import (
     advice,
@@ -31,6 +32,7 @@ from mavhums.show.html_plot import Limit, Plot, plot
 __all__ = ["ICONS", "Brief", "in_brief", "page"]
 
 _ROWS, _PLOTS, _FINDINGS, _LIKE = 200, 24, 8, 6
+_VEHICLES, _OUTPUTS = 8, 32
 _KEPT: Final = Limits().effectiveness
 
 
@@ -52,6 +54,14 @@ class _Shown(NamedTuple):
     title: str
     told: str
     drawing: Plot
+
+
+class _Usage(NamedTuple):
+    """The use of one vehicle's servos: a title, and a table."""
+
+    title: str
+    head: Sequence[str]
+    rows: list[tuple[str, ...]]
 
 
 class _Aircraft(NamedTuple):
@@ -120,6 +130,7 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
             losses=losses(log.losses),
             aircraft=list(_aircraft(assessment)),
             plots=list(_plots(assessment, gathered)),
+            usage=list(_usage_tables(assessment)),
             notices=gathered.notices(),
             texts=gathered.texts,
             version=__version__,
@@ -181,10 +192,16 @@ def _why(verdict: Verdict) -> Iterator[str]:
 
 def _aircraft(assessment: Assessment) -> Iterator[_Aircraft]:
     vehicles = dict.fromkeys(verdict.vehicle for verdict in assessment.verdicts)
-    for vehicle in list(vehicles)[:8]:
+    for vehicle in list(vehicles)[:_VEHICLES]:
         parts = outline(verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle)
         if parts:
             yield _Aircraft(f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above", parts)
+
+
+def _usage_tables(assessment: Assessment) -> Iterator[_Usage]:
+    for usage in assessment.usage[:_VEHICLES]:
+        title = _usage.title(usage, several=len(assessment.usage) > 1)
+        yield _Usage(title, _usage.HEAD, list(_usage.rows(usage))[:_OUTPUTS])
 
 
 def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:
