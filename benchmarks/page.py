@@ -24,7 +24,7 @@ from mavhums_sim import Flight, fly, write_tlog
 from tests.serve.browser import BROWSER, Browser, Served, served
 
 HEADLINE = "document.querySelector('.headline')?.innerText"
-LINES = "document.querySelector('iframe.answer')?.contentDocument?.querySelectorAll('path.line').length"
+INSIDE = "document.querySelector('iframe.answer')?.contentDocument?"
 DROPS = 7
 
 
@@ -67,7 +67,7 @@ def dropped(browser: Browser, page: Served, log: Path) -> tuple[float, float]:
     browser.drop([log])
     browser.wait(HEADLINE)
     verdict = time.monotonic() - begin
-    browser.wait(LINES)
+    browser.wait(f"{INSIDE}.querySelector('footer')")
     return verdict, time.monotonic() - begin
 
 

@@ -151,8 +151,9 @@ class _Row:
         percent = min(100, log.read * 100 // max(log.size, 1))
         doing = "Judging" if log.state == "judging" else "Waiting to be judged"
         size = f"{log.size / 1e6:,.1f} MB"
-        self._text.set_content(render("log.html", log=log, percent=percent, doing=doing, size=size))
         here = shown[1] if shown and shown[0] == log.id else ""
+        state = {"percent": percent, "doing": doing, "size": size, "shown": here == "answer"}
+        self._text.set_content(render("log.html", log=log, **state))
         self._answer.props(f"aria-pressed={'true' if here == 'answer' else 'false'}")
         self._view.props(f"aria-pressed={'true' if here.startswith('view') else 'false'}")
         if self._keep:
