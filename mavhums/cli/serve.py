@@ -129,9 +129,14 @@ class _Store:
         return trend(self._folder, aircraft)
 
     def flights(self, aircraft: str) -> Sequence[Assessment]:
-        from mavhums.fleet.queries import assessments
+        from mavhums.fleet.flight import flights
 
-        return assessments(self._folder, aircraft)
+        return flights(self._folder, aircraft)
+
+    def flight(self, aircraft: str, sha256: str) -> Assessment:
+        from mavhums.fleet.flight import flight
+
+        return flight(self._folder, aircraft, sha256)
 
     def keep(self, log: Path) -> str:
         """Copy a log beside the store's tables, and scan it in a process of its own."""

@@ -79,7 +79,10 @@ class Fleet(Protocol):
         """Return the trends of an aircraft."""
 
     def flights(self, aircraft: str) -> Sequence[Assessment]:
-        """Return an aircraft's flights with its past, in time order."""
+        """Return the verdicts of an aircraft's flights, in time order."""
+
+    def flight(self, aircraft: str, sha256: str) -> Assessment:
+        """Return the whole assessment of one flight."""
 
     def keep(self, log: Path) -> str:
         """Copy a log into the store and judge it there; return what was done in one line."""

@@ -87,12 +87,9 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
         if fleet is None:
             return PlainTextResponse(_NONE, status_code=404)
         try:
-            flights = await asyncio.to_thread(fleet.flights, aircraft)
+            wanted = await asyncio.to_thread(fleet.flight, aircraft, log)
         except MavhumsError as error:
             return PlainTextResponse(f"{error.problem}: {error.remedy}", status_code=404)
-        wanted = next((one for one in flights if one.log.sha256 == log), None)
-        if wanted is None:
-            return PlainTextResponse(_NONE, status_code=404)
         text = page(wanted, Gathered())
         return HTMLResponse(text, headers={"content-security-policy": _REPORT})
 

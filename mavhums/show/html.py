@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import PurePath
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.version import __version__
-from mavhums.health.axis.detector import Limits
 from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.show import _usage
 from mavhums.show._certainty import certainty
 from mavhums.show._words import (
@@ -23,6 +23,7 @@ from mavhums.show._words import (
     join,
     losses,
     name,
+    recorded_twice,
 )
 from mavhums.show.html_craft import Part, outline
 from mavhums.show.html_curves import Gathered, Key
@@ -33,7 +34,6 @@ __all__ = ["ICONS", "Brief", "in_brief", "page"]
 
 _ROWS, _PLOTS, _FINDINGS, _LIKE = 200, 24, 8, 6
 _VEHICLES, _OUTPUTS = 8, 32
-_KEPT: Final = Limits().effectiveness
 
 
 class _Answer(NamedTuple):
@@ -128,6 +128,7 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
             headline=headline(assessment),
             file=PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
             losses=losses(log.losses),
+            twice=recorded_twice(log),
             aircraft=list(_aircraft(assessment)),
             plots=list(_plots(assessment, gathered)),
             usage=list(_usage_tables(assessment)),
@@ -234,7 +235,10 @@ def _limits(verdict: Verdict, fault: str) -> tuple[str, list[Limit]]:
     """Return what a curve shows, with its unit, and the levels that it is held against."""
     if fault == "effectiveness":
         reference = Limit(1.0, "as at the beginning")
-        return "control effectiveness, share of the reference", [reference, Limit(_KEPT, "emergency below")]
+        known = verdict.limits or AxisLimits()
+        degraded = Limit(known.effectiveness_degraded, "degraded below")
+        emergency = Limit(known.effectiveness_emergency, "emergency up to")
+        return "control effectiveness, share of the reference", [reference, degraded, emergency]
     found = next((item for item in verdict.indicators if item.fault == fault), None)
     if found is None:
         return fault.replace("_", " "), []

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.core.conditions import Condition
+from mavhums.health.axis.past import LOSSES
 from mavhums.report.assessment import Interval
 from mavhums.report.trend import ActuatorTrend
 from mavhums.show.html_curves import Curve
@@ -15,7 +16,7 @@ from mavhums.show.html_plot import Limit, Plot, plot
 
 __all__ = ["TrendShown", "trend_shown"]
 
-_MAIN: Final = ("friction", "effectiveness")
+_MAIN: Final = ("friction", *LOSSES)
 
 
 class TrendShown(NamedTuple):
@@ -30,7 +31,7 @@ class TrendShown(NamedTuple):
     life
         Remaining useful life in flights, or why there is none.
     first
-        Whether a reader must see it: friction, what grows, and what is beyond its limit.
+        Whether a reader must see it: friction, control, what grows, and what is beyond its limit.
     """
 
     actuator: str
@@ -54,12 +55,11 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "") -> TrendShown:
     """
     flights = np.array([point.flight for point in trend.points], dtype=np.float64)
     rows = np.array([[one.value.low, one.value.estimate, one.value.high] for one in trend.points])
-    levels = [(trend.limit, "degraded above"), (trend.emergency, "emergency from")]
-    limits = [Limit(value, word) for value, word in levels if value is not None]
+    limits = [Limit(value, word) for value, word in _levels(trend)]
     unit = "" if trend.unit == "1" else f" {trend.unit}"
     drawing = plot(Curve(flights, rows), limits, float(trend.flights), flights=True)
     return TrendShown(
-        actuator=f"{prefix}{trend.actuator}",
+        actuator=f"{prefix}{trend.actuator}{' control' if trend.subject == 'axis' else ''}",
         condition=trend.condition,
         title=f"{trend.quantity}{f', {unit.strip()}' if unit else ''}",
         told=_told(trend, unit),
@@ -69,8 +69,22 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "") -> TrendShown:
     )
 
 
+def _levels(trend: ActuatorTrend) -> list[tuple[float, str]]:
+    """Return the limits and their names; a control gain falls as a fault grows."""
+    words = ("degraded below", "emergency up to") if _falls(trend) else ("degraded above", "emergency from")
+    levels = zip((trend.limit, trend.emergency), words, strict=True)
+    return [(value, word) for value, word in levels if value is not None]
+
+
 def _beyond(trend: ActuatorTrend) -> bool:
-    return trend.limit is not None and trend.points[-1].value.low > trend.limit
+    last = trend.points[-1].value
+    if trend.limit is None:
+        return False
+    return last.high < trend.limit if _falls(trend) else last.low > trend.limit
+
+
+def _falls(trend: ActuatorTrend) -> bool:
+    return trend.fault in LOSSES
 
 
 def _told(trend: ActuatorTrend, unit: str) -> str:
@@ -80,8 +94,7 @@ def _told(trend: ActuatorTrend, unit: str) -> str:
         parts.append(f"against its first flights {_interval(trend.change, sign='+')}{unit}")
     if trend.per_flight:
         parts.append(f"per flight {_interval(trend.per_flight, sign='+')}{unit}")
-    parts += [f"degraded above {trend.limit:.3g}"] if trend.limit is not None else []
-    parts += [f"emergency from {trend.emergency:.3g}"] if trend.emergency is not None else []
+    parts += [f"{word} {value:.3g}" for value, word in _levels(trend)]
     parts += [f"{len(trend.left_out)} flights left out as outliers"] if trend.left_out else []
     return "; ".join(parts)
 

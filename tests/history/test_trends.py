@@ -235,7 +235,7 @@ def test_a_broken_file_is_told_and_the_rest_is_shown(run: Run, tmp_path: Path) -
         (["trend"], ExitCode.USAGE, "Missing argument 'DIR'"),
         (["trend", "/nowhere"], ExitCode.ERROR, "/nowhere: no such file"),
         (["trend", "WORN", "--actuator", "flap"], ExitCode.ERROR, "the flights show: elevator, rudder"),
-        (["trend", "WORN", "--fault", "frictoin"], ExitCode.ERROR, "the flights show: friction"),
+        (["trend", "WORN", "--fault", "frictoin"], ExitCode.ERROR, "the flights show: effectiveness, friction"),
         (
             ["trend", "WORN", "--baseline-from", "flap=2026-03-01"],
             ExitCode.ERROR,
@@ -314,7 +314,7 @@ def test_of_several_logs_each_is_held_against_those_before(
         known.append(len(options.flights().flights))
         return flown(verdict(), day=len(known), name=log.stem)
 
-    monkeypatch.setattr("mavhums.app.analysis.analyse", judge)
+    monkeypatch.setattr("mavhums.app.many.analyse", judge)
     assert run("analyse", *logs, "--history", tmp_path / "kept", "--keep").code == ExitCode.OK
     assert known == [0, 1, 2]
     known.clear()
