@@ -88,7 +88,7 @@ class _Worker:
             return "did not start"
         if self._process.returncode is None:
             with suppress(ProcessLookupError):
-                self._process.kill()
+                _kill(self._process)
         code = await self._process.wait()
         if code >= 0:
             return f"ended with code {code}"
@@ -192,3 +192,14 @@ class Workers:
         entry = min(self._waiting, key=lambda one: self._running[one[0]])
         self._waiting.remove(entry)
         entry[1].set_result(worker)
+
+
+def _kill(process: Process) -> None:
+    """Kill a process and all that it started.
+
+    ``Process.kill`` asks for the exit code first, which would hide it from asyncio.
+    """
+    if sys.platform == "win32":
+        process.kill()
+    else:
+        os.killpg(process.pid, signal.SIGKILL)
