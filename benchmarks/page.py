@@ -1,6 +1,6 @@
-"""The page: start-up time, memory, time from drop to verdict, and the pictures of docs/page.md.
+"""The page: start-up time, memory, time from drop to verdict, and the pictures of its documentation.
 
-    python benchmarks/page.py [--pictures FOLDER] [LOG...]
+    python benchmarks/page.py [--pictures FOLDER [--store STORE]] [LOG...]
 
 A headless Chromium is the user; the time from drop to verdict ends when the browser shows the headline. The
 first log is judged by a process that is ready, as it is some seconds after the start.
@@ -72,26 +72,37 @@ def dropped(browser: Browser, page: Served, log: Path) -> tuple[float, float]:
 
 
 def pictures(browser: Browser, page: Served, log: Path, folder: Path) -> None:
+    """Draw a log's answer at two widths, and print its report."""
     dropped(browser, page, log)
-    for name, width, scheme in (("desktop", 1100, "light"), ("phone", 390, "dark")):
+    for name, width, height, scheme in (("desktop", 1000, 1500, "light"), ("phone", 390, 1250, "dark")):
         browser.size(width, scheme=scheme)
         time.sleep(0.5)
-        (folder / f"{log.stem}-{name}.png").write_bytes(browser.whole(1500 if width > 500 else 1700))
-    browser.size(1100)
-
-
-def on_paper(browser: Browser, page: Served, log: Path, folder: Path) -> None:
-    dropped(browser, page, log)
+        (folder / f"{log.stem}-{name}.png").write_bytes(browser.whole(height))
+    browser.size(1000)
     browser.open(browser.js("document.querySelector('iframe.answer').src"))
-    file = folder / f"{log.stem}.pdf"
-    file.write_bytes(browser.paper())
-    print(f"{file}: the report on paper")
+    (folder / f"{log.stem}.pdf").write_bytes(browser.paper())
+
+
+def fleet_pictures(browser: Browser, store: Path, folder: Path) -> None:
+    """Draw a fleet, and its worst aircraft that wears."""
+    with served(store) as page:
+        for name, width, scheme in (("desktop", 1000, "light"), ("phone", 390, "dark")):
+            browser.size(width, 420, scheme=scheme)
+            browser.open(f"{page.url}/fleet")
+            browser.wait("document.querySelector('tbody')")
+            (folder / f"fleet-{name}.png").write_bytes(browser.whole(1000))
+            browser.js("document.querySelectorAll('tbody a')[1].click()")
+            browser.wait("document.querySelector('path.line')")
+            (folder / f"aircraft-{name}.png").write_bytes(browser.whole(1500))
 
 
 @click.command()
 @click.argument("logs", nargs=-1, type=click.Path(path_type=Path))
-@click.option("--pictures", "folder", type=click.Path(path_type=Path), help="Folder for pictures of each log.")
-def main(logs: tuple[Path, ...], folder: Path | None) -> None:
+@click.option(
+    "--pictures", "folder", type=click.Path(path_type=Path), help="Folder for pictures of each log."
+)
+@click.option("--store", type=click.Path(path_type=Path), help="Also draw this store.")
+def main(logs: tuple[Path, ...], folder: Path | None, store: Path | None) -> None:
     """Measure the page; with --pictures, draw the answers of LOGS."""
     assert BROWSER, "needs Chromium"
     with tempfile.TemporaryDirectory() as temporary:
@@ -107,20 +118,25 @@ def main(logs: tuple[Path, ...], folder: Path | None) -> None:
             own, workers = memory(page)
             print(f"memory, ready: page {own:.0f} MB, each judging process {max(workers):.0f} MB")
             with Browser(BROWSER) as browser:
-                browser.size(1100)
+                browser.size(1000)
                 size = growing.stat().st_size / 1e6
                 times = [dropped(browser, page, growing) for _ in range(DROPS)]
                 verdicts, plots = zip(*times, strict=True)
                 spread = f"{min(verdicts):.2f} to {max(verdicts):.2f}"
-                print(f"{size:.1f} MB, drop to verdict: median {statistics.median(verdicts):.2f} s ({spread}),")
+                print(
+                    f"{size:.1f} MB, drop to verdict: median {statistics.median(verdicts):.2f} s ({spread}),"
+                )
                 print(f"drop to plots: median {statistics.median(plots):.2f} s, of {DROPS}")
                 own, workers = memory(page)
-                print(f"memory, after {DROPS} logs: page {own:.0f} MB, judging processes {max(workers):.0f} MB")
+                print(
+                    f"memory, after {DROPS} logs: page {own:.0f} MB, judging processes {max(workers):.0f} MB"
+                )
                 if folder:
                     folder.mkdir(parents=True, exist_ok=True)
                     for log in logs or (growing,):
                         pictures(browser, page, log, folder)
-                    on_paper(browser, page, (logs or (growing,))[0], folder)
+                    if store:
+                        fleet_pictures(browser, store, folder)
     load = subprocess.run(["uptime"], capture_output=True, text=True, check=False).stdout.split("load")[-1]
     print(f"load{load.strip()}")
 

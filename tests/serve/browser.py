@@ -112,7 +112,13 @@ class Browser(Chromium):
     def whole(self, most: int = 4000) -> bytes:
         """Return the whole page, or so many pixels of its height, as a PNG."""
         size = self.call("Page.getLayoutMetrics")["cssContentSize"]
-        clip = {"x": 0, "y": 0, "width": size["width"], "height": min(size["height"], most), "scale": 1}
+        clip = {
+            "x": 0,
+            "y": 0,
+            "width": self.js("innerWidth"),
+            "height": min(size["height"], most),
+            "scale": 1,
+        }
         answer = self.call("Page.captureScreenshot", format="png", clip=clip, captureBeyondViewport=True)
         return base64.b64decode(answer["data"])
 
