@@ -103,7 +103,7 @@ def test_a_line_is_taken_when_it_is_whole(tmp_path: Path) -> None:
 
 def test_of_a_long_file_the_beginning_and_the_end_are_read(tmp_path: Path) -> None:
     path = tmp_path / "live.jsonl"
-    write(path, start(), *[status(float(k)) for k in range(4000)])
+    write(path, start(), change(1.0), *[status(float(k)) for k in range(4000)], change(2.0))
     assert path.stat().st_size > 2 << 20
     begin = time.process_time()
     seen = LiveFile(path).seen()
@@ -111,6 +111,7 @@ def test_of_a_long_file_the_beginning_and_the_end_are_read(tmp_path: Path) -> No
     assert seen.start
     assert seen.status
     assert seen.status.uptime_s == 3999.0
+    assert [one.time_s for one in seen.changes if one.event == "condition"] == [2.0]
 
 
 def test_a_new_session_in_the_same_file_replaces_the_old_one(tmp_path: Path) -> None:

@@ -124,8 +124,9 @@ def test_a_session_without_an_open_page_ends() -> None:
             await asyncio.sleep(0.05)
             session.touch()
         assert log.path.exists(), "its page is open"
-        while log.path.exists():
-            await asyncio.sleep(0.02)
+        async with asyncio.timeout(10):
+            while log.path.exists():
+                await asyncio.sleep(0.02)
         janitor.cancel()
         return log.path
 
