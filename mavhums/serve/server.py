@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import shutil
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
@@ -50,22 +51,26 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
     port: int = listening.getsockname()[1]
     local = is_loopback(options.host)
     token = None if local else secrets.token_urlsafe(18)
-    app = _application(options)
-    guard = Guard(app, options.host, token, f"mavhums-{port}")
-    for line in _greeting(options.host, port, token):
-        tell(line)
-    config = uvicorn.Config(
-        guard,
-        log_level="error",
-        lifespan="on",
-        access_log=False,
-        server_header=False,
-        proxy_headers=False,
-        limit_concurrency=_CONNECTIONS,
-        ws_max_size=1 << 20,
-        timeout_graceful_shutdown=1,
-    )
-    uvicorn.Server(config).run(sockets=[listening])
+    workers = Workers(options.limits)
+    sessions = Sessions(options.limits, options.judging, workers)
+    try:
+        guard = Guard(_application(options, sessions, workers), options.host, token, f"mavhums-{port}")
+        for line in _greeting(options.host, port, token):
+            tell(line)
+        config = uvicorn.Config(
+            guard,
+            log_level="error",
+            lifespan="on",
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            limit_concurrency=_CONNECTIONS,
+            ws_max_size=1 << 20,
+            timeout_graceful_shutdown=1,
+        )
+        uvicorn.Server(config).run(sockets=[listening])
+    finally:  # also when a signal comes before the page is ready
+        shutil.rmtree(sessions.folder, ignore_errors=True)
 
 
 def _listening(host: str, port: int) -> socket.socket:
@@ -107,16 +112,13 @@ def _greeting(host: str, port: int, token: str | None) -> list[str]:
     ]
 
 
-def _application(options: ServeOptions) -> FastAPI:
+def _application(options: ServeOptions, sessions: Sessions, workers: Workers) -> FastAPI:
     from fastapi import FastAPI
     from nicegui import app as nicegui_app
     from nicegui import ui
 
     from mavhums.serve.pages import add_pages
     from mavhums.serve.routes import add_routes
-
-    workers = Workers(options.limits)
-    sessions = Sessions(options.limits, options.judging, workers)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
