@@ -26,7 +26,7 @@ from mavhums.health.axis.scores import Scores, Sums
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "SLOWEST_STREAM_S", "Gain", "Reference", "Second", "Standards"]
+__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
 
 JUDGED_ERROR: Final = 0.2
 FULL: Final = 0.8
@@ -48,7 +48,8 @@ _WHOLE: Final = 0.75  # neighbouring tested lags differ by a third of the gain
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
 _AS_DRIVEN: Final = 0.5
-SLOWEST_STREAM_S: Final = 0.42  # between samples: 3 Hz with jitter passes, 2 Hz does not
+_TAIL: Final = 0.07  # share of the last manoeuvre's drive below which the slow filter's tail dominates
+_FADES: Final = exp(-0.25)  # per second: a tail's energy under the slow filter's memory of 8 s
 _FORGET: Final = exp(-1.0 / 60.0)  # per second: a small deficit over minutes is the reference's error
 
 Array = NDArray[np.float64]
@@ -71,6 +72,8 @@ class Standards:
         seconds that may count for a loss.
     delays_s, taus_s
         Candidates for the axis's own delay and lag.
+    spacing_s
+        Longest time between samples of the outputs and the rates from which the gain can be determined.
     loss
         Loss to detect, as a share; the gain of a whole flight may deviate by half of it.
     """
@@ -81,6 +84,7 @@ class Standards:
     noise: float
     delays_s: tuple[float, ...]
     taus_s: tuple[float, ...]
+    spacing_s: float
     loss: float = 0.4
 
 
@@ -171,7 +175,7 @@ class Gain:
     @property
     def too_slow(self) -> bool:
         """Whether the outputs or the rates are sampled too slowly to determine a gain."""
-        return self.spacing_s > SLOWEST_STREAM_S
+        return self.spacing_s > self._standards.spacing_s
 
     def feed(self, rows: Rows) -> list[Second]:
         """Process rows; return the results of their seconds, from the first second with a reference on."""
@@ -247,7 +251,7 @@ class Gain:
         extras = (0.0, *_EXTRA_S)
         self._chains = [Chain(self._form, reference.speed, reference.shape, extra) for extra in extras]
         self._scores = [Scores(reference.others) for _ in extras]
-        self._level, self._full = 0.0, 0
+        self._level, self._full, self._strongest = 0.0, 0, 0.0
         self._since = reference.end_s
         self._window: deque[Array] = deque(maxlen=_WINDOW_S)
         self._recent: deque[Array] = deque(maxlen=_SLOW_S)
@@ -278,6 +282,7 @@ class Gain:
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
             self._window.append(sums)
+            self._strongest = max(drive2, _FADES * self._strongest)
             ratio = _ratio(score, drive2, reference, self._standards.loss)
             if ratio < 0.0 or self._informs(reference):
                 self._level = min(_MOST, max(0.0, _FORGET * self._level + ratio))
@@ -331,10 +336,13 @@ class Gain:
 
         Gusts move the aircraft and, through the autopilot, the surfaces against it: without other drive, the
         gain is underestimated. The drive must therefore be nearly that of the reference, and some gain, with
-        some lag, must explain most of the response.
+        some lag, must explain most of the response. After a strong manoeuvre the tail of the slow filter
+        would repeat that manoeuvre's score for seconds.
         """
         drive2, cross, answer2 = np.sum(self._window, axis=0).T
         if drive2[0] < _AS_DRIVEN * reference.power * len(self._window):
+            return False
+        if self._window[-1][0, 0] < _TAIL * self._strongest:
             return False
         driven = drive2 > 0
         unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]

@@ -25,10 +25,15 @@ _WINDOW_S: Final = 10
 _MASKED_S: Final = 20
 _MOST_EPISODES: Final = 100
 
+_SLOWEST_S: Final = 0.42  # 3 Hz with jitter passes, 2 Hz does not
+_SLOWEST_PITCH_S: Final = 0.15  # 10 Hz: slower samples miss most of the short period
+
 _STANDARDS: Final = {
-    "roll": Standards(0.75, 0.10, 0.002, 0.3, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2)),
-    "pitch": Standards(0.35, 0.06, 0.004, 0.5, (0.0, 0.05, 0.1), (0.0, 0.1)),
-    "yaw": Standards(0.5, 0.06, 0.004, 0.5, (0.1, 0.2, 0.3), (0.0, 0.2)),
+    "roll": Standards(
+        0.75, 0.10, 0.002, 0.3, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2), _SLOWEST_S
+    ),
+    "pitch": Standards(0.35, 0.06, 0.004, 0.5, (0.0, 0.05, 0.1), (0.0, 0.1), _SLOWEST_PITCH_S),
+    "yaw": Standards(0.5, 0.06, 0.004, 0.5, (0.1, 0.2, 0.3), (0.0, 0.2), _SLOWEST_S),
 }
 
 
@@ -79,8 +84,9 @@ class AxisFindings:
         Seconds of forward flight in which its demand was known, until the reference.
     effectiveness
         Over the last ten judged seconds, with its 95 % interval.
-    spacing_s
-        Time between samples of the outputs or the rates, where a reference was sought.
+    spacing_s, slowest_s
+        Time between samples of the outputs or the rates, where a reference was sought, and the longest that
+        is sufficient.
     """
 
     axis: str
@@ -95,6 +101,7 @@ class AxisFindings:
     best: Reference | None
     usable_s: int
     spacing_s: float
+    slowest_s: float
 
 
 class AxisMonitor:
@@ -264,4 +271,5 @@ class AxisMonitor:
             best=gain.best,
             usable_s=gain.usable_s,
             spacing_s=gain.spacing_s,
+            slowest_s=_STANDARDS[axis].spacing_s,
         )
