@@ -20,8 +20,8 @@ from mavhums.vehicle.wind import WindTriangle
 __all__ = ["AirspeedCheck", "Speed"]
 
 _ALIVE: Final = 5.0  # m/s
+_ALIVE_S: Final = 20
 _MOVING: Final = 8.0  # m/s
-_SETTLES_S: Final = 20  # of the wind triangle
 _EARLY_S: Final = 60
 _DOUBTED: Final = ((5, 0.20), (10, 0.15), (30, 0.10))  # seconds, and mean change of the logarithm
 _TRUSTED: Final = 0.08  # over the longest of them
@@ -39,40 +39,44 @@ class AirspeedCheck:
     Examples
     --------
     >>> check = AirspeedCheck()
-    >>> all(check.step(18.0, 18.5) for _ in range(120))
+    >>> all(check.step(18.0, 18.5, settled=True) for _ in range(120))
     True
-    >>> [check.step(23.0, 18.5) for _ in range(6)][-1]
+    >>> [check.step(23.0, 18.5, settled=True) for _ in range(6)][-1]
     False
     """
 
     def __init__(self) -> None:
         self._early: list[float] = []
+        self._alive_s = 0
         self._offset: float | None = None
         self._recent: deque[float] = deque(maxlen=_DOUBTED[-1][0])
         self._doubted = False
 
-    def step(self, sensed: float, triangle: float) -> bool:
+    def step(self, sensed: float, triangle: float, *, settled: bool) -> bool:
         """Take the mean airspeeds of a second of flight, m/s; return whether the sensor is trusted.
 
-        A sensor that was never alive is not doubted, for nothing relies on it.
+        The first minute in which the wind triangle is settled gives the usual ratio. A sensor that was never
+        alive is not doubted, for nothing relies on it.
         """
         if not triangle > _MOVING or not np.isfinite(sensed):
             return not self._doubted
         if sensed <= _ALIVE:
-            self._doubted |= len(self._early) >= _SETTLES_S
+            self._doubted |= self._alive_s >= _ALIVE_S
             return not self._doubted
+        self._alive_s += 1
         ratio = float(np.log(sensed / triangle))
         if self._offset is None:
-            self._learn(ratio)
+            self._learn(ratio, settled)
         else:
             self._recent.append(ratio - self._offset)
             self._decide()
         return not self._doubted
 
-    def _learn(self, ratio: float) -> None:
-        self._early.append(ratio)
-        if len(self._early) == _SETTLES_S + _EARLY_S:
-            self._offset = float(np.median(self._early[_SETTLES_S:]))
+    def _learn(self, ratio: float, settled: bool) -> None:
+        if settled:
+            self._early.append(ratio)
+        if len(self._early) == _EARLY_S:
+            self._offset = float(np.median(self._early))
 
     def _decide(self) -> None:
         changes = np.array(self._recent)
@@ -95,23 +99,25 @@ class Speed:
 
         ``signals`` are whole seconds, shape (k, RATE_HZ, columns).
         """
-        triangle = self._triangle(signals)
+        triangle, settled = self._triangle(signals)
         sensed, ground = (signals[name][:, :, 0] for name in ("airspeed", "groundspeed"))
         trusted = [
-            self._check.step(_mean(one), _mean(other)) for one, other in zip(sensed, triangle, strict=True)
+            self._check.step(_mean(one), _mean(other), settled=is_settled)
+            for one, other, is_settled in zip(sensed, triangle, settled, strict=True)
         ]
         speed = np.where(sensed > _ALIVE, sensed, triangle)
         speed = np.where(np.isfinite(speed), speed, ground).ravel()
         return speed, np.repeat(np.array(trusted, dtype=bool), RATE_HZ)
 
-    def _triangle(self, signals: dict[str, Array]) -> Array:
-        """Return the airspeed without the sensor, shape (k, RATE_HZ)."""
-        winds = []
+    def _triangle(self, signals: dict[str, Array]) -> tuple[Array, list[bool]]:
+        """Return the airspeed without the sensor, shape (k, RATE_HZ), and whether it is settled, of k."""
+        winds, settled = [], []
         for velocity, attitude in zip(signals["velocity"][:, 0], signals["attitude"][:, 0], strict=True):
             self._wind.step(velocity, float(attitude[2]))
             winds.append(self._wind.wind)
+            settled.append(self._wind.is_settled)
         relative = signals["velocity"] - np.array(winds)[:, None, :]
-        return np.asarray(np.hypot(relative[:, :, 0], relative[:, :, 1]))
+        return np.hypot(relative[:, :, 0], relative[:, :, 1]), settled
 
 
 def _mean(values: Array) -> float:

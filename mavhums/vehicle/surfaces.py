@@ -162,7 +162,7 @@ class Demands:
 
 
 def _median(values: Array) -> Array:
-    """Return the median of each row without its NaN: of three outputs, one that jumps alone does not count."""
+    """Return the median of each row without NaN: of three outputs, one that jumps alone does not count."""
     ordered = np.sort(values, axis=1)  # NaN last
     number = np.isfinite(values).sum(axis=1)
     rows, last = np.arange(len(values)), np.maximum(number, 1)
