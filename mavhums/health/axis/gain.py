@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.health.axis.chain import Chain, Form, Shape, judgeable
-from mavhums.health.axis.scores import Scores, Sums
+from mavhums.health.axis.scores import MEMORY_S, Scores, Sums
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
@@ -39,17 +39,18 @@ _MANOEUVRES: Final = 0.2  # relative deviation of the gain of one second
 _WINDOWS: Final = 0.10  # relative deviation of the gain of ten seconds
 _WINDOW_S: Final = 10
 _LEAST_ROWS: Final = 14
-_EXTRA_S: Final = (0.3, 0.6, 1.0, 1.5)
+_EXTRA_S: Final = (0.3, 0.45, 0.65, 1.0, 1.5)
 _SLOW_S: Final = 20
-_SLOW_LEAST_S: Final = 10
+_SLOW_LEAST_S: Final = 7
 _MUCH_BETTER: Final = 0.15  # share of the response that an additional lag explains beyond a loss
 _BETTER: Final = 0.05
-_WHOLE: Final = 0.75  # neighbouring tested lags differ by a third of the gain
+_WHOLE: Final = 0.75  # neighbouring tested lags differ by a quarter of the gain
+_STILL_WHOLE: Final = 0.6
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
 _AS_DRIVEN: Final = 0.5
 _TAIL: Final = 0.07  # share of the last manoeuvre's drive below which the slow filter's tail dominates
-_FADES: Final = exp(-0.25)  # per second: a tail's energy under the slow filter's memory of 8 s
+_FADES: Final = exp(-2.0 / MEMORY_S)  # per second, of a tail's energy
 _FORGET: Final = exp(-1.0 / 60.0)  # per second: a small deficit over minutes is the reference's error
 
 Array = NDArray[np.float64]
@@ -135,9 +136,11 @@ class Second:
     later
         Whether an additional lag explains the response slightly better, so that the kind of fault is open.
     shift
-        Mean of the unexplained response over the last three seconds; None if it is not known.
+        Mean of the response over the last three seconds that no additional lag explains; None if it is not
+        known.
     left_over, lost_s
-        Effectiveness since ``since_s``, over at most 20 judged seconds, and the number of these.
+        Effectiveness since ``since_s``, at the additional lag that explained more since then, over at most 20
+        judged seconds, and the number of these.
     """
 
     end_s: int
@@ -255,7 +258,8 @@ class Gain:
         self._since = reference.end_s
         self._window: deque[Array] = deque(maxlen=_WINDOW_S)
         self._recent: deque[Array] = deque(maxlen=_SLOW_S)
-        self._left: deque[tuple[float, int]] = deque(maxlen=_SHIFT_S)
+        self._lag, self._is_slow = 0, False
+        self._left: deque[tuple[Array, int]] = deque(maxlen=_SHIFT_S)
         self._sums(rows)
         self._waiting.clear()
 
@@ -268,13 +272,13 @@ class Gain:
         sums = self._sums(rows)
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
-        left = sums[0].raw - self.reference.gain * sums[0].driven
+        left = np.array([s.raw - self.reference.gain * s.driven for s in sums])
         return [
-            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), float(left[k]))
+            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, k])
             for k in range(rows.seconds)
         ]
 
-    def _second(self, end_s: int, sums: Array, count: int, left: float) -> Second:
+    def _second(self, end_s: int, sums: Array, count: int, left: Array) -> Second:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
@@ -295,6 +299,7 @@ class Gain:
         if self._level == 0.0:
             self._since = end_s
             self._recent.clear()
+            self._lag, self._is_slow = 0, False
         return Second(
             end_s,
             value,
@@ -308,13 +313,16 @@ class Gain:
 
     def _run(self, reference: Reference) -> tuple[float | None, int]:
         """Return the effectiveness since the level left zero, and the number of seconds."""
-        drive2 = sum(float(sums[0, 0]) for sums in self._recent)
-        cross = sum(float(sums[0, 1]) for sums in self._recent)
+        drive2 = sum(float(sums[self._lag, 0]) for sums in self._recent)
+        cross = sum(float(sums[self._lag, 1]) for sums in self._recent)
         return (cross / drive2 / reference.gain if drive2 > 0 else None), len(self._recent)
 
     def _shifted(self) -> float | None:
-        left, count = np.array(self._left).sum(axis=0)
-        return float(left / count) if count >= _SHIFT_S * _LEAST_ROWS else None
+        count = sum(rows for _, rows in self._left)
+        if count < _SHIFT_S * _LEAST_ROWS:
+            return None
+        left = np.sum([left for left, _ in self._left], axis=0)
+        return float(left[np.argmin(np.abs(left))] / count)
 
     def _estimate(self, reference: Reference) -> tuple[float | None, float]:
         """Return the effectiveness of the last ten judged seconds and its standard error."""
@@ -349,17 +357,24 @@ class Gain:
         return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
 
     def _slower(self, reference: Reference) -> tuple[float | None, bool]:
-        """Return the lag that explains much more than a loss, and whether any lag explains more."""
+        """Return the lag that explains much more than a loss, and whether any lag explains more.
+
+        A lag that was found once stays as long as it explains more and leaves most of the gain.
+        """
         if len(self._recent) < _SLOW_LEAST_S:
             return None, False
         drive2, cross, answer2 = np.sum(list(self._recent), axis=0).T
         with np.errstate(divide="ignore", invalid="ignore"):
-            gain = cross / drive2
-            share = cross**2 / (drive2 * answer2)
-        best = int(np.argmax(np.nan_to_num(share)))
+            gain = cross / drive2 / reference.gain
+            share = np.nan_to_num(cross**2 / (drive2 * answer2))
+        best = int(np.argmax(share))
         better = float(share[best] - share[0])
-        slower = better >= _MUCH_BETTER and gain[best] / reference.gain >= _WHOLE
-        return (_EXTRA_S[best - 1] if slower else None), better >= _BETTER
+        later = better >= _BETTER
+        if later:
+            self._lag = best
+        whole = _STILL_WHOLE if self._is_slow else _WHOLE
+        self._is_slow = later and (self._is_slow or better >= _MUCH_BETTER) and bool(gain[best] >= whole)
+        return (_EXTRA_S[best - 1] if self._is_slow else None), later
 
 
 def _median(values: Array) -> float:

@@ -30,7 +30,7 @@ _SLOWEST_PITCH_S: Final = 0.15  # 10 Hz: slower samples miss most of the short p
 
 _STANDARDS: Final = {
     "roll": Standards(
-        0.75, 0.10, 0.002, 0.3, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2), _SLOWEST_S
+        0.75, 0.10, 0.002, 0.25, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2), _SLOWEST_S
     ),
     "pitch": Standards(0.35, 0.06, 0.004, 0.5, (0.0, 0.05, 0.1), (0.0, 0.1), _SLOWEST_PITCH_S),
     "yaw": Standards(0.5, 0.06, 0.004, 0.5, (0.1, 0.2, 0.3), (0.0, 0.2), _SLOWEST_S),
@@ -220,6 +220,10 @@ class AxisMonitor:
     def _extend(self, held: _Axis, one: Shown) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
         episodes = held.episodes
+        for earlier in episodes[-3:]:
+            kinds = (one.fault, earlier.fault, earlier.condition)
+            if kinds == ("slow", "effectiveness", "degraded") and earlier.start_s == one.since_s:
+                earlier.fault = one.fault
         same = next((e for e in reversed(episodes[-3:]) if e.fault == one.fault), None)
         if same is not None and same.end_s >= one.end_s - 2 * _MASKED_S:
             graver = SEVERITY[one.condition] >= SEVERITY[same.condition]

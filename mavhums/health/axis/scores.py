@@ -12,9 +12,9 @@ from mavhums.health.axis.chain import Columns
 from mavhums.health.axis.filters import HighPass
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["Scores", "Sums"]
+__all__ = ["MEMORY_S", "Scores", "Sums"]
 
-_MEMORY_S: Final = 8.0
+MEMORY_S: Final = 8.0
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Scores:
 
     def __init__(self, others: Array) -> None:
         self._others = others
-        self._drive, self._answer = HighPass(_MEMORY_S), HighPass(_MEMORY_S)
+        self._drive, self._answer = HighPass(MEMORY_S), HighPass(MEMORY_S)
 
     def feed(self, columns: Columns) -> Sums:
         """Return the sums of each new second."""
