@@ -1,11 +1,12 @@
 """Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
-    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J]
+    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J] [--keep FILE]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
-bytes alone: the detectors know nothing of that model. Seeds 0 and 1 were used to choose the gates against
-gusts. ``--share S`` uses every S-th faulty flight. The rate of false alarms is given with its
-95 % upper bound (Poisson).
+bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000 on
+for a test. ``--share S`` uses every S-th faulty flight. ``--keep FILE`` writes each flight's result to a file
+as it comes, and takes from it what a former run with the same seed has done. The rate of false alarms is given
+with its 95 % upper bound (Poisson), the share of flights with one with that of Clopper and Pearson.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.health.axis.chain import Chain, Form, Shape, judgeable
-from mavhums.health.axis.scores import MEMORY_S, Scores, Sums
+from mavhums.health.axis.scores import Scores, Sums
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
@@ -50,7 +50,6 @@ _SHIFT_S: Final = 3
 _MOST: Final = 40.0
 _AS_DRIVEN: Final = 0.5
 _TAIL: Final = 0.07  # share of the last manoeuvre's drive below which the slow filter's tail dominates
-_FADES: Final = exp(-2.0 / MEMORY_S)  # per second, of a tail's energy
 _FORGET: Final = exp(-1.0 / 60.0)  # per second: a small deficit over minutes is the reference's error
 
 Array = NDArray[np.float64]
@@ -75,6 +74,8 @@ class Standards:
         Candidates for the axis's own delay and lag.
     spacing_s
         Longest time between samples of the outputs and the rates from which the gain can be determined.
+    memory_s
+        Memory of the filter that removes trim and other slow parts from drive and response.
     loss
         Loss to detect, as a share; the gain of a whole flight may deviate by half of it.
     """
@@ -86,6 +87,7 @@ class Standards:
     delays_s: tuple[float, ...]
     taus_s: tuple[float, ...]
     spacing_s: float
+    memory_s: float
     loss: float = 0.4
 
 
@@ -231,7 +233,7 @@ class Gain:
         beta, left = _least_squares(design, answer)
         _, without = _least_squares(design[:, 1:], answer)
         explained = 1.0 - left / without if without > 0 else 0.0
-        sums = Scores(beta[1:]).feed(columns)
+        sums = Scores(beta[1:], self._standards.memory_s).feed(columns)
         inside = np.unique(at // RATE_HZ)
         drive2, cross = sums.drive2[inside], sums.cross[inside]
         total = float(drive2.sum())
@@ -253,7 +255,7 @@ class Gain:
         assert reference is not None
         extras = (0.0, *_EXTRA_S)
         self._chains = [Chain(self._form, reference.speed, reference.shape, extra) for extra in extras]
-        self._scores = [Scores(reference.others) for _ in extras]
+        self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
         self._level, self._full, self._strongest = 0.0, 0, 0.0
         self._since = reference.end_s
         self._window: deque[Array] = deque(maxlen=_WINDOW_S)
@@ -286,7 +288,7 @@ class Gain:
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
             self._window.append(sums)
-            self._strongest = max(drive2, _FADES * self._strongest)
+            self._strongest = max(drive2, exp(-2.0 / self._standards.memory_s) * self._strongest)
             ratio = _ratio(score, drive2, reference, self._standards.loss)
             if ratio < 0.0 or self._informs(reference):
                 self._level = min(_MOST, max(0.0, _FORGET * self._level + ratio))

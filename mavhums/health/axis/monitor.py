@@ -28,12 +28,40 @@ _MOST_EPISODES: Final = 100
 _SLOWEST_S: Final = 0.42  # 3 Hz with jitter passes, 2 Hz does not
 _SLOWEST_PITCH_S: Final = 0.15  # 10 Hz: slower samples miss most of the short period
 
+_MEMORY_S: Final = 8.0
+_SHORT_PERIOD_S: Final = 2.0  # a step of thrust or speed changes the elevator's trim for good
+
 _STANDARDS: Final = {
     "roll": Standards(
-        0.75, 0.10, 0.002, 0.25, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2), _SLOWEST_S
+        explained=0.75,
+        error=0.10,
+        scatter=0.002,
+        noise=0.25,
+        delays_s=(0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
+        taus_s=(0.0, 0.1, 0.2),
+        spacing_s=_SLOWEST_S,
+        memory_s=_MEMORY_S,
     ),
-    "pitch": Standards(0.35, 0.06, 0.004, 0.5, (0.0, 0.05, 0.1), (0.0, 0.1), _SLOWEST_PITCH_S),
-    "yaw": Standards(0.5, 0.06, 0.004, 0.5, (0.1, 0.2, 0.3), (0.0, 0.2), _SLOWEST_S),
+    "pitch": Standards(
+        explained=0.35,
+        error=0.06,
+        scatter=0.004,
+        noise=0.5,
+        delays_s=(0.0, 0.05, 0.1),
+        taus_s=(0.0, 0.1),
+        spacing_s=_SLOWEST_PITCH_S,
+        memory_s=_SHORT_PERIOD_S,
+    ),
+    "yaw": Standards(
+        explained=0.5,
+        error=0.06,
+        scatter=0.004,
+        noise=0.5,
+        delays_s=(0.1, 0.2, 0.3),
+        taus_s=(0.0, 0.2),
+        spacing_s=_SLOWEST_S,
+        memory_s=_MEMORY_S,
+    ),
 }
 
 
