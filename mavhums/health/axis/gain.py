@@ -138,8 +138,8 @@ class Second:
     later
         Whether an additional lag explains the response slightly better, so that the kind of fault is open.
     shift
-        Mean of the response over the last three seconds that no additional lag explains; None if it is not
-        known.
+        Mean of the unexplained response over the last three seconds, at the additional lag that explained
+        more since ``since_s``; None if it is not known.
     left_over, lost_s
         Effectiveness since ``since_s``, at the additional lag that explained more since then, over at most 20
         judged seconds, and the number of these.
@@ -323,8 +323,7 @@ class Gain:
         count = sum(rows for _, rows in self._left)
         if count < _SHIFT_S * _LEAST_ROWS:
             return None
-        left = np.sum([left for left, _ in self._left], axis=0)
-        return float(left[np.argmin(np.abs(left))] / count)
+        return float(sum(left[self._lag] for left, _ in self._left)) / count
 
     def _estimate(self, reference: Reference) -> tuple[float | None, float]:
         """Return the effectiveness of the last ten judged seconds and its standard error."""
