@@ -166,7 +166,8 @@ def _median(values: Array) -> Array:
     ordered = np.sort(values, axis=1)  # NaN last
     number = np.isfinite(values).sum(axis=1)
     rows, last = np.arange(len(values)), np.maximum(number, 1)
-    return (ordered[rows, (last - 1) // 2] + ordered[rows, last // 2]) / 2
+    middle: Array = (ordered[rows, (last - 1) // 2] + ordered[rows, last // 2]) / 2
+    return middle
 
 
 def _first(known: Mapping[str, Array], *names: str, other: Array) -> Array:
