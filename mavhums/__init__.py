@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mavhums.actuator import actuators, load_airframe
     from mavhums.actuator.profile import ProfileError
     from mavhums.app.analysis import analyse, record
+    from mavhums.app.many import analyse_many
     from mavhums.app.options import Options
     from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
     from mavhums.engine.engine import Engine
@@ -50,6 +51,7 @@ __all__ = [
     "Verdict",
     "actuators",
     "analyse",
+    "analyse_many",
     "load_airframe",
     "read_log",
     "record",
@@ -76,6 +78,7 @@ __getattr__, __dir__ = lazy_exports(
         "Verdict": "report.assessment",
         "actuators": "actuator",
         "analyse": "app.analysis",
+        "analyse_many": "app.many",
         "load_airframe": "actuator",
         "read_log": "log",
         "record": "app.analysis",

@@ -13,6 +13,7 @@ from mavhums.core.conditions import Condition
 from mavhums.history.files import keep_assessment
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import Assessment, Indicator, Interval, LogSummary, Suspect, Verdict
+from mavhums.report.flight import FlightIdentity
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 
@@ -48,7 +49,11 @@ def verdict(
 
 
 def flown(
-    *verdicts: Verdict, day: float = 0, name: str | None = None, airframe: str | None = "paper"
+    *verdicts: Verdict,
+    day: float = 0,
+    name: str | None = None,
+    airframe: str | None = "paper",
+    identities: Sequence[FlightIdentity] = (),
 ) -> Assessment:
     """Return the assessment of a flight of ten minutes, so many days after the first of March."""
     name = name or f"flight-{day:g}"
@@ -60,11 +65,26 @@ def flown(
             duration_s=600.0,
             vehicles=(1,),
             losses=Losses(),
+            flight=tuple(identities),
         ),
         airframe=airframe,
         model=None,
         verdicts=verdicts,
     )
+
+
+def identity(
+    *,
+    board: str | None = "0A",
+    boot_s: float = -60.0,
+    begin_s: float = 0.0,
+    end_s: float = 600.0,
+    day: float = 0,
+) -> FlightIdentity:
+    """Return the identity of a flight; the times are seconds after :func:`flown`'s start."""
+    start = START + timedelta(days=day)
+    boot, begin, end = ((start + timedelta(seconds=s)).isoformat() for s in (boot_s, begin_s, end_s))
+    return FlightIdentity(vehicle=1, board=board, boot_utc=boot, start_utc=begin, end_utc=end)
 
 
 def write_wear(
@@ -82,4 +102,4 @@ def write_wear(
             value = 0.225 + slope * day + 0.006 * rng.standard_normal()
             condition: Condition = "normal" if value < 0.375 else "degraded"
             verdicts.append(verdict(shown(value), actuator=actuator, condition=condition))
-        keep_assessment(flown(*verdicts, day=day), folder)
+        keep_assessment(flown(*verdicts, day=day, identities=[identity(day=day)]), folder)

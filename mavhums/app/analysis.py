@@ -14,6 +14,7 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.history.comparison import LoneFlight, compared
+from mavhums.history.repeated import with_copies
 from mavhums.log import read_blocks
 from mavhums.report.assessment import Assessment
 
@@ -67,10 +68,12 @@ def analyse(
     >>> {verdict.actuator: verdict.condition for verdict in assessment.verdicts}["rudder"]
     'normal'
     """
-    resolved = (options or Options()).resolved()
+    options = options or Options()
+    history = options.flights()
+    resolved = replace(options, history=history).resolved()
     consumers = [consume] if consume else []
     if recording is None:
-        return _judge(path, resolved, consumers, progress)
+        return with_copies(_judge(path, resolved, consumers, progress), history)
     if str(path) == "-":
         raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
     from mavhums.show import Recorder
@@ -79,6 +82,7 @@ def analyse(
     with Recorder(recording, recording_id=identity, position=position) as recorder:
         shown = replace(resolved, vehicle_states=True)
         assessment = _judge(path, shown, [recorder.consume, *consumers], progress)
+        assessment = with_copies(assessment, history)
         recorder.close(assessment)
     return assessment
 
@@ -129,7 +133,8 @@ def analyse_alone(
     True
     """
     engine, digest = _fed(path, replace(options, baselines={}, past=None, recorded=True), (), progress)
-    return LoneFlight(engine.assessment(str(path), digest), engine.records(), engine.profiles())
+    assessment = engine.assessment(str(path), digest)
+    return LoneFlight(assessment, engine.records(), engine.profiles(), options.false_alarms)
 
 
 def _judge(

@@ -92,13 +92,18 @@ def status(store: Path, as_json: bool) -> None:
     told = status_of(store)
     if as_json:
         failures = [{"problem": problem, "remedy": remedy} for problem, remedy in told.failures]
-        say_json(_line(told._asdict() | {"failures": failures}))
+        copies = [{"log": log, "counted": counted} for log, counted in told.copies]
+        say_json(_line(told._asdict() | {"failures": failures, "copies": copies}))
         return
     say(f"{told.judged} logs of {told.aircraft} aircraft, and {told.unknown} of an unknown one")
     for problem, remedy in told.failures[:_SHOWN_FAILURES]:
         say(f"{problem}: {remedy}")
     if len(told.failures) > _SHOWN_FAILURES:
         say(f"and {len(told.failures) - _SHOWN_FAILURES} more that could not be judged")
+    for log, counted in told.copies[:_SHOWN_FAILURES]:
+        say(f"{log}: is of the same flight as {counted}, which counts")
+    if len(told.copies) > _SHOWN_FAILURES:
+        say(f"and {len(told.copies) - _SHOWN_FAILURES} more that do not count")
 
 
 @fleet.command()

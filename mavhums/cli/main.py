@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from mavhums.cli.ending import heed_signals
 from mavhums.cli.fleet import fleet
+from mavhums.cli.judging import TellsJson, TellsTables, Told, open_recordings, recordings_of
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
 from mavhums.cli.options import (
@@ -21,6 +19,7 @@ from mavhums.cli.options import (
     DIALECT,
     FALSE_ALARMS,
     HISTORY,
+    JOBS,
     JSON,
     KEEP,
     KEY,
@@ -37,16 +36,13 @@ from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.version import __version__
 
-if TYPE_CHECKING:
-    from mavhums.report.assessment import Assessment
-
 __all__ = ["main"]
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="mavhums")
 def cli() -> None:
-    """Health of a UAV's servo actuators from the MAVLink log it already records.
+    """Health of a UAV's servos and control surfaces from the log it already records.
 
     \b
     Start here:
@@ -78,6 +74,7 @@ def cli() -> None:
     help="Write a Rerun recording; with several logs, OUT is a folder.",
 )
 @click.option("--no-position", is_flag=True, help="Leave out of the recording where the aircraft was.")
+@JOBS
 @click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
 def analyse(
     logs: tuple[Path, ...],
@@ -92,12 +89,14 @@ def analyse(
     as_json: bool,
     rrd: Path | None,
     no_position: bool,
+    jobs: int | None,
     open_viewer: bool,
 ) -> None:
-    """Judge every actuator of each LOG (.tlog).
+    """Judge every actuator and control axis in each LOG: .tlog, .BIN or .ulg, also .gz, .zst or .zip.
 
-    With --history, each actuator is also held against its own first flights; --keep makes this flight one
-    of them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
+    Several logs are judged on all cores, and the results come in the order given, each with its log's name.
+    With --history, each actuator is also held against its own first flights; --keep makes this flight one of
+    them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
 
     \b
     Exit codes, the first that applies:
@@ -105,9 +104,8 @@ def analyse(
       12 undecided    3 log or history read with losses    0 all normal
     """
     from mavhums.actuator.profile import load_airframe
-    from mavhums.app.analysis import analyse as judge
+    from mavhums.app.many import Batch, analyse_many
     from mavhums.app.options import Options
-    from mavhums.history.files import keep_assessment
     from mavhums.learn import load_model, packaged_models
     from mavhums.log.mavlink.signing import load_key
 
@@ -124,30 +122,26 @@ def analyse(
         dialect=dialect,
         key=load_key(key) if key else None,
     )
-    recordings = _recordings(logs, rrd)
-    assessments: list[Assessment] = []
-    failures: list[dict[str, str]] = []
-    for log in logs:
-        try:
-            with reading(log) as progress:
-                assessment = judge(
-                    log, options, recording=recordings.get(log), position=not no_position, progress=progress
-                )
-            assessments.append(assessment)
-            if not as_json:
-                _show(assessment, recordings.get(log), several=len(logs) > 1)
-            if keep and history is not None:
-                keep_assessment(assessment, history)
-                options = replace(options, history=options.flights().with_flight(assessment))
-        except MavhumsError as error:
-            complain(error)
-            failures.append({"log": str(log), "problem": error.problem, "remedy": error.remedy})
-    if as_json:
-        say_json(_json(assessments, failures, several=len(logs) > 1))
-    if open_viewer and assessments:
-        _open([recordings[log] for log in logs if recordings[log].exists()])
+    recordings = recordings_of(logs, rrd)
+    batch = Batch(
+        jobs=jobs,
+        keep=history if keep else None,
+        recordings=recordings,
+        position=not no_position,
+        progress=reading,
+        prepare=announce_compiling,
+    )
+    told: Told = (
+        TellsJson(several=len(logs) > 1) if as_json else TellsTables(recordings, several=len(logs) > 1)
+    )
+    with told:
+        for outcome in analyse_many(logs, options, batch):
+            told.tell(outcome)
+    written = [recording for recording in recordings.values() if recording.exists()]
+    if open_viewer and written:
+        open_recordings(written)
     unread = bool(options.flights().errors)
-    raise SystemExit(_exit_code(assessments, failed=bool(failures), losses=unread))
+    raise SystemExit(told.exit_code(losses=unread))
 
 
 @cli.command()
@@ -195,65 +189,3 @@ def main() -> None:
         except (click.Abort, KeyboardInterrupt):
             say("mavhums: stopped; no output was left half-written", err=True)
             sys.exit(130)
-
-
-def _recordings(logs: tuple[Path, ...], rrd: Path | None) -> dict[Path, Path]:
-    if rrd is None:
-        return {}
-    if len(logs) == 1:
-        return {logs[0]: rrd}
-    names = [log.stem for log in logs]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise click.UsageError(f"two logs named {twice!r} would share one recording; analyse them one by one")
-    try:
-        rrd.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise MavhumsError(f"{rrd}: {error.strerror}", "with several logs --rrd names a folder") from error
-    return {log: rrd / f"{log.stem}.rrd" for log in logs}
-
-
-def _show(assessment: Assessment, recording: Path | None, *, several: bool) -> None:
-    from rich.console import Console
-
-    from mavhums.show import render
-
-    if several:
-        say(f"=== {assessment.log.path} ===")
-    render(assessment, Console())
-    if recording is not None:
-        say(f"recording: {recording}   open it with: rerun {recording}\n")
-
-
-def _json(assessments: list[Assessment], failures: list[dict[str, str]], *, several: bool) -> str:
-    """Return one assessment as it is; return several, or a failure, as one object."""
-    from mavhums.report.assessment import SCHEMA
-
-    if not several and not failures:
-        return assessments[0].to_json()
-    objects = [json.loads(assessment.to_json()) for assessment in assessments]
-    whole = {"schema": SCHEMA, "assessments": objects, "failures": failures}
-    return json.dumps(whole, indent=2, ensure_ascii=False)
-
-
-def _exit_code(assessments: list[Assessment], *, failed: bool, losses: bool) -> ExitCode:
-    order = (
-        ExitCode.EMERGENCY,
-        ExitCode.DEGRADED,
-        ExitCode.ERROR,
-        ExitCode.UNDECIDED,
-        ExitCode.READ_WITH_LOSSES,
-    )
-    codes = {assessment.exit_code for assessment in assessments}
-    codes |= {ExitCode.ERROR} if failed else set()
-    codes |= {ExitCode.READ_WITH_LOSSES} if losses else set()
-    return next((code for code in order if code in codes), ExitCode.OK)
-
-
-def _open(recordings: list[Path]) -> None:
-    import subprocess
-
-    try:
-        subprocess.Popen(["rerun", *map(str, recordings)])
-    except OSError as error:
-        raise MavhumsError("the Rerun viewer cannot be started", "pip install 'mavhums[viewer]'") from error

@@ -13,6 +13,7 @@ __all__ = [
     "DIALECT",
     "FALSE_ALARMS",
     "HISTORY",
+    "JOBS",
     "JSON",
     "KEEP",
     "KEY",
@@ -52,6 +53,12 @@ HISTORY = click.option(
     type=PATH,
     metavar="DIR",
     help="Folder of the aircraft's earlier assessments, for each actuator's own baseline.",
+)
+JOBS = click.option(
+    "--jobs",
+    type=click.IntRange(1, 256),
+    metavar="N",
+    help="Judge so many logs at once. Default: as many as there are cores, but one where the logs are small.",
 )
 KEEP = click.option("--keep", is_flag=True, help="Put the new assessment into the --history folder.")
 

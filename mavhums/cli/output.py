@@ -26,7 +26,7 @@ def say(text: str, *, err: bool = False) -> None:
     click.echo("\n".join(printable(line) for line in text.split("\n")), err=err)
 
 
-def say_json(text: str) -> None:
+def say_json(text: str, *, nl: bool = True) -> None:
     r"""Print JSON; unprintable and control characters become ``\uXXXX``."""
     encoding = sys.stdout.encoding or "ascii"
 
@@ -38,7 +38,7 @@ def say_json(text: str) -> None:
                 return letter
         return json.dumps(letter)[1:-1]
 
-    click.echo(_BEYOND_ASCII.sub(escaped, text))
+    click.echo(_BEYOND_ASCII.sub(escaped, text), nl=nl)
 
 
 def complain(error: MavhumsError) -> None:

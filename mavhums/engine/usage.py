@@ -48,7 +48,7 @@ def vehicle_usage(
     return VehicleUsage(
         vehicle=identity.vehicle,
         kind=identity.kind,
-        firmware=identity.firmware or identity.autopilot,
+        firmware=identity.software,
         armed_s=None if armed_s is None else round(armed_s, 3),
         forward_s=axes.flight.flown_s,
         outputs=tuple(_output(servo, used.get(servo), known.get(servo)) for servo in sorted(used | known)),

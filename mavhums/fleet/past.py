@@ -2,73 +2,42 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 
 from mavhums.core.conditions import URGENCY
 from mavhums.fleet.aircraft import UNKNOWN
+from mavhums.fleet.known import Known
 from mavhums.fleet.store import Store
-from mavhums.health.baseline import Baselines
-from mavhums.health.own.past import PastRecord
 from mavhums.history.comparison import LoneFlight, compared, unpacked
-from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight, is_healthy
+from mavhums.history.flights import PastFlight
 from mavhums.report.assessment import Assessment
 
 __all__ = ["hold_against_past", "in_order", "rows_of"]
 
 
 def hold_against_past(store: Store, aircraft: str) -> None:
-    """Judge all flights of an aircraft by its past, and commit the verdicts."""
+    """Judge all flights of an aircraft by its past, and commit the verdicts.
+
+    A flight that several logs record has the verdicts of the best one; the others are stored as its copies.
+    """
     flights = (unpacked(data) for data in _stored(store, aircraft))
-    held = (flight.assessment for flight in flights) if aircraft == UNKNOWN else in_order(flights)
-    store.replace_verdicts(aircraft, [row for assessment in held for row in rows_of(aircraft, assessment)])
+    known = Known()
+    held = (flight.assessment for flight in flights) if aircraft == UNKNOWN else in_order(flights, known)
+    rows = [row for assessment in held for row in rows_of(aircraft, assessment)]
+    counted, copies = known.divided(rows)
+    store.replace_verdicts(aircraft, counted)
+    store.replace_copies(aircraft, copies)
 
 
-def in_order(flights: Iterable[LoneFlight]) -> Iterator[Assessment]:
+def in_order(flights: Iterable[LoneFlight], known: Known | None = None) -> Iterator[Assessment]:
     """Yield the assessments of one aircraft's flights, given in time order, compared with their past."""
-    known = _Known()
+    known = known or Known()
     for flight in flights:
         assessment = compared(flight, known.baselines, known.past)
         yield assessment
         if assessment.log.start_utc is not None:
             known.add(PastFlight.of(assessment))
-
-
-class _Known:
-    """The flights so far: those that can still be references, and the own-scale data of all."""
-
-    def __init__(self) -> None:
-        self._references: list[PastFlight] = []
-        self._ends: dict[tuple[object, ...], list[datetime]] = defaultdict(list)
-        self._slim: list[PastFlight] = []
-
-    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
-        return FlightHistory(tuple(self._references)).baselines(airframe, before)
-
-    def past(
-        self, airframe: str | None, before: datetime | None
-    ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
-        return FlightHistory(tuple(self._slim)).past(airframe, before)
-
-    def add(self, flown: PastFlight) -> None:
-        ends = (self._ends[key] for key in _shown(flown.assessment))
-        wanted = [
-            several for several in ends if sum(end <= flown.start for end in several) < REFERENCE_FLIGHTS
-        ]
-        if wanted:
-            self._references.append(flown)
-        for several in wanted:
-            several.append(flown.end)
-        self._slim.append(replace(flown, assessment=_slim(flown.assessment)))
-
-
-def _slim(assessment: Assessment) -> Assessment:
-    """Return an assessment with only the data that the own-scale equations need from it."""
-    nothing: dict[str, object] = {"evidence": (), "indicators": (), "provenance": {}}
-    slim = tuple(verdict.model_copy(update=nothing) for verdict in assessment.verdicts)
-    return assessment.model_copy(update={"verdicts": slim})
 
 
 def rows_of(aircraft: str, assessment: Assessment) -> Iterator[dict[str, object]]:
@@ -92,13 +61,6 @@ def rows_of(aircraft: str, assessment: Assessment) -> Iterator[dict[str, object]
             "airframe": assessment.airframe,
             "verdict": verdict.model_dump_json(),
         }
-
-
-def _shown(assessment: Assessment) -> Iterator[tuple[object, ...]]:
-    for verdict in assessment.verdicts:
-        if is_healthy(verdict):
-            for shown in verdict.indicators:
-                yield assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault
 
 
 def _stored(store: Store, aircraft: str) -> Iterator[bytes]:

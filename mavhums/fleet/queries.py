@@ -3,41 +3,64 @@
 from __future__ import annotations
 
 import os
-from collections import defaultdict
+from collections.abc import Collection, Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from mavhums.core.collecting import no_collection
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.fleet.aircraft import UNKNOWN
 from mavhums.fleet.store import Store
-from mavhums.history.comparison import unpacked
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
-from mavhums.report.assessment import Assessment, Verdict, exit_code_of
+from mavhums.log.losses import Losses
+from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
 from mavhums.report.trend import TrendReport
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Status", "Worst", "assessments", "exit_code", "export", "status", "trend", "verdicts", "worst"]
+__all__ = ["Status", "Worst", "exit_code", "export", "status", "trend", "verdicts", "worst"]
 
-_LATEST = """
-SELECT aircraft, vehicle, actuator, condition, worst, friction_nm, start_us, path, verdict FROM verdicts
-QUALIFY row_number() OVER (
-    PARTITION BY aircraft, CASE WHEN aircraft = '' THEN path END, vehicle, actuator
-    ORDER BY start_us DESC NULLS LAST, path) = 1
+_COLUMNS = "aircraft, path, start_us, vehicle, actuator, condition, worst"
+_LAST = f"""
+WITH last AS (
+    SELECT aircraft, CASE WHEN aircraft = '' THEN path END AS log, vehicle, actuator,
+        max(start_us) AS start_us
+    FROM verdicts GROUP BY ALL)
+SELECT {_COLUMNS} FROM (
+    SELECT each.aircraft, each.vehicle, each.actuator, each.start_us, min(each.path) AS path,
+        arg_min(each.condition, each.path) AS condition, arg_min(each.worst, each.path) AS worst,
+        arg_min(each.urgency, each.path) AS urgency, arg_min(each.friction_nm, each.path) AS friction_nm
+    FROM verdicts AS each JOIN last ON each.aircraft = last.aircraft AND each.actuator = last.actuator
+        AND each.vehicle IS NOT DISTINCT FROM last.vehicle
+        AND each.start_us IS NOT DISTINCT FROM last.start_us AND (last.log IS NULL OR each.path = last.log)
+    GROUP BY each.aircraft, last.log, each.vehicle, each.actuator, each.start_us)
 ORDER BY urgency DESC, friction_nm DESC NULLS LAST, aircraft, path, vehicle, actuator
 """
+"""The actuators in their last flights, the worst first; without the JSON of the verdicts, which is large."""
 
 
 class Status(NamedTuple):
-    """The contents of a store: judged logs, logs without a known aircraft, and failures by reason."""
+    """The contents of a store.
+
+    Attributes
+    ----------
+    judged, aircraft, unknown
+        Number of judged logs, of known aircraft, and of logs without one.
+    failures
+        Problem and remedy of each log that could not be judged.
+    copies
+        Each log whose flight another log records better, and that log, which counts.
+    """
 
     judged: int
     aircraft: int
     unknown: int
     failures: tuple[tuple[str, str], ...]
+    copies: tuple[tuple[str, str], ...] = ()
 
 
 class Worst(NamedTuple):
@@ -66,7 +89,8 @@ def status(store: str | os.PathLike[str]) -> Status:
         "SELECT problem, remedy FROM logs WHERE problem IS NOT NULL"
         " QUALIFY row_number() OVER (PARTITION BY path ORDER BY scanned DESC) = 1 ORDER BY path"
     ).fetchall()
-    return Status(judged, aircraft, unknown, tuple((problem, remedy) for problem, remedy in failures))
+    copies = kept.query("SELECT DISTINCT path, counted FROM copies ORDER BY path").fetchall()
+    return Status(judged, aircraft, unknown, tuple(failures), tuple(copies))
 
 
 def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Worst]:
@@ -84,17 +108,19 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
     MavhumsError
         If the store does not exist.
     """
-    rows = Store(store).opened().query(_LATEST + (f" LIMIT {most:d}" if most is not None else "")).fetchall()
+    kept = Store(store).opened()
+    rows = kept.query(_LAST + (f" LIMIT {most:d}" if most is not None else "")).fetchall()
+    judged = _verdicts_of(kept, {path for _, path, *_ in rows})
     return [
-        Worst(aircraft, path, start_us, Verdict.model_validate_json(verdict))
-        for aircraft, _, _, _, _, _, start_us, path, verdict in rows
+        Worst(aircraft, path, start_us, judged[aircraft, path, vehicle, actuator])
+        for aircraft, path, start_us, vehicle, actuator, *_ in rows
     ]
 
 
 def exit_code(store: str | os.PathLike[str]) -> ExitCode:
     """Return the exit code of ``fleet worst``: that of ``analyse`` for the last flights and the failures."""
-    rows = Store(store).opened().query(f"SELECT condition, worst FROM ({_LATEST})").fetchall()
-    code = exit_code_of(max(condition, worst, key=URGENCY.__getitem__) for condition, worst in rows)
+    rows = Store(store).opened().query(_LAST).fetchall()
+    code = exit_code_of(max(condition, worst, key=URGENCY.__getitem__) for *_, condition, worst in rows)
     if code not in (ExitCode.EMERGENCY, ExitCode.DEGRADED) and status(store).failures:
         return ExitCode.ERROR
     return code if rows else ExitCode.UNDECIDED
@@ -111,37 +137,63 @@ def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Ve
     return [(path, Verdict.model_validate_json(verdict)) for path, verdict in rows]
 
 
-def assessments(store: str | os.PathLike[str], aircraft: str) -> list[Assessment]:
-    """Return an aircraft's assessments with its past, in time order.
+def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
+    """Return the trends of an aircraft's actuators.
 
     Raises
     ------
     MavhumsError
         If the store does not exist, or does not contain the aircraft.
     """
-    kept = Store(store).opened()
-    held: dict[str, list[Verdict]] = defaultdict(list)
-    for path, verdict in verdicts(store, aircraft):
-        held[path].append(verdict)
-    rows = kept.query(
-        "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND flight IS NOT NULL"
-        " GROUP BY sha256 ORDER BY min(start_us), min(path)",
-        aircraft,
-    ).fetchall()
-    if not rows:
-        named = kept.query("SELECT DISTINCT aircraft FROM logs WHERE aircraft <> '' ORDER BY 1").fetchall()
-        there = ", ".join(name for (name,) in named[:20]) or "none"
-        raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", f"the store has: {there}")
-    alone = [unpacked(data).assessment for (data,) in rows]
-    return [each.model_copy(update={"verdicts": tuple(held[each.log.path or ""])}) for each in alone]
-
-
-def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
-    """Return the trends of an aircraft's actuators; the errors are those of :func:`assessments`."""
     if aircraft == UNKNOWN:
         raise MavhumsError(f"{store}: an unknown aircraft has no trend", "name aircraft with --aircraft")
-    flown = [each for each in assessments(store, aircraft) if each.log.start_utc is not None]
-    return trend_report(FlightHistory(tuple(map(PastFlight.of, flown))))
+    kept = Store(store).opened()
+    with no_collection():
+        flown = tuple(_flights(kept, aircraft))
+        if not flown:
+            raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", _aircraft_in(kept))
+        return trend_report(FlightHistory(flown))
+
+
+def _flights(store: Store, aircraft: str) -> Iterator[PastFlight]:
+    """Yield an aircraft's dated flights in time order, each with its verdicts and the times of its log."""
+    rows = store.query(
+        "SELECT path, sha256, start_us, airframe, duration_s, list(verdict ORDER BY place) FROM ("
+        " SELECT v.*, row_number() OVER () AS place,"
+        "  coalesce((SELECT max(duration_s) FROM logs AS l WHERE l.sha256 = v.sha256), 0.0) AS duration_s"
+        " FROM verdicts AS v WHERE aircraft = ? AND start_us IS NOT NULL)"
+        " GROUP BY ALL ORDER BY start_us, path",
+        aircraft,
+    ).fetchall()
+    for path, sha256, start_us, airframe, duration_s, told in rows:
+        start = datetime.fromtimestamp(0, tz=UTC) + timedelta(microseconds=start_us)
+        log = LogSummary(
+            path=path,
+            sha256=sha256,
+            start_utc=start.isoformat(),
+            duration_s=duration_s,
+            vehicles=(),
+            losses=Losses(),
+        )
+        verdicts = tuple(map(Verdict.model_validate_json, told))
+        flight = Assessment(log=log, airframe=airframe, model=None, verdicts=verdicts)
+        yield PastFlight(flight, start, start + timedelta(seconds=duration_s))
+
+
+def _verdicts_of(store: Store, paths: Collection[str]) -> dict[tuple[str, str, int | None, str], Verdict]:
+    """Return the verdicts on some logs; literal names let DuckDB skip most of the table."""
+    if not paths:
+        return {}
+    named = ", ".join("'" + path.replace("'", "''") + "'" for path in sorted(paths))
+    rows = store.query(
+        f"SELECT aircraft, path, vehicle, actuator, verdict FROM verdicts WHERE path IN ({named})"
+    ).fetchall()
+    return {(*key,): Verdict.model_validate_json(verdict) for *key, verdict in rows}
+
+
+def _aircraft_in(store: Store) -> str:
+    named = store.query("SELECT DISTINCT aircraft FROM logs WHERE aircraft <> '' ORDER BY 1").fetchall()
+    return f"the store has: {', '.join(name for (name,) in named[:20]) or 'none'}"
 
 
 def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> pd.DataFrame:

@@ -1,6 +1,7 @@
-"""The store: a folder with two Delta tables, for logs judged alone and for verdicts compared with the past.
+"""The store: a folder with Delta tables, for logs judged alone and for verdicts compared with the past.
 
-Only the scanning process writes, under a lock; each commit is written whole or not at all.
+A third table names the logs that do not count, because another log of the same flight is better. Only the
+scanning process writes, under a lock; each commit is written whole or not at all.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ from mavhums.fleet.rows import LogFile, Row
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from deltalake import WriterProperties
 
-__all__ = ["LOGS", "VERDICTS", "Store", "schemas"]
+__all__ = ["COPIES", "LOGS", "VERDICTS", "Store", "schemas"]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
+COPIES: Final = "copies"
 _COMPACT_FILES: Final = 64
+_ROW_GROUP: Final = 2_000
 
 
 class Store:
@@ -78,7 +82,7 @@ class Store:
         return (self.folder / table / "_delta_log").is_dir()
 
     def query(self, sql: str, *values: object) -> Any:
-        """Return DuckDB's result; ``logs`` and ``verdicts`` name the tables.
+        """Return DuckDB's result; ``logs``, ``verdicts`` and ``copies`` name the tables.
 
         Raises
         ------
@@ -91,7 +95,7 @@ class Store:
 
         base = duckdb.connect()
         try:
-            for table in (LOGS, VERDICTS):
+            for table in schemas():
                 if not self.has(table):
                     base.register(table, schemas()[table].empty_table())
                     continue
@@ -125,11 +129,19 @@ class Store:
 
     def replace_verdicts(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         """Replace the verdicts of an aircraft, in one transaction."""
-        if self.has(VERDICTS):
+        self._replace(VERDICTS, aircraft, rows)
+
+    def replace_copies(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
+        """Replace the names of an aircraft's logs that do not count, in one transaction."""
+        if rows or self.has(COPIES):
+            self._replace(COPIES, aircraft, rows)
+
+    def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
+        if self.has(table):
             predicate = f"aircraft = '{aircraft.replace(chr(39), chr(39) * 2)}'"
-            self._write(VERDICTS, rows, mode="overwrite", predicate=predicate)
+            self._write(table, rows, mode="overwrite", predicate=predicate)
         else:
-            self._write(VERDICTS, rows, mode="append")
+            self._write(table, rows, mode="append")
 
     def known(self) -> dict[LogFile, str]:
         """Return the scanned logs, each with the settings of its latest judgement."""
@@ -140,7 +152,7 @@ class Store:
         """Return the aircraft that have logs without a verdict, as after an interruption."""
         rows = self.query(
             "SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL AND sha256 NOT IN"
-            " (SELECT sha256 FROM verdicts)"
+            " (SELECT sha256 FROM verdicts UNION ALL SELECT sha256 FROM copies)"
         ).fetchall()
         return {aircraft for (aircraft,) in rows}
 
@@ -148,11 +160,11 @@ class Store:
         """Compact small files, and remove files that no version of the last week needs."""
         from deltalake import DeltaTable
 
-        for name in (LOGS, VERDICTS):
+        for name in schemas():
             if self.has(name):
                 table = DeltaTable(self.folder / name)
                 if len(table.file_uris()) > _COMPACT_FILES:
-                    table.optimize.compact()
+                    table.optimize.compact(writer_properties=_written())
                     table.vacuum(dry_run=False)
 
     def _write(self, table: str, rows: Sequence[dict[str, object]], **how: Any) -> None:
@@ -162,7 +174,7 @@ class Store:
 
         content = pa.Table.from_pylist(list(rows), schema=schemas()[table])
         try:
-            write_deltalake(self.folder / table, content, **how)
+            write_deltalake(self.folder / table, content, writer_properties=_written(), **how)
         except (DeltaError, OSError) as error:
             problem = f"{self.folder}: cannot be written: {str(error).splitlines()[0][:200]}"
             raise MavhumsError(problem, "make room or mend it, and scan again: it resumes") from error
@@ -180,7 +192,15 @@ def schemas() -> dict[str, pa.Schema]:
     verdict = [("aircraft", text), ("path", text), ("sha256", text), ("start_us", whole), ("vehicle", whole)]
     verdict += [("actuator", text), ("condition", text), ("worst", text), ("urgency", number)]
     verdict += [("friction_nm", number), ("airframe", text), ("verdict", text)]
-    return {LOGS: pa.schema(log), VERDICTS: pa.schema(verdict)}
+    copy = [("aircraft", text), ("path", text), ("sha256", text), ("vehicle", whole), ("counted", text)]
+    return {LOGS: pa.schema(log), VERDICTS: pa.schema(verdict), COPIES: pa.schema(copy)}
+
+
+def _written() -> WriterProperties:
+    """Return how tables are written: in small groups of rows, of which a query skips most."""
+    from deltalake import WriterProperties
+
+    return WriterProperties(compression="ZSTD", max_row_group_size=_ROW_GROUP)
 
 
 def _quoted(files: Sequence[str]) -> str:

@@ -102,11 +102,11 @@ class IndicatorTracker:
         if not at.size:
             return []
         changes = []
+        before = self.condition
         columns = (look.severity, look.sure, end_s, *look.steadied)
         for k, said, certain, end, signed, error, freedom in zip(
             at.tolist(), *(column[at].tolist() for column in columns), strict=True
         ):
-            before = self.condition
             here = abs(signed) if self.detector.two_sided else signed
             if end >= self.next_due_s:
                 self._feed_separate(signed, error, freedom, end)
@@ -120,7 +120,8 @@ class IndicatorTracker:
                 agrees = severity == SEVERITY[self.decision.condition]
                 self.episodes.extend(here, end, agrees=agrees)
             if self.condition != before:
-                changes.append(Change(k, self.condition, self.since_s or 0.0, self.rule(self.condition)))
+                before = self.condition
+                changes.append(Change(k, before, self.since_s or 0.0, self.rule(before)))
         self.latest = Estimate(*(float(column[at[-1]]) for column in look.own))
         return changes
 

@@ -20,6 +20,7 @@ from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.holding import Change, Holding
 from mavhums.health.indicator_tracker import IndicatorTracker
 from mavhums.health.motion import Motion, motion
+from mavhums.health.own.method import collector
 from mavhums.health.own.record import OwnSums
 from mavhums.health.own.registry import EQUATIONS
 from mavhums.health.own.voltage import VoltageSums
@@ -31,7 +32,7 @@ from mavhums.health.tracker_report import (
     record_of,
     suspect_of,
 )
-from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcome
+from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcomes
 from mavhums.health.windows import WINDOW_SLOTS, Windows
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
@@ -108,7 +109,7 @@ class Monitor:
         self._waiting: list[tuple[Array, Array, NDArray[np.bool_], Array, Array]] = []
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
         self._own: list[OwnSums | VoltageSums] = [
-            OwnSums(equation, actuator) for equation in EQUATIONS if open_limits
+            collector(equation, actuator) for equation in EQUATIONS if open_limits
         ]
         if open_limits:
             self._own.append(VoltageSums(actuator))
@@ -242,8 +243,8 @@ class Monitor:
     def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
         if slots is None:
             return
-        for collector in self._own:
-            collector.feed(slots)
+        for own in self._own:
+            own.feed(slots)
         moved = motion(self.actuator, slots) if self.actuator.ema else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = Seen(slots, moved, windows, flight)
@@ -259,11 +260,12 @@ class Monitor:
             for change in self._trackers[fault].feed(look, end_s):
                 changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
-        for k, (end, fraction, ballots) in enumerate(
-            zip(end_s.tolist(), moving[whole].tolist(), votes[whole], strict=True)
+        voted = outcomes(self._networks, votes[whole].astype(np.int64))
+        for k, (end, fraction, vote) in enumerate(
+            zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
         ):
             changed = [*self._changed(changes.get(k, []), end)]
-            yield self._window(end, fraction, friction.get(k), outcome(self._networks, ballots))
+            yield self._window(end, fraction, friction.get(k), vote)
             yield from changed
 
     def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.quantities import column
 
-__all__ = ["VOTE_COLUMNS", "Ballot", "Classifier", "Outcome", "count_votes", "outcome"]
+__all__ = ["VOTE_COLUMNS", "Ballot", "Classifier", "Outcome", "count_votes", "outcome", "outcomes"]
 
 _MIN_VOTERS = 20
 _MIN_PER_DIRECTION = 5
@@ -111,7 +111,12 @@ def count_votes(
 
 
 def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
-    """Return the probability of an emergency in a window; None if the networks abstain.
+    """Return the outcome of one window, of shape (slots, 6), as :func:`outcomes` does."""
+    return outcomes(networks, counts[None])[0]
+
+
+def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | None]:
+    """Return the probability of an emergency in each window; None if the networks abstain.
 
     They abstain with fewer than twenty votes, with fewer than five in either direction, and if more
     than half of the moving samples lie outside their training range. If the slots used several
@@ -122,23 +127,26 @@ def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
     networks
         As for :func:`count_votes`.
     counts
-        Rows of the window's slots, shape (slots, 6).
+        Rows of the windows' slots, shape (windows, slots, 6).
     """
-    chosen = counts[:, _BALLOT.network]
-    cast = [int(counts[chosen == k, _BALLOT.voters].sum()) for k in range(len(networks))]
-    if not any(cast):
-        return None
-    network = int(np.argmax(cast))
-    own = counts[chosen == network].sum(axis=0)
-    voters, emergency = own[_BALLOT.voters], own[_BALLOT.emergency]
-    if (
-        voters.sum() < _MIN_VOTERS
-        or voters.min() < _MIN_PER_DIRECTION
-        or 2 * voters.sum() < counts[:, _BALLOT.moving].sum()
-    ):
-        return None
-    share = float(np.mean(emergency / voters))
-    return Outcome(networks[network].probability(share), network)
+    if not networks:
+        return [None] * len(counts)
+    chosen = counts[:, :, _BALLOT.network]
+    tallies = np.stack([(counts * (chosen == k)[:, :, None]).sum(axis=1) for k in range(len(networks))])
+    decides = tallies[:, :, _BALLOT.voters].sum(axis=2).argmax(axis=0)
+    own = tallies[decides, np.arange(len(counts))]
+    voters, emergency = own[:, _BALLOT.voters], own[:, _BALLOT.emergency]
+    cast = voters.sum(axis=1)
+    votes = (
+        (cast >= _MIN_VOTERS)
+        & (voters.min(axis=1) >= _MIN_PER_DIRECTION)
+        & (2 * cast >= counts[:, :, _BALLOT.moving].sum(axis=1))
+    )
+    share = np.mean(emergency / np.maximum(voters, 1), axis=1)
+    return [
+        Outcome(networks[network].probability(one), network) if voted else None
+        for voted, network, one in zip(votes.tolist(), decides.tolist(), share.tolist(), strict=True)
+    ]
 
 
 def _sums(flags: NDArray[np.bool_], edges: NDArray[np.int64]) -> Counts:

@@ -96,6 +96,10 @@ def read_history(
     twice = len(flights) - len(history.flights)
     if twice:
         notices.append(f"{folder}: {twice} older assessments of logs that were judged again")
+    paths_of = {flight.log: flight.assessment.log.path or "a live link" for flight in history.flights}
+    for log, taken in sorted({(log, taken) for (_, log, _), taken in history.untaken().items()}):
+        told = f"{paths_of[log]} and {paths_of[taken]} are of the same flight; {paths_of[taken]} counts"
+        notices.append(told)
     return FlightHistory(history.flights, history.errors, tuple(notices))
 
 

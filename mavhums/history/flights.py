@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -10,9 +11,18 @@ from pathlib import Path
 from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baseline, Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.history.copies import Recording, copies, recordings_of
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
-__all__ = ["REFERENCE_FLIGHTS", "FlightHistory", "PastFlight", "Since", "UndatedError", "is_healthy"]
+__all__ = [
+    "REFERENCE_FLIGHTS",
+    "FlightHistory",
+    "PastFlight",
+    "Since",
+    "UndatedError",
+    "is_healthy",
+    "untaken",
+]
 
 _SOUND = ("normal", "unchanged", "learning")
 
@@ -34,6 +44,8 @@ class PastFlight:
         Start and end of its log, UTC.
     file, written
         Path of the assessment, and its time of modification, seconds since 1970.
+    recordings
+        What the log records: a flight of each vehicle that it identifies.
     """
 
     assessment: Assessment
@@ -41,6 +53,7 @@ class PastFlight:
     end: datetime
     file: Path | None = None
     written: float = float("inf")
+    recordings: tuple[Recording, ...] = ()
 
     @classmethod
     def of(
@@ -64,12 +77,19 @@ class PastFlight:
         try:
             start = datetime.fromisoformat(log.start_utc)
             start = (start if start.tzinfo else start.replace(tzinfo=UTC)).astimezone(UTC)
-            return cls(assessment, start, start + timedelta(seconds=log.duration_s), file, written)
+            end = start + timedelta(seconds=log.duration_s)
+            return cls(assessment, start, end, file, written, recordings_of(assessment))
         except (ValueError, OverflowError) as error:
             problem = (
                 f"{file or log.path}: log.start_utc: {log.start_utc[:60]!r} and the duration are no time"
             )
             raise MavhumsError(problem, "analyse its log again") from error
+
+    @property
+    def log(self) -> str:
+        """What distinguishes its log from every other: its hash, or its path and start."""
+        log = self.assessment.log
+        return log.sha256 or f"{log.path} {log.start_utc}"
 
     def counts(self, actuator: str, since: Since | None) -> bool:
         """Whether the flight began on or after the date from which the actuator's flights count."""
@@ -119,20 +139,11 @@ class FlightHistory:
             Dates from which flights count.
         """
         reference: dict[tuple[int, str, str], list[Indicator]] = {}
-        for flight in self.flights:
-            if before is None or flight.end > before or not _judged_by(flight, airframe):
-                continue
-            for verdict in flight.assessment.verdicts:
-                if (
-                    verdict.vehicle is None
-                    or not is_healthy(verdict)
-                    or not flight.counts(verdict.actuator, since)
-                ):
-                    continue
-                for shown in verdict.indicators:
-                    flown = reference.setdefault((verdict.vehicle, verdict.actuator, shown.fault), [])
-                    if len(flown) < REFERENCE_FLIGHTS:
-                        flown.append(shown)
+        for _, vehicle, verdict in self._counted(airframe, before, since):
+            for shown in verdict.indicators if is_healthy(verdict) else ():
+                flown = reference.setdefault((vehicle, verdict.actuator, shown.fault), [])
+                if len(flown) < REFERENCE_FLIGHTS:
+                    flown.append(shown)
         return {key: baseline for key, flown in reference.items() if (baseline := Baseline.of(flown))}
 
     def past(
@@ -143,15 +154,59 @@ class FlightHistory:
         The parameters are those of :meth:`baselines`.
         """
         records: dict[tuple[int, str], list[PastRecord]] = {}
-        for flight in self.flights:
-            if before is None or flight.end > before or not _judged_by(flight, airframe):
-                continue
-            for verdict in flight.assessment.verdicts:
-                if verdict.vehicle is None or not flight.counts(verdict.actuator, since):
-                    continue
-                left = PastRecord(verdict.own, flight.start.isoformat(), is_healthy(verdict))
-                records.setdefault((verdict.vehicle, verdict.actuator), []).append(left)
+        for flight, vehicle, verdict in self._counted(airframe, before, since):
+            left = PastRecord(verdict.own, flight.start.isoformat(), is_healthy(verdict))
+            records.setdefault((vehicle, verdict.actuator), []).append(left)
         return records
+
+    def _counted(
+        self, airframe: str | None, before: datetime | None, since: Since | None
+    ) -> Iterator[tuple[PastFlight, int, Verdict]]:
+        """Yield the verdicts that count, with flight and vehicle; of a flight in two logs, those of one."""
+        if before is None:
+            return
+        flights = [each for each in self.flights if each.end <= before and _judged_by(each, airframe)]
+        left_out = untaken(flights)
+        for flight in flights:
+            for verdict in flight.assessment.verdicts:
+                vehicle = verdict.vehicle
+                if vehicle is None or (flight.log, vehicle) in left_out:
+                    continue
+                if flight.counts(verdict.actuator, since):
+                    yield flight, vehicle, verdict
+
+    def untaken(self) -> dict[tuple[str | None, str, int], str]:
+        """Return for each (airframe, log, vehicle) that does not count the log that is taken instead."""
+        by_airframe: dict[str | None, list[PastFlight]] = defaultdict(list)
+        for flight in self.flights:
+            by_airframe[flight.assessment.airframe].append(flight)
+        return {
+            (airframe, log, vehicle): taken
+            for airframe, flights in by_airframe.items()
+            for (log, vehicle), (taken, _) in untaken(flights).items()
+        }
+
+    def count(self) -> int:
+        """Return the number of flights; one that several logs record is one."""
+        left_out = self.untaken()
+
+        def counts(flight: PastFlight) -> bool:
+            where = flight.assessment.airframe, flight.log
+            told = [(*where, each.flight.vehicle) in left_out for each in flight.recordings]
+            return not (told and all(told))
+
+        return sum(map(counts, self.flights))
+
+    def near(self, flight: PastFlight) -> list[PastFlight]:
+        """Return the flights in other logs, judged by the same profile, that may be the same flight."""
+        boards = {(each.flight.vehicle, each.flight.board) for each in flight.recordings}
+        return [
+            other
+            for other in self.flights
+            if other.assessment.airframe == flight.assessment.airframe
+            and other.log != flight.log
+            and not boards.isdisjoint((each.flight.vehicle, each.flight.board) for each in other.recordings)
+        ]
 
     def with_flight(self, assessment: Assessment) -> FlightHistory:
         """Return the history with one more flight, if its log has a date."""
@@ -173,11 +228,24 @@ def is_healthy(verdict: Verdict) -> bool:
     return found_sound and not verdict.suspects
 
 
+def untaken(flights: Iterable[PastFlight]) -> dict[tuple[str, int], tuple[str, int]]:
+    """Return for each (log, vehicle) that does not count the one that has the same flight and does.
+
+    The flights must be judged by one profile.
+    """
+    return copies(
+        {(each.log, record.flight.vehicle): record for each in flights for record in each.recordings}
+    )
+
+
 def _once(flights: Iterable[PastFlight]) -> tuple[PastFlight, ...]:
     """Keep the newest assessment of each log and airframe, in time order."""
     once: dict[tuple[str | None, ...], PastFlight] = {}
     for flight in sorted(flights, key=lambda flight: (flight.written, str(flight.file))):
-        log = flight.assessment.log
-        same = (log.sha256,) if log.sha256 else (log.path, log.start_utc)
-        once[*same, flight.assessment.airframe] = flight
-    return tuple(sorted(once.values(), key=lambda flight: (flight.start, str(flight.file))))
+        once[flight.log, flight.assessment.airframe] = flight
+    in_order = sorted(once.values(), key=lambda flight: (flight.start, flight.log, _profile(flight)))
+    return tuple(in_order)
+
+
+def _profile(flight: PastFlight) -> str:
+    return flight.assessment.airframe or ""

@@ -12,45 +12,72 @@ import sqlite3
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
+from functools import cache, partial
 from pathlib import Path
 from stat import S_ISDIR
 from typing import Final, NamedTuple
 from weakref import finalize
 
+from pydantic import TypeAdapter
+
 from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import PastRecord
+from mavhums.history.copies import Recording, copies
 from mavhums.history.files import UnusedError, assessment_files, read_file, read_history
 from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight, Since, is_healthy
 from mavhums.report.assessment import Assessment
+from mavhums.report.flight import CLOCKS_APART_S
 
 __all__ = ["INDEX", "IndexedFolder"]
 
 INDEX: Final = ".mavhums-index.sqlite"
-_VERSION: Final = 1
+_VERSION: Final = 2
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _WAIT_S: Final = 30.0
+_LAST: Final = 1 << 62
 _TABLES: Final = """
 CREATE TABLE file (name TEXT PRIMARY KEY, time_ns INTEGER, size INTEGER) WITHOUT ROWID;
 CREATE TABLE told (name TEXT, failed INTEGER, problem TEXT, remedy TEXT);
-CREATE TABLE flight (name TEXT, place INTEGER, same TEXT, PRIMARY KEY (name, place)) WITHOUT ROWID;
-CREATE TABLE shown (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT, start INTEGER, name TEXT,
-    place INTEGER, stop INTEGER, PRIMARY KEY (airframe, vehicle, actuator, fault, start, name, place))
-    WITHOUT ROWID;
+CREATE TABLE flight (name TEXT, place INTEGER, same TEXT, log TEXT, PRIMARY KEY (name, place)) WITHOUT ROWID;
+CREATE TABLE shown (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT, start INTEGER, same TEXT,
+    name TEXT, place INTEGER, stop INTEGER,
+    PRIMARY KEY (airframe, vehicle, actuator, fault, start, same, name, place)) WITHOUT ROWID;
 CREATE TABLE series (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT,
     PRIMARY KEY (airframe, vehicle, actuator, fault)) WITHOUT ROWID;
+CREATE TABLE recording (airframe TEXT, vehicle INTEGER, board TEXT, boot REAL, start INTEGER, name TEXT,
+    place INTEGER, stop INTEGER, content TEXT,
+    PRIMARY KEY (airframe, vehicle, board, boot, start, name, place)) WITHOUT ROWID;
+CREATE INDEX recording_name ON recording (name, place);
+CREATE INDEX flight_log ON flight (log);
 CREATE INDEX flight_same ON flight (same);
 CREATE INDEX shown_name ON shown (name);
 CREATE INDEX told_name ON told (name);
 """
-_REFERENCES: Final = """
-SELECT shown.name FROM shown JOIN flight USING (name, place) JOIN file USING (name)
-WHERE airframe = ? AND vehicle = ? AND actuator = ? AND fault = ? AND start >= ? AND start <= ? AND stop <= ?
-AND NOT EXISTS (SELECT 1 FROM flight AS other JOIN file AS theirs ON theirs.name = other.name
+_LATEST: Final = """
+NOT EXISTS (SELECT 1 FROM flight AS other JOIN file AS theirs ON theirs.name = other.name
     WHERE other.same = flight.same
     AND (theirs.time_ns, other.name, other.place) > (file.time_ns, flight.name, flight.place))
-ORDER BY start, shown.name, place LIMIT ?
 """
+_REFERENCES: Final = f"""
+SELECT shown.name, flight.log FROM shown JOIN flight USING (name, place) JOIN file USING (name)
+WHERE airframe = ? AND vehicle = ? AND actuator = ? AND fault = ? AND start >= ? AND start <= ? AND stop <= ?
+AND {_LATEST}
+ORDER BY start, shown.same
+"""
+_BOOTS: Final = """
+SELECT DISTINCT board, boot FROM flight CROSS JOIN recording USING (name, place)
+WHERE airframe = ? AND log = ? AND vehicle = ?
+"""
+_RECORDINGS: Final = f"""
+SELECT boot, log, name, content FROM recording JOIN flight USING (name, place) JOIN file USING (name)
+WHERE airframe = ? AND vehicle = ? AND board = ? AND boot >= ? AND boot <= ? AND stop <= ? AND {_LATEST}
+ORDER BY start, flight.same
+"""
+
+
+_CONTENT: Final = TypeAdapter(Recording)
+_Near = dict[tuple[str, int], tuple[Recording, str]]
 
 
 class _File(NamedTuple):
@@ -123,6 +150,18 @@ class IndexedFolder:
         """Return the same as :meth:`FlightHistory.past`; this reads the whole folder."""
         return read_history(self._folder).past(airframe, before, since)
 
+    def near(self, flight: PastFlight) -> list[PastFlight]:
+        """Return the flights in other logs that may be the same flight; only their files are read."""
+        named = flight.assessment.airframe or ""
+        names = {
+            name
+            for each in flight.recordings
+            for _, name in self._near(
+                named, _LAST, each.flight.vehicle, each.flight.board or "", each.boot_s
+            ).values()
+        }
+        return self._flights(names).near(flight)
+
     def with_flight(self, assessment: Assessment) -> IndexedFolder:
         """Return the folder with one more flight, which is already stored in it."""
         self._follow([*_files(self._folder)], None)
@@ -135,12 +174,40 @@ class IndexedFolder:
         series = self._base.execute(
             "SELECT vehicle, actuator, fault FROM series WHERE airframe = ?", (named,)
         ).fetchall()
+        better = cache(partial(self._better, named, last))
         for vehicle, actuator, fault in series:
             date = dates.get(actuator, dates.get(None))
-            first = -(1 << 62) if date is None else _microseconds(date)
-            wanted = (named, vehicle, actuator, fault, first, last, last, REFERENCE_FLIGHTS)
-            names.update(name for (name,) in self._base.execute(_REFERENCES, wanted))
+            first = -_LAST if date is None else _microseconds(date)
+            left = REFERENCE_FLIGHTS
+            for name, log in self._base.execute(
+                _REFERENCES, (named, vehicle, actuator, fault, first, last, last)
+            ):
+                taken = better(log, vehicle)
+                names.add(taken or name)
+                left -= taken is None
+                if not left:
+                    break
         return names
+
+    def _better(self, airframe: str, last: int, log: str, vehicle: int) -> str | None:
+        """Return the file of the log that is taken instead of this one for a vehicle's flight, if any."""
+        for board, boot in self._base.execute(_BOOTS, (airframe, log, vehicle)).fetchall():
+            near = self._near(airframe, last, vehicle, board, boot)
+            taken = copies({key: recording for key, (recording, _) in near.items()}).get((log, vehicle))
+            if taken is not None:
+                return near[taken][1]
+        return None
+
+    def _near(self, airframe: str, last: int, vehicle: int, board: str, boot_s: float) -> _Near:
+        """Return the recordings, with their files, that may be of the flight with this boot time."""
+        first_s = last_s = boot_s
+        while True:
+            reach = (first_s - CLOCKS_APART_S, last_s + CLOCKS_APART_S)
+            rows = self._base.execute(_RECORDINGS, (airframe, vehicle, board, *reach, last)).fetchall()
+            boots = [boot for boot, *_ in rows]
+            if not rows or (min(boots) >= first_s and max(boots) <= last_s):
+                return {(log, vehicle): (_recording(content), name) for _, log, name, content in rows}
+            first_s, last_s = min(first_s, *boots), max(last_s, *boots)
 
     def _flights(self, names: Iterable[str]) -> FlightHistory:
         read = [flight for name in names for flight in read_file(self._folder / name)]
@@ -153,7 +220,7 @@ class IndexedFolder:
         new = sorted(there - known)
         with self._base:
             for file in known - there:
-                for table in ("file", "told", "flight", "shown"):
+                for table in ("file", "told", "flight", "shown", "recording"):
                     self._base.execute(f"DELETE FROM {table} WHERE name = ?", (file.name,))
             for number, file in enumerate(new, 1):
                 if progress:
@@ -167,10 +234,11 @@ class IndexedFolder:
             told = (name, not isinstance(outcome, UnusedError), outcome.problem, outcome.remedy)
             self._base.execute("INSERT INTO told VALUES (?, ?, ?, ?)", told)
             return
-        log, judged = outcome.assessment.log, outcome.assessment.airframe or ""
-        same = "\n".join(map(str, (log.sha256 or (log.path, log.start_utc), judged)))
-        self._base.execute("INSERT INTO flight VALUES (?, ?, ?)", (name, place, same))
+        judged = outcome.assessment.airframe or ""
+        same = f"{outcome.log}\n{judged}"
+        self._base.execute("INSERT INTO flight VALUES (?, ?, ?, ?)", (name, place, same, outcome.log))
         times = _microseconds(outcome.start), name, place, _microseconds(outcome.end)
+        recordings = [(each, _CONTENT.dump_json(each).decode()) for each in outcome.recordings]
         for airframe in {judged, *judged.split(", ")}:
             series = [
                 (airframe, verdict.vehicle, verdict.actuator, shown.fault)
@@ -180,8 +248,15 @@ class IndexedFolder:
             ]
             self._base.executemany("INSERT OR IGNORE INTO series VALUES (?, ?, ?, ?)", series)
             self._base.executemany(
-                "INSERT OR IGNORE INTO shown VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                [(*which, *times) for which in series],
+                "INSERT OR IGNORE INTO shown VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                [(*which, times[0], same, *times[1:]) for which in series],
+            )
+            self._base.executemany(
+                "INSERT OR IGNORE INTO recording VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                [
+                    (airframe, each.flight.vehicle, each.flight.board, each.boot_s, *times, content)
+                    for each, content in recordings
+                ],
             )
 
 
@@ -210,6 +285,10 @@ def _files(folder: Path) -> Iterator[_File]:
             continue
         if not S_ISDIR(status.st_mode):
             yield _File(entry.name, status.st_mtime_ns, status.st_size)
+
+
+def _recording(content: str) -> Recording:
+    return _CONTENT.validate_json(content)
 
 
 def _microseconds(time: datetime) -> int:

@@ -10,7 +10,7 @@ from mavhums.core.text import printable
 from mavhums.health.axis.detector import to_inspect as axis_to_inspect
 from mavhums.health.detector import to_inspect
 from mavhums.log.losses import Losses
-from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, Verdict
+from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, LogSummary, Verdict
 
 __all__ = [
     "ADVICE",
@@ -34,6 +34,7 @@ __all__ = [
     "name",
     "percent",
     "printable",
+    "recorded_twice",
     "undecided",
     "unmonitored",
 ]
@@ -76,7 +77,8 @@ def name(verdict: Verdict, assessment: Assessment) -> str:
     vehicles = {other.vehicle for other in assessment.verdicts}
     if verdict.actuator == ALL:
         return "every actuator"
-    own = f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator
+    moved = "roll, pitch and yaw" if verdict.actuator == "axes" else verdict.actuator
+    own = f"{moved} control" if verdict.subject == "axis" else verdict.actuator
     return own if len(vehicles) < 2 else f"{verdict.vehicle}: {own}"
 
 
@@ -269,6 +271,15 @@ def _by_reason(assessment: Assessment, condition: Condition) -> dict[tuple[str, 
             reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE[condition]
             groups.setdefault((reason.rstrip("."), remedy.rstrip(".")), []).append(verdict)
     return groups
+
+
+def recorded_twice(log: LogSummary) -> str | None:
+    """Return which other logs are of the same flight and which one counts; None if there is none."""
+    if not log.copies:
+        return None
+    others = join(sorted({copy.log or "a live link" for copy in log.copies}))
+    best = next((copy.log or "a live link" for copy in log.copies if copy.counts), None)
+    return f"The flight is also recorded in {others}; {best or 'this log'} counts"
 
 
 def losses(lost: Losses) -> str:

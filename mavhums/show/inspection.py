@@ -6,12 +6,15 @@ from collections.abc import Iterator
 
 from rich.console import Console
 from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 
 from mavhums.core.text import printable
 from mavhums.report.inspection import Inspection, VehicleTelemetry
 from mavhums.show import _usage
-from mavhums.show._words import join, link_loss
+from mavhums.show._words import join
+from mavhums.show._words import losses as told_losses
 
 __all__ = ["render_inspection"]
 
@@ -21,8 +24,9 @@ _MOST_NAMED = 100
 def render_inspection(inspection: Inspection, console: Console) -> None:
     """Print an inspection: the vehicles' actuators first, then messages, then losses."""
     size = f"{inspection.size_bytes / 1e6:.2f} MB"
-    start = inspection.start_utc[:19].replace("T", " ") + " UTC" if inspection.start_utc else "no message"
-    header = f"{inspection.path}  {size}, {inspection.duration_s:.1f} s from {start}"
+    start = inspection.start_utc
+    when = f"from {start[:19].replace('T', ' ')} UTC" if start else "without a date"
+    header = f"{inspection.path}  {size}, {inspection.duration_s:.1f} s {when}"
     console.print(printable(header), markup=False, highlight=False, soft_wrap=True)
     if not inspection.vehicles:
         console.print("\nNo vehicle speaks in this log: ground station or other traffic only.")
@@ -69,43 +73,37 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
         f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}",
         highlight=False,
     )
-    axes = any(one.judgeable and one.subject == "axis" for one in vehicle.subjects)
+    for line in _lines(vehicle):
+        console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+    if vehicle.usage:
+        console.print(Padding(Text(_usage.title(vehicle.usage, several=False)), (0, 0, 0, 2), expand=False))
+        for line in _usage.lines(vehicle.usage):
+            console.print(Padding(Text(printable(line)), (0, 0, 0, 4), expand=False))
+
+
+def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
+    """Yield what can be judged, then once for each reason what cannot, then the sources by actuator."""
+    refused: dict[tuple[str, str], list[str]] = {}
+    for one in vehicle.subjects:
+        moved = "roll, pitch and yaw" if one.name == "axes" else one.name
+        title = f"{moved} control" if one.subject == "axis" else one.name
+        if one.judgeable:
+            by = f", moved by {join(one.surfaces)}" if one.surfaces else ""
+            what = "control effectiveness" if one.subject == "axis" else "wear"
+            yield f"{title}: {what} can be judged{by}"
+        elif one.subject == "axis":
+            refused.setdefault((one.reason or "", one.remedy or ""), []).append(title)
+    for (reason, remedy), titles in refused.items():
+        yield f"{join(titles)}: cannot be judged: {reason}; remedy: {remedy}"
     if not vehicle.judged:
-        what = "Wear of the servos" if axes else "Health"
-        console.print(f"  {what} cannot be judged from this log.", highlight=False)
-    _judgeable(vehicle, console)
-    if vehicle.remedy:
-        console.print(f"  Remedy: {escape(printable(vehicle.remedy))}", highlight=False)
+        yield ": ".join(filter(None, ("wear of the servos", "cannot be judged", vehicle.remedy)))
+    elif vehicle.remedy:
+        yield f"remedy: {vehicle.remedy}"
     nothing = "nothing without travel_deg" if "travel_deg" in (vehicle.remedy or "") else "no telemetry"
     for actuator in vehicle.actuators:
         sources = _shorten(actuator.provenance) or nothing
         missing = f"; missing {', '.join(actuator.missing)}" if actuator.missing else ""
-        console.print(
-            printable(f"  {actuator.actuator} (servo {actuator.servo}): {sources}{missing}"),
-            markup=False,
-            highlight=False,
-        )
-    told = list(_usage.lines(vehicle.usage)) if vehicle.usage else []
-    if vehicle.usage and told:
-        title = _usage.title(vehicle.usage, several=False)
-        for line in (title, *(f"  {line}" for line in told)):
-            console.print(f"  {line}", markup=False, highlight=False)
-
-
-def _judgeable(vehicle: VehicleTelemetry, console: Console) -> None:
-    """Print what can be judged, and once for each reason what cannot."""
-    refused: dict[tuple[str, str], list[str]] = {}
-    for one in vehicle.subjects:
-        title = f"{one.name} control" if one.subject == "axis" and one.name != "axes" else one.name
-        if one.judgeable:
-            by = f", moved by {join(one.surfaces)}" if one.surfaces else ""
-            what = "control effectiveness" if one.subject == "axis" else "wear"
-            console.print(printable(f"  {title}: {what} can be judged{by}"), markup=False, highlight=False)
-        elif one.subject == "axis":
-            refused.setdefault((one.reason or "", one.remedy or ""), []).append(title)
-    for (reason, remedy), titles in refused.items():
-        text = f"  {join(titles)}: cannot be judged: {reason}; remedy: {remedy}"
-        console.print(printable(text), markup=False, highlight=False)
+        yield f"{actuator.actuator} (servo {actuator.servo}): {sources}{missing}"
 
 
 def _who(vehicle: VehicleTelemetry) -> str:
@@ -135,23 +133,9 @@ def _losses(inspection: Inspection, console: Console) -> None:
     losses = inspection.losses
     for note in _notes(inspection):
         console.print(f"\n{note}", highlight=False, markup=False)
-    if not losses.any:
-        missing = link_loss(losses)
-        console.print(f"\nFile intact; {missing}." if missing else "\nLog losses: none.", highlight=False)
-        return
-    parts = []
-    if losses.bytes_skipped:
-        parts.append(f"{losses.bytes_skipped:,} bytes skipped in {losses.damaged_regions:,} places")
+    console.print(f"\nLog losses: {told_losses(losses)}.", highlight=False)
     if losses.bad_crc_frames:
-        parts.append(
-            f"{losses.bad_crc_frames:,} frames with a bad CRC ({_ranked(losses.bad_crc_by_message)})"
-        )
-    if losses.implausible_times:
-        parts.append(f"{losses.implausible_times:,} implausible time stamps")
-    if losses.cut_end_bytes:
-        parts.append(f"{losses.cut_end_bytes:,} bytes of an unfinished record at the end")
-    if parts:
-        console.print(f"\nLosses: {', '.join(parts)}.", highlight=False)
+        console.print(f"  wrong checksums: {_ranked(losses.bad_crc_by_message)}", highlight=False)
     if losses.regions:
         shown = ", ".join(f"{region.offset:,}+{region.size:,}" for region in losses.regions[:5])
         more = ", …" if losses.damaged_regions > 5 else ""

@@ -25,6 +25,7 @@ from mavhums.show._words import (
     name,
     percent,
     printable,
+    recorded_twice,
     undecided,
     unmonitored,
 )
@@ -255,6 +256,8 @@ def _log(assessment: Assessment) -> str:
         f"Airframe: {_literal(assessment.airframe or 'none named')}; "
         f"network: {_literal(assessment.model.name) if assessment.model else 'none'}",
     ]
+    if twice := recorded_twice(log):
+        facts.append(_literal(twice))
     return "## The log\n\n" + "\n".join(f"- {fact}" for fact in facts)
 
 

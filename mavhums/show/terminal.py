@@ -28,6 +28,7 @@ from mavhums.show._words import (
     name,
     percent,
     printable,
+    recorded_twice,
     undecided,
     unmonitored,
 )
@@ -54,14 +55,15 @@ def render(assessment: Assessment, console: Console) -> None:
         console.print(Text(title, style="bold"))
         for line in lines:
             console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+    if twice := recorded_twice(assessment.log):
+        console.print(Text(printable(f"{twice}.")))
     console.print(Text(printable(f"Log losses: {losses(assessment.log.losses)}."), style="dim"))
     console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
 
 
 _COLUMNS = ("subject", "condition", "control left", "friction, N·m", "network", "since", "moving", "judged")
 _KEPT = (0, 1, 2, 3, 5, 6, 4, 7)  # the first two always, the others as far as the terminal is wide
-_OF_ACTUATORS: tuple[int, ...] = (3, 4, 6)
-_OF_AXES: tuple[int, ...] = (2,)
+_NOTHING = "—"
 
 
 def _table(assessment: Assessment, width: int) -> Table:
@@ -70,10 +72,9 @@ def _table(assessment: Assessment, width: int) -> Table:
     titles = ("axis" if subjects == {"axis"} else "actuator", *_COLUMNS[1:])
     rows = [_row(verdict, assessment) for verdict in listed]
     widths = [max(len(title), *(len(row[column]) for row in rows)) + 1 for column, title in enumerate(titles)]
-    absent = {"actuator": _OF_AXES, "axis": _OF_ACTUATORS}[next(iter(subjects))] if len(subjects) == 1 else ()
     shown, taken = set(_KEPT[:2]), widths[0] + widths[1]
     for column in _KEPT[2:]:
-        if column in absent:
+        if all(row[column].plain == _NOTHING for row in rows):
             continue
         taken += widths[column]
         if taken <= width:
@@ -85,7 +86,7 @@ def _table(assessment: Assessment, width: int) -> Table:
             titles[column],
             overflow="fold",
             justify="left" if column < 4 else "right",
-            no_wrap=column in (2, 3, 5, 7),
+            no_wrap=column in (1, 2, 3, 5, 7),
             min_width=least,
         )
     for row in rows:
@@ -98,11 +99,11 @@ def _row(verdict: Verdict, assessment: Assessment) -> list[Text]:
     return [
         Text(printable(name(verdict, assessment))),
         _condition(verdict),
-        Text(effectiveness(verdict.effectiveness) if verdict.effectiveness else "—"),
-        Text(friction(verdict.friction_nm) if verdict.friction_nm else "—"),
-        Text(percent(verdict.p_emergency) if verdict.p_emergency is not None else "—"),
-        Text(clock(verdict.since.flight_time_s) if verdict.since else "—"),
-        Text(percent(coverage.moving_fraction) if "V7" in verdict.provenance else "—"),
+        Text(effectiveness(verdict.effectiveness) if verdict.effectiveness else _NOTHING),
+        Text(friction(verdict.friction_nm) if verdict.friction_nm else _NOTHING),
+        Text(percent(verdict.p_emergency) if verdict.p_emergency is not None else _NOTHING),
+        Text(clock(verdict.since.flight_time_s) if verdict.since else _NOTHING),
+        Text(percent(coverage.moving_fraction) if "V7" in verdict.provenance else _NOTHING),
         Text(f"{coverage.decidable}/{coverage.windows}"),
     ]
 
@@ -140,6 +141,4 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: unmonitored"), [f"why: {reason}", f"what to do: {remedy}"])
     for used in assessment.usage:
-        told = list(_usage.lines(used))
-        if told:
-            yield (_usage.title(used, several=len(assessment.usage) > 1), told)
+        yield (_usage.title(used, several=len(assessment.usage) > 1), list(_usage.lines(used)))

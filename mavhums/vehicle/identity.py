@@ -1,7 +1,8 @@
 """The identity of a vehicle: its type, autopilot, firmware and board, as the vehicle reports them.
 
 HEARTBEAT reports type and autopilot. AUTOPILOT_VERSION reports firmware and board, but only to a ground
-station that requests it; ArduPilot and PX4 also report their firmware in a STATUSTEXT.
+station that requests it; ArduPilot and PX4 also report their firmware in a STATUSTEXT. A ULog has the type in
+vehicle_status and the firmware among its information records.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 
 __all__ = ["IDENTITY_MESSAGES", "Identities", "Identity"]
 
-IDENTITY_MESSAGES: Final = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION"}) | TEXT_MESSAGES
+IDENTITY_MESSAGES: Final = (
+    frozenset({"HEARTBEAT", "AUTOPILOT_VERSION", "vehicle_status", "info"}) | TEXT_MESSAGES
+)
 """What :class:`Identities` reads."""
 
 _NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
@@ -57,6 +60,8 @@ _KINDS: Final = {
 _MULTIROTORS: Final = frozenset({2, 13, 14, 29, 35, 43})
 _MULTIROTOR: Final = 43
 _ARDUPILOT: Final = 3
+_PX4: Final = 12
+_SYSTEM_NAME, _RELEASE = b"sys_name", b"ver_sw_release"
 _STATIONS: Final = frozenset({5, 6, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44, 48})
 _FIRMWARE = re.compile(
     r"((?:Ardu(?:Plane|Copter|Rover|Sub)|APM:(?:Plane|Copter|Rover|Sub)|Blimp|PX4) V?\d+(?:\.\d+){1,2}\S*)"
@@ -96,11 +101,21 @@ class Identity:
     board: str | None = None
     multirotor: bool = False
 
+    @property
+    def software(self) -> str | None:
+        """The firmware with the autopilot's name; None if neither is known.
+
+        Examples
+        --------
+        >>> Identity(1, autopilot="PX4", firmware="1.16.0").software
+        'PX4 1.16.0'
+        """
+        if self.firmware and self.firmware[0].isdigit():
+            return f"{self.autopilot or 'firmware'} {self.firmware}"
+        return self.firmware or self.autopilot
+
     def __str__(self) -> str:
-        firmware = self.firmware
-        if firmware and firmware[0].isdigit():
-            firmware = f"{self.autopilot or 'firmware'} {firmware}"
-        return ", ".join(part for part in (self.kind, firmware or self.autopilot) if part)
+        return ", ".join(part for part in (self.kind, self.software) if part)
 
 
 class Identities:
@@ -129,6 +144,8 @@ class Identities:
         """Take the identities in these messages."""
         self._heartbeats(tables.get("HEARTBEAT"))
         self._versions(tables.get("AUTOPILOT_VERSION"))
+        self._statuses(tables.get("vehicle_status"))
+        self._information(tables.get("info"))
         self._texts(tables)
 
     def _heartbeats(self, table: Table | None) -> None:
@@ -138,13 +155,43 @@ class Identities:
         for system, kind, autopilot in _distinct(beats):
             if autopilot == _NO_AUTOPILOT or kind in _STATIONS or system in self._heard:
                 continue
-            self._heard.add(system)
-            self._known[system] = replace(
-                self.of(system),
-                kind=_KINDS.get(kind),
-                autopilot=_AUTOPILOTS.get(autopilot),
-                multirotor=kind in _MULTIROTORS,
-            )
+            self._is(system, kind, autopilot)
+
+    def _statuses(self, table: Table | None) -> None:
+        if table is None or not table.holds({"system_type": 1}):
+            return
+        for k in _first_of_each(table.system):
+            system, kind = int(table.system[k]), float(table["system_type"][k])
+            if kind in _KINDS and system not in self._heard:
+                self._is(system, int(kind), _PX4)
+
+    def _is(self, system: int, kind: int, autopilot: int) -> None:
+        self._heard.add(system)
+        self._known[system] = replace(
+            self.of(system),
+            kind=_KINDS.get(kind),
+            autopilot=_AUTOPILOTS.get(autopilot),
+            multirotor=kind in _MULTIROTORS,
+        )
+
+    def _information(self, table: Table | None) -> None:
+        """Take name and release of the firmware from a ULog's information records."""
+        if table is None or not (table.holds_text("name") and table.holds_text("value")):
+            return
+        told = table.select(np.isin(table["name"], (_SYSTEM_NAME, _RELEASE)))
+        names, values = told["name"].tolist(), told.texts("value")
+        for system, name, value in zip(told.system.tolist(), names, values, strict=True):
+            known = self.of(system)
+            if name == _SYSTEM_NAME and value in _AUTOPILOTS.values():
+                self._known[system] = replace(known, autopilot=value)
+            elif (
+                name == _RELEASE
+                and value.isascii()
+                and value.isdecimal()
+                and len(value) <= 10
+                and 0 < int(value) < 2**32
+            ):
+                self._known[system] = replace(known, firmware=known.firmware or _version(int(value)))
 
     def _versions(self, table: Table | None) -> None:
         if table is None:

@@ -174,7 +174,12 @@ _OPTIONS = (
     click.option("--links", default=1, metavar="N", help="Parallel links, 1…4."),
     click.option("--clock-offset", default=0.0, metavar="S", help="Error of the vehicle's clock."),
     click.option("--clock-drift", default=0.0, metavar="PPM", help="Growth of that error."),
-    click.option("--day", default=0.0, metavar="N", help="Begin N days after 2026-01-01, for a history."),
+    click.option(
+        "--day",
+        type=float,
+        metavar="N",
+        help="Begin N days after 2026-01-01, for a history. Default: the seed, so that flights differ.",
+    ),
     click.option("--reboot", type=float, metavar="S", help="The vehicle restarts at this time."),
 )
 
@@ -251,7 +256,7 @@ def _flight(options: dict[str, Any]) -> Flight:
 
 
 def _link(options: dict[str, Any]) -> Link:
-    from mavhums_sim.link import Link
+    from mavhums_sim.link import LAST_DAY, Link
 
     return Link(
         loss=options["loss"],
@@ -261,7 +266,7 @@ def _link(options: dict[str, Any]) -> Link:
         clock_offset_s=options["clock_offset"],
         clock_drift_ppm=options["clock_drift"],
         reboot_at_s=options["reboot"],
-        day=options["day"],
+        day=float(options["seed"] % LAST_DAY) if options["day"] is None else options["day"],
         mavlink=1 if options["mavlink"] == "1" else 2,
         key=bytes.fromhex(options["key"]) if options["key"] else None,
     )

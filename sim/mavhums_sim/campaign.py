@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any, TypeVar
 
 from mavhums_sim._files import written_whole
 from mavhums_sim.flight import Flight, FlightRecord, fly
-from mavhums_sim.link import Link
+from mavhums_sim.link import LAST_DAY, Link
 from mavhums_sim.telemetry import write_tlog
 
 __all__ = ["CAMPAIGNS", "PAPER_FRICTION_NM", "consume", "paper_campaign", "run_campaign", "write_truth"]
@@ -26,6 +27,7 @@ _SURFACE = "elevator"
 _JOURNAL = "truth.jsonl"
 
 T = TypeVar("T")
+Name = TypeVar("Name")
 Truth = dict[str, Any]
 
 
@@ -49,8 +51,8 @@ CAMPAIGNS: dict[str, Callable[[int, float], Iterator[tuple[str, Flight]]]] = {"p
 
 
 def consume(
-    flights: Iterable[tuple[str, Flight]], consumer: Callable[[str, FlightRecord], T], workers: int = 1
-) -> Iterator[tuple[str, T]]:
+    flights: Iterable[tuple[Name, Flight]], consumer: Callable[[Name, FlightRecord], T], workers: int = 1
+) -> Iterator[tuple[Name, T]]:
     """Simulate each flight, pass its record to a consumer, and yield (name, the consumer's result).
 
     The consumer runs in the process that simulates the flight, so large arrays are not copied between
@@ -81,7 +83,7 @@ def consume(
     )
     try:
         waiting = iter(flights)
-        running: list[tuple[str, Future[T]]] = []
+        running: list[tuple[Name, Future[T]]] = []
         while True:
             for name, flight in islice(waiting, 4 * workers - len(running)):
                 running.append((name, pool.submit(_fly_and_consume, name, flight, consumer)))
@@ -93,7 +95,7 @@ def consume(
         pool.shutdown(cancel_futures=True)
 
 
-def _fly_and_consume(name: str, flight: Flight, consumer: Callable[[str, FlightRecord], T]) -> T:
+def _fly_and_consume(name: Name, flight: Flight, consumer: Callable[[Name, FlightRecord], T]) -> T:
     return consumer(name, fly(flight))
 
 
@@ -118,7 +120,7 @@ def run_campaign(
     progress
         Called after each flight with the number completed and the total.
     link
-        Link between each aircraft and its log.
+        Link between each aircraft and its log; each flight begins a day after the one before it.
     workers
         Number of processes.
 
@@ -135,9 +137,13 @@ def run_campaign(
         for name, truth in _finished(folder).items()
         if truth.get("fingerprint") == prints.get(name) and (folder / f"{name}.tlog").exists()
     }
-    left = [(name, flight) for name, flight in flights if name not in truths]
+    left = [
+        ((name, float(number % LAST_DAY)), flight)
+        for number, (name, flight) in enumerate(flights)
+        if name not in truths
+    ]
     with (folder / _JOURNAL).open("a", encoding="utf-8") as journal:
-        for name, truth in consume(left, partial(_log, folder=folder, link=link), workers):
+        for (name, _), truth in consume(left, partial(_log, folder=folder, link=link), workers):
             truths[name] = {**truth, "fingerprint": prints[name]}
             journal.write(json.dumps(truths[name]) + "\n")
             journal.flush()
@@ -148,9 +154,10 @@ def run_campaign(
     return path
 
 
-def _log(name: str, record: FlightRecord, *, folder: Path, link: Link) -> Truth:
+def _log(named: tuple[str, float], record: FlightRecord, *, folder: Path, link: Link) -> Truth:
+    name, days = named
     log = folder / f"{name}.tlog"
-    counts = write_tlog(record, log, link)
+    counts = write_tlog(record, log, replace(link, day=(link.day + days) % LAST_DAY))
     return {"log": log.name, **record.truth(), "messages": counts}
 
 

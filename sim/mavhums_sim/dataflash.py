@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums_sim.flight import FlightRecord
+from mavhums_sim.flight import Flight, FlightRecord
 from mavhums_sim.link import BOOT_US, EPOCH_US
 from mavhums_sim.sensors import sample_times
-from mavhums_sim.telemetry import BOARD, parameters
+from mavhums_sim.telemetry import board, parameters
 from mavhums_sim.tiers import servo_pulses
 
 __all__ = ["ON_BOARD_TIERS", "write_dataflash"]
@@ -137,7 +137,7 @@ def _kinds(record: FlightRecord, epoch_us: int) -> Iterator[_Records]:
     def at(rate_hz: float) -> Array:
         return sample_times(rng, flight.duration_s, rate_hz)
 
-    yield from _opening(flight.duration_s)
+    yield from _opening(flight)
     yield _gps(at(5.0), epoch_us)
     yield from _state(record, at(flight.rates.attitude), at(flight.rates.air_data))
     seconds = np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64)
@@ -149,13 +149,13 @@ def _kinds(record: FlightRecord, epoch_us: int) -> Iterator[_Records]:
         yield from _actuator(record, surface, k)
 
 
-def _opening(duration_s: float) -> Iterator[_Records]:
+def _opening(flight: Flight) -> Iterator[_Records]:
     told = parameters()
     names, values = np.array([name for name, _ in told], dtype="S16"), np.array([v for _, v in told])
     yield _records("PARM", np.zeros(len(told)), Name=names, Value=values, Default=values)
-    texts = np.array(["ArduPlane V4.7.0 (simulated)", BOARD], dtype="S64")
+    texts = np.array(["ArduPlane V4.7.0 (simulated)", board(flight)], dtype="S64")
     yield _records("MSG", np.zeros(texts.size), Message=texts)
-    announced = np.arange(0.0, duration_s, 10.0, dtype=np.float64)
+    announced = np.arange(0.0, flight.duration_s, 10.0, dtype=np.float64)
     yield _records("MSG", announced, Message=b"mavhums airframe=paper")
     yield _records("MODE", np.zeros(1), Mode=_AUTO, ModeNum=_AUTO, Rsn=1)
 

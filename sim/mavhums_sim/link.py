@@ -11,9 +11,10 @@ import numpy as np
 from pymavlink.dialects.v10 import ardupilotmega as mavlink1
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
-__all__ = ["BOOT_US", "EPOCH_US", "Frame", "Link", "transmit"]
+__all__ = ["BOOT_US", "EPOCH_US", "LAST_DAY", "Frame", "Link", "transmit"]
 
 EPOCH_US = 1_767_258_000_000_000  # 2026-01-01 09:00:00 UTC
+LAST_DAY = 36_525  # flights begin within a hundred years
 BOOT_US = 30_000_000  # the vehicle has run for half a minute when the log starts
 _SIGNING_EPOCH_US = 1_420_070_400_000_000  # 2015-01-01, where MAVLink 2 signatures count from
 _MAX_LINKS = 4
@@ -89,7 +90,7 @@ class Link:
             raise ValueError("times of a link cannot be negative")
         if not 1 <= self.links <= _MAX_LINKS:
             raise ValueError(f"there can be 1…{_MAX_LINKS} links")
-        if not 0.0 <= self.day <= 36_525.0:
+        if not 0.0 <= self.day <= LAST_DAY:
             raise ValueError("a flight begins between day 0 and a hundred years later")
         if self.mavlink not in (1, 2):
             raise ValueError("MAVLink has versions 1 and 2")

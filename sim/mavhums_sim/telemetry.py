@@ -26,6 +26,7 @@ __all__ = [
     "EPOCH_US",
     "MESSAGES",
     "battery",
+    "board",
     "in_order",
     "messages",
     "parameters",
@@ -34,7 +35,7 @@ __all__ = [
 ]
 
 BOARD = "SimBoard 4D415648 554D5353 494D0001"
-"""The autopilot's board type and unique id."""
+"""Type and unique id of the autopilot's board in an aircraft whose actuators are the data sheet's."""
 
 _FUNCTIONS = {"aileron_left": 4, "aileron_right": 4, "elevator": 19, "rudder": 21}
 
@@ -52,6 +53,21 @@ MESSAGES = (
     "ESC_TELEMETRY_1_TO_4",
     "DEBUG_FLOAT_ARRAY",
 )
+
+
+def board(flight: Flight) -> str:
+    """Return type and unique id of the autopilot's board, which every individual aircraft has of its own.
+
+    Examples
+    --------
+    >>> board(Flight()) == BOARD, board(Flight(individuals=7))
+    (True, 'SimBoard 4D415648 554D5353 494E0007')
+    """
+    return (
+        BOARD
+        if flight.individuals is None
+        else f"{BOARD[:-8]}{(0x494E0000 + flight.individuals) % 2**32:08X}"
+    )
 
 
 def messages(record: FlightRecord) -> Iterator[tuple[float, Message]]:
@@ -106,7 +122,7 @@ def _streams(record: FlightRecord) -> list[Stream]:
     streams = [
         Stream(np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64), lambda _: _heartbeat()),
         Stream(announced, lambda _: mavlink.MAVLink_statustext_message(6, b"mavhums airframe=paper")),
-        Stream(np.full(1, 0.1), lambda _: mavlink.MAVLink_statustext_message(6, BOARD.encode())),
+        Stream(np.full(1, 0.1), lambda _: mavlink.MAVLink_statustext_message(6, board(flight).encode())),
         Stream(
             0.2 + 0.005 * np.arange(len(told), dtype=np.float64),
             lambda k: mavlink.MAVLink_param_value_message(told[k][0].encode(), told[k][1], 9, len(told), k),

@@ -151,7 +151,7 @@ def test_inspect_says_what_was_lost(run: Run, growing_log: Path, tmp_path: Path)
     path.write_bytes(bytes(content[:-9]))
     outcome = run("inspect", path)
     assert outcome.code == ExitCode.READ_WITH_LOSSES
-    for words in ("bytes skipped in", "bad CRC", "implausible time", "unfinished record"):
+    for words in ("bytes skipped", "wrong checksum", "implausible time", "frame cut off"):
         assert words in " ".join(outcome.out.split())
 
 
@@ -171,7 +171,7 @@ def test_inspect_names_the_remedy_where_health_cannot_be_judged(run: Run, tmp_pa
         return path
 
     pwm = run("inspect", log("pwm.tlog", v2.MAVLink_servo_output_raw_message(0, 0, *[1500] * 16)))
-    assert "Health cannot be judged" in pwm.out
+    assert "wear of the servos: cannot be judged" in pwm.out
     assert "DEBUG_FLOAT_ARRAY named EMA" in pwm.out
     partial = [1.0, float("nan"), 3.0] + [float("nan")] * 9 + [0.0] * 46
     instrumented = log("ema.tlog", v2.MAVLink_debug_float_array_message(0, b"EMA", 3, partial))

@@ -15,17 +15,18 @@ from mavhums.history import files
 from mavhums.history import index as index_module
 from mavhums.history.files import keep_assessment, read_history
 from mavhums.history.index import INDEX, IndexedFolder
-from tests.flights import START, flown, shown, verdict, write_wear
+from tests.flights import START, flown, identity, shown, verdict, write_wear
 
 LATER = START + timedelta(days=10_000)
 
 flights = st.builds(
-    lambda day, value, fault, suspect, airframe, vehicle: flown(
+    lambda day, value, fault, suspect, airframe, vehicle, boot_s: flown(
         verdict(shown(value, fault=fault), vehicle=vehicle, suspect="friction" if suspect else None),
         verdict(shown(value * 2), actuator="rudder"),
         day=day,
         name=f"{day}-{value}",
         airframe=airframe,
+        identities=[] if boot_s is None else [identity(boot_s=boot_s, day=day // 3)],
     ),
     day=st.integers(0, 40).map(float),
     value=st.floats(0.1, 0.4).map(lambda value: round(value, 3)),
@@ -33,6 +34,7 @@ flights = st.builds(
     suspect=st.booleans(),
     airframe=st.sampled_from(["paper", "other", "other, paper", None]),
     vehicle=st.sampled_from([1, 2, None]),
+    boot_s=st.sampled_from([None, -60.0, -50.0, -35.0, -10.0]),
 )
 
 

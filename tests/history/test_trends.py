@@ -235,7 +235,11 @@ def test_a_broken_file_is_told_and_the_rest_is_shown(run: Run, tmp_path: Path) -
         (["trend"], ExitCode.USAGE, "Missing argument 'DIR'"),
         (["trend", "/nowhere"], ExitCode.ERROR, "/nowhere: no such file"),
         (["trend", "WORN", "--actuator", "flap"], ExitCode.ERROR, "the flights show: elevator, rudder"),
-        (["trend", "WORN", "--fault", "frictoin"], ExitCode.ERROR, "the flights show: friction"),
+        (
+            ["trend", "WORN", "--fault", "frictoin"],
+            ExitCode.ERROR,
+            "the flights show: effectiveness, friction",
+        ),
         (
             ["trend", "WORN", "--baseline-from", "flap=2026-03-01"],
             ExitCode.ERROR,
@@ -314,7 +318,7 @@ def test_of_several_logs_each_is_held_against_those_before(
         known.append(len(options.flights().flights))
         return flown(verdict(), day=len(known), name=log.stem)
 
-    monkeypatch.setattr("mavhums.app.analysis.analyse", judge)
+    monkeypatch.setattr("mavhums.app.many.analyse", judge)
     assert run("analyse", *logs, "--history", tmp_path / "kept", "--keep").code == ExitCode.OK
     assert known == [0, 1, 2]
     known.clear()
@@ -355,9 +359,9 @@ def test_each_monitor_gets_the_baselines_of_its_own_actuator(
 def test_a_log_without_a_date_has_no_baseline(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[tuple[str, datetime | None]] = []
+    asked: list[tuple[str | None, datetime | None]] = []
 
-    def baselines(airframe: str, before: datetime | None) -> dict[tuple[int, str, str], Baseline]:
+    def baselines(airframe: str | None, before: datetime | None) -> dict[tuple[int, str, str], Baseline]:
         asked.append((airframe, before))
         return {}
 

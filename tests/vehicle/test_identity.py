@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
+from tests.log.ulog import writer
 from tests.logs import write_log
 
 
@@ -59,3 +61,32 @@ def test_a_text_names_the_firmware_better_than_a_number(tmp_path: Path) -> None:
 
 def test_an_unknown_vehicle_is_unnamed() -> None:
     assert str(Identities().of(3)) == ""
+
+
+def told_by_ulog(path: Path, *, kind: int, release: bytes) -> Identities:
+    start = 1_000_000
+    path.write_bytes(
+        writer.header(start)
+        + writer.form("vehicle_status", "uint64_t timestamp;uint8_t system_type;uint8_t[7] _padding0;")
+        + writer.keyed("I", "char[3] sys_name", b"PX4")
+        + writer.keyed("I", f"char[{len(release)}] ver_sw_release", release)
+        + writer.keyed("I", "uint32_t ver_sw_release", struct.pack("<I", 0x011000FF))
+        + writer.parameter("MAV_SYS_ID", 7)
+        + writer.subscribe(0, "vehicle_status")
+        + b"".join(writer.data(0, struct.pack("<QB", start + k, kind)) for k in range(3))
+    )
+    return identities(path)
+
+
+@pytest.mark.parametrize("text", [b"", b"99999999999", b"-5", b"1.5", "٣".encode()])
+def test_a_ulog_names_type_and_firmware(tmp_path: Path, text: bytes) -> None:
+    found = told_by_ulog(tmp_path / "one.ulg", kind=2, release=text)
+    assert found.vehicles == (7,)
+    who = found.of(7)
+    assert (who.multirotor, who.kind) == (True, "quadrotor")
+    assert who.software == "PX4 1.16.0"
+
+
+def test_an_undefined_type_in_a_ulog_is_no_type(tmp_path: Path) -> None:
+    who = told_by_ulog(tmp_path / "one.ulg", kind=200, release=b"").of(7)
+    assert (who.kind, who.software) == (None, "PX4 1.16.0")

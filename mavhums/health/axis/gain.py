@@ -14,22 +14,24 @@ E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from math import exp
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.axis.chain import Chain, Form, Shape, judgeable
+from mavhums.health.axis.chain import Chain, Columns, Form, Shape, judgeable
 from mavhums.health.axis.scores import Scores, Sums
+from mavhums.health.axis.slowness import EXTRA_S, Slowness
+from mavhums.health.axis.standing import Constant, constants
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
+__all__ = ["FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
 
 JUDGED_ERROR: Final = 0.2
-FULL: Final = 0.8
 FULL_S: Final = 20
 REFERENCE_S: Final = 45
 _LONGEST_S: Final = 120
@@ -39,13 +41,7 @@ _MANOEUVRES: Final = 0.2  # relative deviation of the gain of one second
 _WINDOWS: Final = 0.10  # relative deviation of the gain of ten seconds
 _WINDOW_S: Final = 10
 _LEAST_ROWS: Final = 14
-_EXTRA_S: Final = (0.3, 0.45, 0.65, 1.0, 1.5)
 _SLOW_S: Final = 20
-_SLOW_LEAST_S: Final = 7
-_MUCH_BETTER: Final = 0.15  # share of the response that an additional lag explains beyond a loss
-_BETTER: Final = 0.05
-_WHOLE: Final = 0.75  # neighbouring tested lags differ by a quarter of the gain
-_STILL_WHOLE: Final = 0.6
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
 _AS_DRIVEN: Final = 0.5
@@ -90,6 +86,11 @@ class Standards:
     memory_s: float
     loss: float = 0.4
 
+    @property
+    def full(self) -> float:
+        """Effectiveness above which the axis has not lost any: halfway to the loss to detect."""
+        return 1.0 - self.loss / 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class Reference:
@@ -103,6 +104,8 @@ class Reference:
         Standard deviation of the regression's residuals.
     power
         Mean sum of squares of the drive over a second, without its slow part.
+    constants
+        What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
     """
 
     speed: float
@@ -116,6 +119,7 @@ class Reference:
     power: float
     start_s: int
     end_s: int
+    constants: Mapping[str, Constant] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +144,9 @@ class Second:
     shift
         Mean of the unexplained response over the last three seconds, at the additional lag that explained
         more since ``since_s``; None if it is not known.
-    left_over, lost_s
+    left_over, left_error, lost_s
         Effectiveness since ``since_s``, at the additional lag that explained more since then, over at most 20
-        judged seconds, and the number of these.
+        judged seconds, its standard error, and the number of these seconds.
     """
 
     end_s: int
@@ -154,6 +158,7 @@ class Second:
     later: bool
     shift: float | None
     left_over: float | None
+    left_error: float
     lost_s: int
 
 
@@ -220,16 +225,23 @@ class Gain:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
         if found.explained >= wanted.explained and found.error <= wanted.error:
-            self.reference = found
+            self.reference = replace(found, constants=self._constants(rows, found))
             self._begin(rows)
+
+    def _constants(self, rows: Rows, found: Reference) -> Mapping[str, Constant]:
+        design, answer, _ = self._design(Chain(self._form, found.speed, found.shape).feed(rows))
+        return constants(self._form, found.speed, design, answer)
+
+    def _design(self, columns: Columns) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return the last usable rows that a reference needs: design, response and their places."""
+        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
+        return np.column_stack([columns.drive, columns.others])[at], columns.answer[at], at
 
     def _fit(self, rows: Rows, speed: float, shape: Shape) -> Reference | None:
         columns = Chain(self._form, speed, shape).feed(rows)
-        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
-        if at.size < REFERENCE_S * _LEAST_ROWS or columns.drive[at].std() < 1e-4:
+        design, answer, at = self._design(columns)
+        if at.size < REFERENCE_S * _LEAST_ROWS or design[:, 0].std() < 1e-4:
             return None
-        design = np.column_stack([columns.drive, columns.others])[at]
-        answer = columns.answer[at]
         beta, left = _least_squares(design, answer)
         _, without = _least_squares(design[:, 1:], answer)
         explained = 1.0 - left / without if without > 0 else 0.0
@@ -253,14 +265,14 @@ class Gain:
     def _begin(self, rows: Rows) -> None:
         reference = self.reference
         assert reference is not None
-        extras = (0.0, *_EXTRA_S)
+        extras = (0.0, *EXTRA_S)
         self._chains = [Chain(self._form, reference.speed, reference.shape, extra) for extra in extras]
         self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
         self._level, self._full, self._strongest = 0.0, 0, 0.0
         self._since = reference.end_s
         self._window: deque[Array] = deque(maxlen=_WINDOW_S)
         self._recent: deque[Array] = deque(maxlen=_SLOW_S)
-        self._lag, self._is_slow = 0, False
+        self._slowness = Slowness()
         self._left: deque[tuple[Array, int]] = deque(maxlen=_SHIFT_S)
         self._sums(rows)
         self._waiting.clear()
@@ -295,50 +307,40 @@ class Gain:
                 self._recent.append(sums)
         value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
         if value is not None and error <= JUDGED_ERROR:
-            self._full = self._full + 1 if value >= FULL else 0
+            self._full = self._full + 1 if value >= self._standards.full else 0
         if self._full >= FULL_S:
             self._level = 0.0
         if self._level == 0.0:
             self._since = end_s
             self._recent.clear()
-            self._lag, self._is_slow = 0, False
+            self._slowness = Slowness()
+        slow_s, later = self._slowness.feed(self._recent, reference.gain)
+        at_lag = [sums[self._slowness.lag] for sums in self._recent]
+        left_over, left_error = _measured(at_lag, reference)
         return Second(
             end_s,
             value,
             error,
             self._level,
             self._since,
-            *self._slower(reference),
+            slow_s,
+            later,
             self._shifted(),
-            *self._run(reference),
+            left_over,
+            left_error,
+            len(self._recent),
         )
-
-    def _run(self, reference: Reference) -> tuple[float | None, int]:
-        """Return the effectiveness since the level left zero, and the number of seconds."""
-        drive2 = sum(float(sums[self._lag, 0]) for sums in self._recent)
-        cross = sum(float(sums[self._lag, 1]) for sums in self._recent)
-        return (cross / drive2 / reference.gain if drive2 > 0 else None), len(self._recent)
 
     def _shifted(self) -> float | None:
         count = sum(rows for _, rows in self._left)
         if count < _SHIFT_S * _LEAST_ROWS:
             return None
-        return float(sum(left[self._lag] for left, _ in self._left)) / count
+        return float(sum(left[self._slowness.lag] for left, _ in self._left)) / count
 
     def _estimate(self, reference: Reference) -> tuple[float | None, float]:
         """Return the effectiveness of the last ten judged seconds and its standard error."""
-        if len(self._window) < _WINDOW_S:
-            return None, np.inf
-        drive2, cross, _ = np.array(self._window)[:, 0].T
-        total = float(drive2.sum())
-        if total <= 0.0:
-            return None, np.inf
-        gain = float(cross.sum()) / total
-        scores = cross - gain * drive2
-        own = max(float((scores**2).sum()) * 10 / 9 / total, reference.variance) / total
-        k = gain / reference.gain
-        error = np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + _WINDOWS**2)
-        return k, float(error)
+        lagless = [sums[0] for sums in self._window]
+        return _measured(lagless, reference) if len(lagless) == _WINDOW_S else (None, np.inf)
 
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.
@@ -357,25 +359,20 @@ class Gain:
         unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]
         return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
 
-    def _slower(self, reference: Reference) -> tuple[float | None, bool]:
-        """Return the lag that explains much more than a loss, and whether any lag explains more.
 
-        A lag that was found once stays as long as it explains more and leaves most of the gain.
-        """
-        if len(self._recent) < _SLOW_LEAST_S:
-            return None, False
-        drive2, cross, answer2 = np.sum(list(self._recent), axis=0).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            gain = cross / drive2 / reference.gain
-            share = np.nan_to_num(cross**2 / (drive2 * answer2))
-        best = int(np.argmax(share))
-        better = float(share[best] - share[0])
-        later = better >= _BETTER
-        if later:
-            self._lag = best
-        whole = _STILL_WHOLE if self._is_slow else _WHOLE
-        self._is_slow = later and (self._is_slow or better >= _MUCH_BETTER) and bool(gain[best] >= whole)
-        return (_EXTRA_S[best - 1] if self._is_slow else None), later
+def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float | None, float]:
+    """Return the effectiveness over some seconds and its standard error; None if they do not tell it."""
+    n = len(seconds)
+    drive2, cross, _ = np.array(seconds).T if n else np.zeros((3, 1))
+    total = float(drive2.sum())
+    if n < 2 or total <= 0.0:
+        return None, np.inf
+    gain = float(cross.sum()) / total
+    scores = cross - gain * drive2
+    own = max(float((scores**2).sum()) * n / (n - 1) / total, reference.variance) / total
+    k = gain / reference.gain
+    spread = _WINDOWS**2 * min(_WINDOW_S / n, 1.0)
+    return k, float(np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + spread))
 
 
 def _median(values: Array) -> float:

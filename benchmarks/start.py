@@ -1,0 +1,62 @@
+"""Start-up and speed of ``mavhums analyse``: ``python benchmarks/start.py``.
+
+Processor seconds, the least of several runs: a whole command on a log of half a minute, what its imports
+alone cost, and the verdict on a 4 MB log of four actuators when everything is loaded. Other work on the
+machine makes them larger; the load is printed beside them.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from mavhums import analyse
+from mavhums_sim import Flight, fly, write_tlog
+
+PARTS = {
+    "numpy": "import numpy",
+    "numpy and numba": "import numba",
+    "numpy and scipy.special": "import scipy.special",
+    "pydantic": "import pydantic; pydantic.BaseModel",
+    "all imports of analyse": "import mavhums.app.many, mavhums.cli.main, mavhums.engine.engine",
+}
+TIMES = 7
+
+
+def spent_s(arguments: list[str]) -> float:
+    """Return the least processor time of a command."""
+    best = float("inf")
+    for _ in range(TIMES):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([sys.executable, *arguments], check=False, stdout=subprocess.DEVNULL)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        best = min(best, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return best
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        short, long = Path(folder, "short.tlog"), Path(folder, "long.tlog")
+        for path, seconds in ((short, 30.0), (long, 210.0)):
+            write_tlog(fly(Flight(seed=1, duration_s=seconds, rate_hz=50.0, tiers=("instrumented",))), path)
+        print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; processor seconds")
+        for name, code in PARTS.items():
+            print(f"{name}: {spent_s(['-c', code]):.2f}")
+        print(f"mavhums analyse, {short.stat().st_size / 1e6:.1f} MB: ", end="")
+        print(f"{spent_s(['-m', 'mavhums', 'analyse', str(short)]):.2f}")
+        analyse(long)
+        best = float("inf")
+        for _ in range(2 * TIMES):
+            begun = time.process_time()
+            analyse(long)
+            best = min(best, time.process_time() - begun)
+        print(f"verdict, warm, {long.stat().st_size / 1e6:.1f} MB: {best:.3f}")
+
+
+if __name__ == "__main__":
+    main()

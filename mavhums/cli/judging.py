@@ -1,0 +1,178 @@
+"""Prints the outcomes of ``mavhums analyse`` as they come, and finds its exit code."""
+
+from __future__ import annotations
+
+import json
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from textwrap import indent
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import click
+
+from mavhums.cli.output import complain, say, say_json
+from mavhums.core.errors import ExitCode, MavhumsError
+
+if TYPE_CHECKING:
+    from mavhums.app.many import Outcome
+    from mavhums.report.assessment import Assessment
+
+__all__ = ["TellsJson", "TellsTables", "Told", "open_recordings", "recordings_of"]
+
+_ORDER = (
+    ExitCode.EMERGENCY,
+    ExitCode.DEGRADED,
+    ExitCode.ERROR,
+    ExitCode.UNDECIDED,
+    ExitCode.READ_WITH_LOSSES,
+)
+
+
+class Told(ABC):
+    """Prints each outcome; a context, so that the output is complete even after an interruption."""
+
+    def __init__(self) -> None:
+        self._codes: set[ExitCode] = set()
+
+    def tell(self, outcome: Outcome) -> None:
+        """Print an outcome."""
+        if outcome.assessment is not None:
+            self._codes.add(outcome.assessment.exit_code)
+            self._judged(outcome.log, outcome.assessment)
+        if outcome.error is not None:
+            self._codes.add(ExitCode.ERROR)
+            complain(outcome.error)
+            self._failed(outcome.log, outcome.error)
+
+    def exit_code(self, *, losses: bool) -> ExitCode:
+        """Return the gravest of all outcomes; ``losses`` if the history was read with losses."""
+        codes = self._codes | ({ExitCode.READ_WITH_LOSSES} if losses else set())
+        return next((code for code in _ORDER if code in codes), ExitCode.OK)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._end()
+
+    @abstractmethod
+    def _end(self) -> None: ...
+
+    @abstractmethod
+    def _judged(self, log: Path, assessment: Assessment) -> None: ...
+
+    @abstractmethod
+    def _failed(self, log: Path, error: MavhumsError) -> None: ...
+
+
+class TellsTables(Told):
+    """Prints a table per log; with several, under the log's name."""
+
+    def __init__(self, recordings: Mapping[Path, Path], *, several: bool) -> None:
+        super().__init__()
+        self._recordings = recordings
+        self._several = several
+
+    def _judged(self, log: Path, assessment: Assessment) -> None:
+        from rich.console import Console
+
+        from mavhums.show import render
+
+        if self._several:
+            say(f"=== {assessment.log.path} ===")
+        render(assessment, Console())
+        recording = self._recordings.get(log)
+        if recording is not None:
+            say(f"recording: {recording}   open it with: rerun {recording}\n")
+        sys.stdout.flush()
+
+    def _failed(self, log: Path, error: MavhumsError) -> None:
+        """Print no more than the error."""
+
+    def _end(self) -> None:
+        """Print nothing: every table is complete."""
+
+
+class TellsJson(Told):
+    """Prints one assessment as it is; several, or a failure, as one object."""
+
+    def __init__(self, *, several: bool) -> None:
+        super().__init__()
+        self._several = several
+        self._begun = False
+        self._failures: list[dict[str, str]] = []
+
+    def _judged(self, log: Path, assessment: Assessment) -> None:
+        if not self._several:
+            say_json(assessment.to_json())
+            return
+        content = json.dumps(json.loads(assessment.to_json()), indent=2, ensure_ascii=False)
+        say_json(self._separator() + indent(content, "    "), nl=False)
+        sys.stdout.flush()
+
+    def _failed(self, log: Path, error: MavhumsError) -> None:
+        self._failures.append({"log": str(log), "problem": error.problem, "remedy": error.remedy})
+
+    def _end(self) -> None:
+        """End the object; after an interruption it holds what was judged."""
+        if not self._several and not self._failures:
+            return
+        begin = "\n  ]" if self._begun else self._head() + "]"
+        failures = json.dumps(self._failures, indent=2, ensure_ascii=False).replace("\n", "\n  ")
+        say_json(f'{begin},\n  "failures": {failures}\n}}')
+
+    def _separator(self) -> str:
+        before = ",\n" if self._begun else self._head() + "\n"
+        self._begun = True
+        return before
+
+    def _head(self) -> str:
+        from mavhums.report.assessment import SCHEMA
+
+        return f'{{\n  "schema": "{SCHEMA}",\n  "assessments": ['
+
+
+def recordings_of(logs: Sequence[Path], rrd: Path | None) -> dict[Path, Path]:
+    """Return the path of each log's recording.
+
+    Raises
+    ------
+    UsageError
+        If two logs would share a recording.
+    MavhumsError
+        If several recordings need a folder that cannot be made.
+    """
+    if rrd is None:
+        return {}
+    if len(logs) == 1:
+        return {logs[0]: rrd}
+    names = [log.stem for log in logs]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise click.UsageError(f"two logs named {twice!r} would share one recording; analyse them one by one")
+    try:
+        rrd.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MavhumsError(f"{rrd}: {error.strerror}", "with several logs --rrd names a folder") from error
+    return {log: rrd / f"{log.stem}.rrd" for log in logs}
+
+
+def open_recordings(recordings: Sequence[Path]) -> None:
+    """Open recordings in the Rerun viewer.
+
+    Raises
+    ------
+    MavhumsError
+        If the viewer cannot be started.
+    """
+    import subprocess
+
+    try:
+        subprocess.Popen(["rerun", *map(str, recordings)])
+    except OSError as error:
+        raise MavhumsError("the Rerun viewer cannot be started", "pip install 'mavhums[viewer]'") from error

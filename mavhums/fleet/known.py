@@ -1,0 +1,115 @@
+"""What a replay keeps of an aircraft's flights: those that can still be references, and a little of all."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
+from typing import Any
+
+from mavhums.health.baseline import Baselines
+from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.history.flights import FlightHistory, PastFlight, is_healthy
+from mavhums.report.assessment import Assessment
+from mavhums.report.flight import CLOCKS_APART_S
+
+__all__ = ["Known"]
+
+_ENDED = timedelta(seconds=2 * CLOCKS_APART_S)
+"""A flight that ended so long before the next one began has no further recording."""
+
+_Key = tuple[object, ...]
+_Row = dict[str, object]
+
+
+@dataclass(slots=True)
+class _Group:
+    """The recordings of what may be one flight, and whether they can be references."""
+
+    flights: list[PastFlight] = field(default_factory=list)
+    wanted: bool = False
+
+    def shown(self) -> set[_Key]:
+        """Return the indicators of which one is certain to be a reference: all recordings show them."""
+        return set.intersection(*(set(_shown(flight.assessment)) for flight in self.flights))
+
+
+class Known:
+    """The flights so far, in time order."""
+
+    def __init__(self) -> None:
+        self._references: list[PastFlight] = []
+        self._open: list[_Group] = []
+        self._counts: Counter[_Key] = Counter()
+        self._slim: list[PastFlight] = []
+
+    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
+        """Return the same as :meth:`mavhums.history.flights.FlightHistory.baselines` for all flights."""
+        recent = (flight for group in self._open for flight in group.flights)
+        return FlightHistory((*self._references, *recent)).baselines(airframe, before)
+
+    def past(
+        self, airframe: str | None, before: datetime | None
+    ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
+        """Return the same as :meth:`mavhums.history.flights.FlightHistory.past` for all flights."""
+        return FlightHistory(tuple(self._slim)).past(airframe, before)
+
+    def add(self, flown: PastFlight) -> None:
+        """Take the next flight."""
+        self._close(flown.start - _ENDED)
+        same = [group for group in self._open if _is_near(flown, group.flights)]
+        group = _Group([flown])
+        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in _shown(flown.assessment))
+        for other in same:
+            group.flights += other.flights
+            group.wanted |= other.wanted
+            self._open.remove(other)
+        self._open.append(group)
+        self._slim.append(replace(flown, assessment=_slim(flown.assessment)))
+
+    def divided(self, rows: Iterable[_Row]) -> tuple[list[_Row], list[_Row]]:
+        """Return the rows of the recordings that count, and one row for each log with one that does not."""
+        left_out = FlightHistory(tuple(self._slim)).untaken()
+        paths = {flight.log: flight.assessment.log.path for flight in self._slim}
+        counted: list[_Row] = []
+        copies: dict[Any, _Row] = {}
+        for row in rows:
+            key: Any = row["airframe"], row["sha256"], row["vehicle"]
+            if key not in left_out:
+                counted.append(row)
+                continue
+            taken = {"counted": paths[left_out[key]]}
+            copies[key] = {name: row[name] for name in ("aircraft", "path", "sha256", "vehicle")} | taken
+        return counted, [*copies.values()]
+
+    def _close(self, ended: datetime) -> None:
+        """Keep or drop the flights to which no recording can be added."""
+        for group in [each for each in self._open if all(flight.end < ended for flight in each.flights)]:
+            self._open.remove(group)
+            self._counts.update(group.shown())
+            self._references += group.flights if group.wanted else ()
+
+
+def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
+    """Return whether a flight may be the same as one of the others."""
+    return any(
+        own.flight.is_same(each.flight)
+        for other in others
+        for own in flown.recordings
+        for each in other.recordings
+    )
+
+
+def _shown(assessment: Assessment) -> Iterator[_Key]:
+    for verdict in assessment.verdicts:
+        if is_healthy(verdict):
+            for shown in verdict.indicators:
+                yield assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault
+
+
+def _slim(assessment: Assessment) -> Assessment:
+    """Return an assessment with only the data that the own-scale equations need from it."""
+    nothing: dict[str, object] = {"evidence": (), "indicators": (), "provenance": {}}
+    slim = tuple(verdict.model_copy(update=nothing) for verdict in assessment.verdicts)
+    return assessment.model_copy(update={"verdicts": slim})

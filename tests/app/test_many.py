@@ -1,0 +1,198 @@
+"""Many logs at once: the same outcomes as one after the other, whatever happens to one of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+
+import psutil
+import pytest
+
+import mavhums
+from mavhums.app.many import Batch, analyse_many
+from mavhums.app.options import Options
+from mavhums.app.processes import Crashed, in_processes
+from mavhums.core.errors import ExitCode
+from mavhums.history.flights import FlightHistory
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run
+from tests.fleet_logs import moved
+
+DAY_S = 86_400.0
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Twelve flights of an aircraft, the last worn; the fourth is noise."""
+    folder = tmp_path_factory.mktemp("logs")
+    kinds = []
+    for seed, friction in ((0, 0.225), (1, 0.225), (8, 0.3)):
+        flight = Flight(seed, 21.0, {"elevator": (friction, friction)}, rate_hz=25.0, tiers=("instrumented",))
+        write_tlog(fly(flight), folder / "kind.tlog")
+        kinds.append((folder / "kind.tlog").read_bytes())
+    paths = [folder / f"{day:02}.tlog" for day in range(12)]
+    for day, path in enumerate(paths):
+        path.write_bytes(moved(kinds[2 if day == 11 else day % 2], DAY_S * day))
+    paths[3].write_bytes(b"no log")
+    return paths
+
+
+def outcomes(logs: Sequence[Path], keep: Path, jobs: int) -> list[tuple[str, str | None, str | None]]:
+    options = Options(history=FlightHistory(), false_alarms=2.0)
+    return [
+        (
+            one.log.name,
+            one.assessment.to_json() if one.assessment else None,
+            one.error.problem if one.error else None,
+        )
+        for one in analyse_many(logs, options, Batch(jobs=jobs, keep=keep))
+    ]
+
+
+def test_several_processes_say_the_same_in_the_same_order(logs: list[Path], tmp_path: Path) -> None:
+    alone = outcomes(logs, tmp_path / "one", 1)
+    together = outcomes(logs, tmp_path / "two", 2)
+    assert together == alone
+    assert [name for name, _, _ in alone] == [log.name for log in logs]
+    assert [problem is None for _, _, problem in alone] == [day != 3 for day in range(12)]
+    assert "drift" in (alone[-1][1] or "")
+    kept = [sorted(file.read_text() for file in (tmp_path / name).glob("*.json")) for name in ("one", "two")]
+    assert kept[0] == kept[1]
+    assert len(kept[0]) == 11
+
+
+def test_an_error_hides_no_emergency_and_the_json_has_both(
+    run: Run, logs: list[Path], growing_log: Path
+) -> None:
+    told = [run("analyse", logs[3], growing_log, logs[0], "--json", "--jobs", jobs) for jobs in "12"]
+    assert told[0] == told[1]
+    assert told[0].code == ExitCode.EMERGENCY
+    assert "03.tlog" in told[0].err
+    content = json.loads(told[0].out)
+    assert [one["log"]["path"] for one in content["assessments"]] == [str(growing_log), str(logs[0])]
+    assert [one["log"] for one in content["failures"]] == [str(logs[3])]
+    assert content["failures"][0]["remedy"]
+    assert told[0].out == json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def test_each_table_is_under_its_logs_name(run: Run, logs: list[Path]) -> None:
+    outcome = run("analyse", *logs[:3], "--jobs", "2")
+    names = [line for line in outcome.out.splitlines() if line.startswith("===")]
+    assert names == [f"=== {log} ===" for log in logs[:3]]
+
+
+def test_what_nobody_expected_is_an_outcome_of_its_log(
+    logs: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(path: Path, *_: object, **__: object) -> None:
+        raise ZeroDivisionError("nought")
+
+    monkeypatch.setattr("mavhums.app.many.analyse", fails)
+    errors = [one.error for one in analyse_many(logs[:2], batch=Batch(jobs=1))]
+    assert [error.problem for error in errors if error] == [
+        f"{log}: ZeroDivisionError: nought" for log in logs[:2]
+    ]
+    with pytest.raises(ZeroDivisionError):
+        list(analyse_many(logs[:1]))
+
+
+def test_options_that_cannot_be_used_are_refused_at_once(logs: list[Path]) -> None:
+    with pytest.raises(mavhums.ProfileError):
+        next(analyse_many(logs, Options(airframe="nonesuch"), Batch(jobs=2)))
+
+
+class Deadly:
+    """Doubles a number; on some, the process dies: so often as there are files to take away."""
+
+    def __init__(self, numbers: Sequence[int], lives: Path) -> None:
+        self.numbers, self.lives = numbers, lives
+
+    def __call__(self, number: int) -> int:
+        left = sorted(self.lives.iterdir())
+        if number in self.numbers and left:
+            left[0].unlink()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return 2 * number
+
+
+@pytest.mark.parametrize(("deaths", "lost"), [(1, []), (2, [5])])
+def test_a_process_that_dies_loses_only_the_item_that_kills_it_again(
+    tmp_path: Path, deaths: int, lost: list[int]
+) -> None:
+    for number in range(deaths):
+        (tmp_path / str(number)).touch()
+    results = list(in_processes(Deadly([5], tmp_path), range(12), 2))
+    assert results == [Crashed() if number in lost else 2 * number for number in range(12)]
+
+
+def test_iteration_that_ends_early_ends_the_processes(tmp_path: Path) -> None:
+    before = set(psutil.Process().children(recursive=True))
+    with closing(in_processes(Deadly([], tmp_path), range(100), 2)) as results:
+        assert next(results) == 0
+    left = {child for child in psutil.Process().children(recursive=True) if "fork" not in child.name()}
+    assert not [child for child in left - before if "spawn_main" in " ".join(child.cmdline())]
+
+
+@pytest.fixture
+def stuck(logs: list[Path], tmp_path: Path) -> subprocess.Popen[str]:
+    """A command that has judged its first log and waits for the second, which never comes."""
+    os.mkfifo(tmp_path / "stuck.tlog")
+    command = [sys.executable, "-m", "mavhums", "analyse", logs[0], tmp_path / "stuck.tlog", logs[1]]
+    process = subprocess.Popen(
+        [*map(str, command), "--jobs", "2", "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    while '"remedy"' not in process.stdout.readline():
+        pass
+    return process
+
+
+def test_ctrl_c_ends_all_processes_and_leaves_whole_json(
+    logs: list[Path], stuck: subprocess.Popen[str]
+) -> None:
+    os.killpg(stuck.pid, signal.SIGINT)
+    rest, told = stuck.communicate(timeout=60)
+    assert stuck.returncode == 130
+    assert "Traceback" not in told
+    assert rest.endswith('],\n  "failures": []\n}\n')
+
+
+def test_the_processes_end_with_a_command_that_is_killed(stuck: subprocess.Popen[str]) -> None:
+    children = psutil.Process(stuck.pid).children(recursive=True)
+    assert children
+    stuck.kill()
+    stuck.communicate(timeout=60)
+    _, alive = psutil.wait_procs(children, timeout=60)
+    assert not alive
+
+
+def test_analyse_loads_nothing_heavy_that_it_does_not_need(logs: list[Path]) -> None:
+    heavy = {
+        "torch",
+        "sklearn",
+        "pandas",
+        "pyarrow",
+        "distributed",
+        "duckdb",
+        "deltalake",
+        "rerun",
+        "scipy.stats",
+    }
+    code = (
+        "import sys\nfrom mavhums.cli.main import main\n"
+        f"sys.argv[1:] = ['analyse', {str(logs[0])!r}]\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        f"print('loaded:', sorted({heavy!r} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("loaded: []\n")

@@ -1,0 +1,42 @@
+"""Stores of flights that nobody flew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mavhums.fleet.past import rows_of
+from mavhums.fleet.rows import Row
+from mavhums.fleet.store import Store
+from mavhums.history.comparison import LoneFlight, packed
+from mavhums.history.flights import PastFlight
+from mavhums.report.assessment import Assessment
+
+__all__ = ["row_of", "write_store"]
+
+
+def row_of(assessment: Assessment, aircraft: str) -> Row:
+    """Return a log's row, as a worker gives it."""
+    log = assessment.log
+    start = PastFlight.of(assessment).start if log.start_utc else None
+    return Row(
+        path=log.path or "",
+        size=1,
+        time_ns=1,
+        settings="",
+        sha256=log.sha256,
+        aircraft=aircraft,
+        start_us=round(start.timestamp() * 1e6) if start else None,
+        duration_s=log.duration_s,
+        losses=False,
+        flight=packed(LoneFlight(assessment, {}, {})),
+        problem=None,
+        remedy=None,
+    )
+
+
+def write_store(folder: Path, flown: dict[str, list[Assessment]]) -> None:
+    """Write the flights of each aircraft, judged already."""
+    store = Store(folder)
+    for aircraft, flights in flown.items():
+        store.add_logs([row_of(flight, aircraft) for flight in flights])
+        store.replace_verdicts(aircraft, [row for flight in flights for row in rows_of(aircraft, flight)])

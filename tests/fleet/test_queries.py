@@ -1,0 +1,96 @@
+"""What a store answers, held against the same questions asked without one."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from mavhums.core.conditions import URGENCY, Condition
+from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.history.files import keep_assessment, read_history
+from mavhums.history.trends import trend_report
+from mavhums.report.assessment import Assessment, Interval
+from tests.flights import flown, shown, verdict
+
+pytest.importorskip("deltalake")
+pytest.importorskip("duckdb")
+
+from mavhums import fleet
+from mavhums.fleet.queries import exit_code
+from tests.fleet.stores import write_store
+
+CONDITIONS: tuple[Condition, ...] = ("normal", "degraded", "undecided", "emergency", "unchanged")
+
+
+def flights(seed: int, count: int, *, dated: bool = True) -> list[Assessment]:
+    """Return flights of one aircraft with two actuators, in any order of time."""
+    rng = random.Random(seed)
+    days = rng.sample(range(100), count)
+    made = []
+    for day in days:
+        verdicts = [
+            verdict(shown(rng.uniform(0.2, 0.3)), actuator=name, condition=rng.choice(CONDITIONS)).model_copy(
+                update={"friction_nm": Interval(estimate=rng.uniform(0.2, 0.9), low=0.1, high=1.0)}
+            )
+            for name in ("elevator", "rudder's")
+        ]
+        flight = flown(*verdicts, day=day, name=f"{seed}-{day}'s")
+        undated = flight.log.model_copy(update={"start_utc": None})
+        made.append(flight if dated else flight.model_copy(update={"log": undated}))
+    return made
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[Assessment]]]:
+    store = tmp_path_factory.mktemp("made")
+    known = {"D'A": flights(1, 7), "D-B": flights(2, 5), "": flights(3, 3) + flights(4, 2, dated=False)}
+    write_store(store, known)
+    return store, known
+
+
+def last_flights(known: dict[str, list[Assessment]]) -> list[tuple[str, str, str]]:
+    """Return aircraft, log and actuator, the worst first: the oracle in plain Python."""
+    rows = []
+    for aircraft, several in known.items():
+        newest = max((flight.log.start_utc or "" for flight in several), default="")
+        for flight in several:
+            if aircraft and flight.log.start_utc != newest:
+                continue
+            for each in flight.verdicts:
+                assert each.friction_nm is not None
+                order = (-URGENCY[each.gravest], -each.friction_nm.estimate)
+                rows.append((order, (aircraft, flight.log.path or "", each.actuator)))
+    return [row for _, row in sorted(rows)]
+
+
+def test_worst_is_every_actuator_in_its_last_flight(made: tuple[Path, dict[str, list[Assessment]]]) -> None:
+    store, known = made
+    expected = last_flights(known)
+    assert [(one.aircraft, one.path, one.verdict.actuator) for one in fleet.worst(store)] == expected
+    assert len(fleet.worst(store, most=3)) == 3
+    verdicts = {
+        (aircraft, flight.log.path, each.actuator): each
+        for aircraft, several in known.items()
+        for flight in several
+        for each in flight.verdicts
+    }
+    for one in fleet.worst(store):
+        assert one.verdict == verdicts[one.aircraft, one.path, one.verdict.actuator]
+    assert exit_code(store) in (ExitCode.EMERGENCY, ExitCode.DEGRADED)
+
+
+def test_a_trend_is_that_of_the_same_flights_in_a_folder(
+    made: tuple[Path, dict[str, list[Assessment]]], tmp_path: Path
+) -> None:
+    store, known = made
+    for flight in known["D'A"]:
+        keep_assessment(flight, tmp_path)
+    expected = trend_report(read_history(tmp_path))
+    assert fleet.trend(store, "D'A").to_json() == expected.to_json()
+    with pytest.raises(MavhumsError) as refused:
+        fleet.trend(store, "D-C")
+    assert "D'A, D-B" in (refused.value.remedy or "")
+    with pytest.raises(MavhumsError, match="unknown aircraft"):
+        fleet.trend(store, "")

@@ -1,0 +1,232 @@
+"""A flight that several logs record counts once, by its best recording, whatever came first."""
+
+from __future__ import annotations
+
+import itertools
+from datetime import timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mavhums
+from mavhums.core.errors import ExitCode
+from mavhums.fleet.known import Known
+from mavhums.history.copies import Quality, Recording, copies
+from mavhums.history.files import keep_assessment, read_history
+from mavhums.history.flights import FlightHistory, PastFlight
+from mavhums.history.index import IndexedFolder
+from mavhums.history.repeated import with_copies
+from mavhums.history.trends import trend_report
+from mavhums.report.assessment import Assessment, Coverage
+from mavhums.report.flight import FlightIdentity
+from mavhums_sim import Flight, fly, write_dataflash, write_tlog
+from mavhums_sim.link import Link
+from tests.conftest import Run
+from tests.flights import START, flown, identity, shown, verdict
+
+LATER = START + timedelta(days=10_000)
+
+
+def recording(flight: FlightIdentity, decidable: int = 100, log: str = "a", judged: int = 4) -> Recording:
+    return Recording(flight, Quality(judged, decidable, 12, True, log))
+
+
+@pytest.mark.parametrize(
+    ("other", "same"),
+    [
+        (identity(), True),
+        (identity(boot_s=-45.0, begin_s=20.0, end_s=500.0), True),  # another clock, a shorter recording
+        (identity(boot_s=-100.0), False),  # switched on at another time
+        (identity(board="0B"), False),
+        (identity(board=None), False),
+        (identity().model_copy(update={"vehicle": 2}), False),
+        (identity(begin_s=700.0, end_s=1300.0), False),  # the next flight without a power cycle
+        (identity(begin_s=400.0, end_s=1200.0), False),  # parts of it in common
+        (identity(begin_s=300.0, end_s=900.0), True),
+        (identity(begin_s=599.0, end_s=599.0), True),
+        (identity().model_copy(update={"end_utc": None}), True),
+        (identity().model_copy(update={"boot_utc": None}), False),
+    ],
+)
+def test_recordings_of_one_flight_share_board_boot_and_half_of_their_time(
+    other: FlightIdentity, same: bool
+) -> None:
+    assert identity().is_same(other) is other.is_same(identity()) is same
+
+
+def test_a_difference_of_clocks_does_not_join_two_flights() -> None:
+    """The second flight began 10 s after the first one ended; its station's clock is 20 s behind."""
+    first = identity(end_s=600.0)
+    second = identity(boot_s=-80.0, begin_s=590.0, end_s=606.0)
+    assert not first.is_same(second)
+    assert first.is_same(identity(boot_s=-80.0, begin_s=-20.0, end_s=580.0))
+
+
+def test_the_recording_with_more_to_judge_is_taken() -> None:
+    flight = identity()
+    order = [
+        Quality(4, 300, 48, True, "a"),
+        Quality(4, 300, 48, False, "z"),
+        Quality(4, 300, 20, True, "b"),
+        Quality(4, 200, 48, True, "c"),
+        Quality(3, 900, 48, True, "d"),
+    ]
+    for better, worse in itertools.combinations(order, 2):
+        found = copies({"worse": Recording(flight, worse), "better": Recording(flight, better)})
+        assert found == {"worse": "better"}
+
+
+def test_one_log_of_two_flights_and_a_log_of_each() -> None:
+    """Without a power cycle the logger may write one file, and the station two."""
+    whole = identity(end_s=1300.0)
+    first, second = identity(end_s=600.0), identity(begin_s=700.0, end_s=1300.0)
+    best = {
+        "whole": recording(whole, 900),
+        "first": recording(first, 400, "b"),
+        "second": recording(second, 400, "c"),
+    }
+    assert copies(best) == {"first": "whole", "second": "whole"}
+    rather = best | {"whole": recording(whole, 300)}
+    assert copies(rather)["whole"] in ("first", "second")
+    assert len(copies(rather)) == 1
+
+
+spans = st.tuples(st.sampled_from([-60.0, -45.0, -30.0, -5.0]), st.integers(0, 9), st.integers(0, 9))
+
+
+@given(several=st.lists(st.tuples(spans, st.integers(0, 3)), max_size=7), order=st.randoms())
+def test_which_recordings_count_does_not_depend_on_their_order(
+    several: list[tuple[tuple[float, int, int], int]], order: object
+) -> None:
+    known = {
+        number: recording(
+            identity(boot_s=boot_s, begin_s=100.0 * begin, end_s=100.0 * (begin + length)),
+            decidable,
+            str(number),
+        )
+        for number, ((boot_s, begin, length), decidable) in enumerate(several)
+    }
+    shuffled = list(known.items())
+    order.shuffle(shuffled)  # type: ignore[attr-defined]
+    found = copies(known)
+    assert copies(dict(shuffled)) == found
+    counted = known.keys() - found.keys()
+    for one, other in itertools.combinations(counted, 2):
+        assert not known[one].flight.is_same(known[other].flight)
+    for copy, taken in found.items():
+        assert taken in counted
+        assert known[copy].flight.is_same(known[taken].flight)
+        assert known[copy].quality < known[taken].quality
+
+
+def recorded(
+    day: float, name: str, value: float, decidable: int, *, boot_s: float = -60.0, end_s: float = 600.0
+) -> Assessment:
+    judged = verdict(shown(value))
+    judged = judged.model_copy(
+        update={"coverage": Coverage(moving_fraction=1.0, windows=decidable, decidable=decidable)}
+    )
+    return flown(judged, day=day, name=name, identities=[identity(day=day, boot_s=boot_s, end_s=end_s)])
+
+
+def test_baselines_and_trends_count_a_flight_once(tmp_path: Path) -> None:
+    for day in range(12):
+        keep_assessment(recorded(day, f"logged-{day}", 0.2 + 0.01 * day, 500), tmp_path)
+        keep_assessment(recorded(day, f"sent-{day}", 0.5, 90, boot_s=-45.0), tmp_path)
+    for history in (read_history(tmp_path), IndexedFolder(tmp_path)):
+        baseline = history.baselines("paper", LATER)[1, "elevator", "friction"]
+        assert baseline.flights == 12
+        assert baseline.mean == pytest.approx(0.255)
+        past = history.past("paper", LATER)[1, "elevator"]
+        assert len(past) == 12
+    report = trend_report(read_history(tmp_path))
+    [trend] = report.trends
+    assert report.flights == 12
+    assert trend.flights == 12
+    assert [point.log for point in trend.points] == [f"logged-{day}.tlog" for day in range(12)]
+    told = read_history(tmp_path).notices
+    assert "sent-3.tlog and logged-3.tlog are of the same flight; logged-3.tlog counts" in told
+
+
+def test_a_copy_that_was_not_over_does_not_replace_one_that_was(tmp_path: Path) -> None:
+    """A better recording that goes on into the next flight cannot be that flight's past."""
+    whole = recorded(0, "whole", 0.3, 900, end_s=1300.0)
+    whole = whole.model_copy(update={"log": whole.log.model_copy(update={"duration_s": 1300.0})})
+    for each in (whole, recorded(0, "first", 0.2, 100)):
+        keep_assessment(each, tmp_path)
+    for history in (read_history(tmp_path), IndexedFolder(tmp_path)):
+        for after, expected in ((700, 1), (1400, 1)):
+            past = history.past("paper", START + timedelta(seconds=after))
+            assert len(past[1, "elevator"]) == expected
+
+
+def test_an_assessment_names_the_other_recordings(tmp_path: Path) -> None:
+    sent = recorded(0, "sent", 0.2, 90)
+    keep_assessment(recorded(1, "another", 0.2, 90), tmp_path)
+    assert with_copies(sent, IndexedFolder(tmp_path)) == sent
+    keep_assessment(recorded(0, "logged", 0.2, 500), tmp_path)
+    keep_assessment(recorded(0, "relayed", 0.2, 50), tmp_path)
+    keep_assessment(sent, tmp_path)
+    for history in (read_history(tmp_path), IndexedFolder(tmp_path)):
+        told = with_copies(sent, history).log.copies
+        assert {(copy.log, copy.counts) for copy in told} == {("logged.tlog", True), ("relayed.tlog", False)}
+
+
+def test_where_the_better_recording_shows_a_fault_the_worse_is_no_reference(tmp_path: Path) -> None:
+    for day in range(11):
+        keep_assessment(recorded(day, f"sound-{day}", 0.2, 90), tmp_path)
+    found = recorded(0, "found", 0.2, 500)
+    worn = found.verdicts[0].model_copy(update={"condition": "degraded", "worst": "degraded"})
+    keep_assessment(found.model_copy(update={"verdicts": (worn,)}), tmp_path)
+    for history in (read_history(tmp_path), IndexedFolder(tmp_path)):
+        assert history.baselines("paper", LATER)[1, "elevator", "friction"].flights == 10
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_replay_keeps_what_the_baselines_need(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    flights = []
+    for number in range(100):
+        boot_s = rng.choice([-60.0, -50.0, -35.0])
+        each = recorded(
+            float(rng.integers(0, 40)),
+            str(number),
+            rng.uniform(0.2, 0.3),
+            int(rng.integers(9)),
+            boot_s=boot_s,
+        )
+        if rng.random() < 0.3:
+            found = each.verdicts[0].model_copy(update={"condition": "degraded", "worst": "degraded"})
+            each = each.model_copy(update={"verdicts": (found,)})
+        if rng.random() < 0.1:
+            each = each.model_copy(update={"log": each.log.model_copy(update={"flight": ()})})
+        flights.append(PastFlight.of(each))
+    whole = FlightHistory(tuple(flights))
+    known = Known()
+    for flight in whole.flights:
+        assert known.baselines("paper", flight.start) == whole.baselines("paper", flight.start)
+        assert known.past("paper", flight.start) == whole.past("paper", flight.start)
+        known.add(flight)
+    assert known.baselines("paper", LATER) == whole.baselines("paper", LATER)
+
+
+def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: Path) -> None:
+    record = fly(Flight(seed=3, duration_s=21.0, rate_hz=25.0, tiers=("csrv", "pwm")))
+    sent = fly(Flight(seed=3, duration_s=21.0, rate_hz=25.0, tiers=("instrumented",)))
+    logs = [tmp_path / name for name in ("one.tlog", "two.tlog", "card.BIN", "next.tlog")]
+    write_tlog(sent, logs[0], Link(day=3.0))
+    write_tlog(sent, logs[1], Link(day=3.0, loss=0.01, latency_s=0.2))
+    write_dataflash(record, logs[2], day=3.0)
+    write_tlog(sent, logs[3], Link(day=4.0))
+    folder = tmp_path / "flights"
+    for log in logs:
+        last = run("analyse", log, "--history", folder, "--keep", "--airframe", "paper")
+        assert last.code != ExitCode.ERROR
+    assert "also recorded" not in last.out
+    told = run("analyse", logs[1], "--history", folder, "--airframe", "paper")
+    unwrapped = "".join(told.out.split())
+    assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in unwrapped
+    assert mavhums.trend(folder, actuators=["elevator"], faults=["friction"])["start_utc"].nunique() == 2
