@@ -119,9 +119,13 @@ def _kept(result: Result, keep: Path | None) -> Result:
 
 
 def _read(keep: Path) -> dict[str, Result]:
-    """Return the results of a file; a last line that was cut off is flown again."""
+    """Return the results of a file; a last line that was cut off is ended, and its flight flown again."""
     found = {}
-    for line in keep.read_text(encoding="utf-8").splitlines():
+    text = keep.read_text(encoding="utf-8")
+    if text and not text.endswith("\n"):
+        with keep.open("a", encoding="utf-8") as file:
+            file.write("\n")
+    for line in text.splitlines():
         try:
             values: dict[str, Any] = json.loads(line)
         except json.JSONDecodeError:
