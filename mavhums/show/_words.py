@@ -20,6 +20,7 @@ __all__ = [
     "SERIES",
     "STALE",
     "STALE_COLOUR",
+    "YELLOW",
     "advice",
     "clock",
     "effectiveness",
@@ -55,7 +56,8 @@ STALE: Final = "stale"
 STALE_COLOUR: Final = (60, 60, 66)
 BLUE: Final = (86, 180, 233)
 PALE_BLUE: Final = (60, 110, 145)
-SERIES: Final = (BLUE, (240, 228, 66), (204, 121, 167), (0, 158, 115))
+YELLOW: Final = (240, 228, 66)
+SERIES: Final = (BLUE, YELLOW, (204, 121, 167), (0, 158, 115))
 
 ADVICE: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log for the trend over flights",

@@ -79,6 +79,21 @@ class Surfaces:
                 return found
         return ()
 
+    def brief(self, axis: str) -> str:
+        """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
+
+        Examples
+        --------
+        >>> ailerons = Moved(1, "left aileron", 1500, 500), Moved(2, "right aileron", 1500, 500)
+        >>> Surfaces(ailerons, "profile").brief("roll")
+        'aileron L/R'
+        """
+        moved = self.of_axis(axis)
+        if len(moved) < 2:
+            return moved[0].kind if moved else ""
+        marks = [one.side[:1].upper() or str(one.servo) for one in moved]
+        return f"{moved[0].kind} {'/'.join(marks)}"
+
     def names(self, axis: str) -> tuple[str, ...]:
         """Return the surfaces of an axis, each with its servo."""
         return tuple(f"{moved.surface} (servo {moved.servo})" for moved in self.of_axis(axis))
