@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, JSON, KEY, PATH
+from mavhums.cli.options import AIRCRAFT, AIRCRAFT_TABLE, AIRFRAME, DIALECT, FALSE_ALARMS, JSON, KEY, PATH
 from mavhums.cli.output import say, say_json
 from mavhums.core.errors import ExitCode
 
@@ -30,12 +30,8 @@ def fleet() -> None:
 @fleet.command(epilog="Not an airworthiness decision; validated in simulation only.")
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
 @click.option("--to", "store", type=PATH, required=True, metavar="STORE", help="Folder of the store.")
-@click.option(
-    "--aircraft",
-    metavar="RULE",
-    help="Whose log it is: 'folder' for the name of its folder, or a regular expression of the path with a"
-    " group (?P<aircraft>…). Default: the board's id in the log.",
-)
+@AIRCRAFT
+@AIRCRAFT_TABLE
 @click.option(
     "--workers", type=click.IntRange(1, 256), default=1, show_default=True, help="Processes on this machine."
 )
@@ -50,6 +46,7 @@ def scan(
     sources: tuple[str, ...],
     store: Path,
     aircraft: str | None,
+    aircraft_table: Path | None,
     workers: int,
     scheduler: str | None,
     airframe: str | None,
@@ -73,7 +70,13 @@ def scan(
     from mavhums.fleet import scan as scan_logs
 
     judging = Options(airframe=airframe, model=model, dialect=dialect, false_alarms=false_alarms, key=key)
-    options = ScanOptions(judging=judging, aircraft=aircraft, workers=workers, scheduler=scheduler)
+    options = ScanOptions(
+        judging=judging,
+        aircraft=aircraft,
+        aircraft_table=aircraft_table,
+        workers=workers,
+        scheduler=scheduler,
+    )
     done = scan_logs(sources, store, options, progress=_Told())
     if as_json:
         say_json(_line(done._asdict()))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from typing import Any
 
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
-from mavhums.history.flights import FlightHistory, PastFlight, is_healthy
+from mavhums.history.flights import FlightHistory, PastFlight, Since, is_healthy
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import CLOCKS_APART_S
 
@@ -30,15 +30,18 @@ class _Group:
     flights: list[PastFlight] = field(default_factory=list)
     wanted: bool = False
 
-    def shown(self) -> set[_Key]:
-        """Return the indicators of which one is certain to be a reference: all recordings show them."""
-        return set.intersection(*(set(_shown(flight.assessment)) for flight in self.flights))
-
 
 class Known:
-    """The flights so far, in time order."""
+    """The flights so far, in time order.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    since
+        Returns the dates from which an actuator's flights count at a time; None for none.
+    """
+
+    def __init__(self, since: Callable[[datetime], Since] | None = None) -> None:
+        self._since = since or (lambda _: {})
         self._references: list[PastFlight] = []
         self._open: list[_Group] = []
         self._counts: Counter[_Key] = Counter()
@@ -47,20 +50,20 @@ class Known:
     def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
         """Return the same as :meth:`mavhums.history.flights.FlightHistory.baselines` for all flights."""
         recent = (flight for group in self._open for flight in group.flights)
-        return FlightHistory((*self._references, *recent)).baselines(airframe, before)
+        return FlightHistory((*self._references, *recent)).baselines(airframe, before, self._dates(before))
 
     def past(
         self, airframe: str | None, before: datetime | None
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
         """Return the same as :meth:`mavhums.history.flights.FlightHistory.past` for all flights."""
-        return FlightHistory(tuple(self._slim)).past(airframe, before)
+        return FlightHistory(tuple(self._slim)).past(airframe, before, self._dates(before))
 
     def add(self, flown: PastFlight) -> None:
         """Take the next flight."""
         self._close(flown.start - _ENDED)
         same = [group for group in self._open if _is_near(flown, group.flights)]
         group = _Group([flown])
-        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in _shown(flown.assessment))
+        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in self._shown(flown))
         for other in same:
             group.flights += other.flights
             group.wanted |= other.wanted
@@ -83,11 +86,24 @@ class Known:
             copies[key] = {name: row[name] for name in ("aircraft", "path", "sha256", "vehicle")} | taken
         return counted, [*copies.values()]
 
+    def _dates(self, moment: datetime | None) -> Since:
+        return {} if moment is None else self._since(moment)
+
+    def _shown(self, flown: PastFlight) -> Iterator[_Key]:
+        """Yield the indicators of healthy actuators, each with the date from which they count."""
+        dates = self._since(flown.start)
+        for verdict in flown.assessment.verdicts:
+            if is_healthy(verdict):
+                date = dates.get(verdict.actuator, dates.get(None))
+                for shown in verdict.indicators:
+                    yield flown.assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault, date
+
     def _close(self, ended: datetime) -> None:
         """Keep or drop the flights to which no recording can be added."""
         for group in [each for each in self._open if all(flight.end < ended for flight in each.flights)]:
             self._open.remove(group)
-            self._counts.update(group.shown())
+            # Only indicators that all recordings show are certain to be references.
+            self._counts.update(set.intersection(*(set(self._shown(flight)) for flight in group.flights)))
             self._references += group.flights if group.wanted else ()
 
 
@@ -99,13 +115,6 @@ def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
         for own in flown.recordings
         for each in other.recordings
     )
-
-
-def _shown(assessment: Assessment) -> Iterator[_Key]:
-    for verdict in assessment.verdicts:
-        if is_healthy(verdict):
-            for shown in verdict.indicators:
-                yield assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault
 
 
 def _slim(assessment: Assessment) -> Assessment:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from datetime import datetime
+from functools import partial
 
 from mavhums.core.conditions import URGENCY
-from mavhums.fleet.aircraft import UNKNOWN
+from mavhums.fleet.installed import installed_in
 from mavhums.fleet.known import Known
 from mavhums.fleet.store import Store
+from mavhums.history.aircraft import UNKNOWN
 from mavhums.history.comparison import LoneFlight, compared, unpacked
 from mavhums.history.flights import PastFlight
 from mavhums.report.assessment import Assessment
@@ -22,7 +24,7 @@ def hold_against_past(store: Store, aircraft: str) -> None:
     A flight that several logs record has the verdicts of the best one; the others are stored as its copies.
     """
     flights = (unpacked(data) for data in _stored(store, aircraft))
-    known = Known()
+    known = Known(partial(installed_in(store, aircraft).since, aircraft))
     held = (flight.assessment for flight in flights) if aircraft == UNKNOWN else in_order(flights, known)
     rows = [row for assessment in held for row in rows_of(aircraft, assessment)]
     counted, copies = known.divided(rows)

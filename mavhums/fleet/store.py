@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from deltalake import WriterProperties
 
-__all__ = ["COPIES", "LOGS", "VERDICTS", "Store", "schemas"]
+__all__ = ["COPIES", "INSTALLED", "LOGS", "VERDICTS", "Store", "schemas"]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
 COPIES: Final = "copies"
+INSTALLED: Final = "installed"
 _COMPACT_FILES: Final = 64
 _ROW_GROUP: Final = 2_000
 
@@ -82,7 +83,7 @@ class Store:
         return (self.folder / table / "_delta_log").is_dir()
 
     def query(self, sql: str, *values: object) -> Any:
-        """Return DuckDB's result; ``logs``, ``verdicts`` and ``copies`` name the tables.
+        """Return DuckDB's result; ``logs``, ``verdicts``, ``copies`` and ``installed`` name the tables.
 
         Raises
         ------
@@ -136,6 +137,30 @@ class Store:
         if rows or self.has(COPIES):
             self._replace(COPIES, aircraft, rows)
 
+    def replace_installed(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
+        """Replace the actuators of an aircraft, in one transaction."""
+        self._replace(INSTALLED, aircraft, rows)
+
+    def rename(self, names: Mapping[str, str]) -> None:
+        """Give the logs with these hashes to other aircraft, in one transaction."""
+        import pyarrow as pa
+        from deltalake import DeltaTable
+        from deltalake.exceptions import DeltaError
+
+        if not names:
+            return
+        source = pa.table({"sha256": [*names], "aircraft": [*names.values()]})
+        try:
+            DeltaTable(self.folder / LOGS).merge(
+                source, "logs.sha256 = new.sha256", source_alias="new", target_alias="logs"
+            ).when_matched_update({"aircraft": "new.aircraft"}).execute()
+        except (DeltaError, OSError) as error:
+            raise self._unwritable(error) from error
+
+    def _unwritable(self, error: Exception) -> MavhumsError:
+        problem = f"{self.folder}: cannot be written: {str(error).splitlines()[0][:200]}"
+        return MavhumsError(problem, "make room or mend it, and scan again: it resumes")
+
     def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         if self.has(table):
             predicate = f"aircraft = '{aircraft.replace(chr(39), chr(39) * 2)}'"
@@ -176,8 +201,7 @@ class Store:
         try:
             write_deltalake(self.folder / table, content, writer_properties=_written(), **how)
         except (DeltaError, OSError) as error:
-            problem = f"{self.folder}: cannot be written: {str(error).splitlines()[0][:200]}"
-            raise MavhumsError(problem, "make room or mend it, and scan again: it resumes") from error
+            raise self._unwritable(error) from error
 
 
 def schemas() -> dict[str, pa.Schema]:
@@ -186,14 +210,22 @@ def schemas() -> dict[str, pa.Schema]:
 
     text, whole, number = pa.string(), pa.int64(), pa.float64()
     log = [("path", text), ("size", whole), ("time_ns", whole), ("settings", text), ("sha256", text)]
-    log += [("aircraft", text), ("start_us", whole), ("duration_s", number), ("losses", pa.bool_())]
+    log += [
+        ("aircraft", text),
+        ("board", text),
+        ("start_us", whole),
+        ("duration_s", number),
+        ("losses", pa.bool_()),
+    ]
     log += [("flight", pa.binary()), ("problem", text), ("remedy", text)]
     log += [("scanned", whole)]
     verdict = [("aircraft", text), ("path", text), ("sha256", text), ("start_us", whole), ("vehicle", whole)]
     verdict += [("actuator", text), ("condition", text), ("worst", text), ("urgency", number)]
     verdict += [("friction_nm", number), ("airframe", text), ("verdict", text)]
     copy = [("aircraft", text), ("path", text), ("sha256", text), ("vehicle", whole), ("counted", text)]
-    return {LOGS: pa.schema(log), VERDICTS: pa.schema(verdict), COPIES: pa.schema(copy)}
+    return {LOGS: pa.schema(log), VERDICTS: pa.schema(verdict), COPIES: pa.schema(copy)} | {
+        INSTALLED: pa.schema([("aircraft", text), ("entry", text)])
+    }
 
 
 def _written() -> WriterProperties:
