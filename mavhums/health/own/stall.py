@@ -92,9 +92,9 @@ def shares(records: Sequence[OwnRecord], found: Identified, friction: Interval |
 def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
     """Return the mean friction current of flights, A; None if they do not determine it.
 
-    Flights that were measured unlike the first are left out. The nuisances are learned over all flights; their
-    error, common to all, is covered by the errors that the flights have with nuisances of their own. The
-    interval is that of the mean, by these errors, or by the scatter between the flights if that is larger.
+    Flights that were measured unlike the first are left out. The nuisances are learned over all flights;
+    their error, common to all, is covered by the errors that the flights have with nuisances of their own.
+    The interval is that of the mean, by these errors or by the scatter between flights, if that is larger.
 
     Parameters
     ----------

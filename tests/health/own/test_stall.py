@@ -92,13 +92,20 @@ def test_several_flights_narrow_the_friction_and_keep_the_highest_torque() -> No
     )
     assert one is not None
     assert four is not None
-    assert four.low <= SERVO.friction_a <= four.high
+    assert four.estimate == pytest.approx(SERVO.friction_a, rel=0.005)
     assert four.high - four.low < one.high - one.low
     told = shares(records, found, four)
     assert told is not None
     peaks = [record.peak_a or 0.0 for record in records]
     assert told.torque.estimate == pytest.approx(max(peaks) / STALL_A, rel=0.01)
     assert friction_current(records) is None
+
+
+def test_the_friction_of_flights_lies_inside_its_interval() -> None:
+    records = [left(SERVO, seed, seconds=60.0) for seed in range(40, 60)]
+    told = [friction_current(records[k : k + 2]) for k in range(0, 20, 2)]
+    inside = [one is not None and one.low <= SERVO.friction_a <= one.high for one in told]
+    assert sum(inside) >= 9
 
 
 def test_the_peak_does_not_depend_on_the_cuts() -> None:
