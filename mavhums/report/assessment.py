@@ -156,8 +156,8 @@ class OwnRecord(Contract):
     temperature_c
         Median over the flight; None where the log carries none.
     peak_a, peak_v
-        Current and voltage of the motor that 99.9 % of the samples do not exceed, without sign; None of other
-        equations than the voltage's.
+        Current and voltage of the motor that 99.9 % of the samples do not exceed, without sign, and the
+        current's 95 % interval; None of other equations than the voltage's.
     supply_v
         Voltage of the supply, as the profile has it; None where it has none.
     groups
@@ -170,7 +170,7 @@ class OwnRecord(Contract):
     rate_hz: float = Field(gt=0)
     duration_s: float = Field(gt=0)
     temperature_c: float | None = None
-    peak_a: float | None = Field(default=None, ge=0)
+    peak_a: Interval | None = None
     peak_v: float | None = Field(default=None, ge=0)
     supply_v: float | None = Field(default=None, gt=0)
     groups: tuple[tuple[float, ...], ...]

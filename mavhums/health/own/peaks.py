@@ -7,12 +7,15 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.report.assessment import Interval
+
 __all__ = ["RESOLUTION", "Peak"]
 
 RESOLUTION = 0.01
 """Relative width of a step of the histogram."""
 
-_SHARE = 0.999
+_ABOVE = 0.001
+_NORMAL_95 = 1.96
 _LEAST, _STEPS = 1e-4, 3200  # up to about 8e9
 
 Array = NDArray[np.float64]
@@ -43,8 +46,23 @@ class Peak:
     @property
     def value(self) -> float:
         """The value, to within :data:`RESOLUTION`; zero before the first sample."""
-        total = int(self._counts.sum())
-        if not total:
-            return 0.0
-        step = int(np.searchsorted(self._counts.cumsum(), ceil(_SHARE * total)))
-        return float(_LEAST * np.exp((step + 0.5) * RESOLUTION)) if step else 0.0
+        return self._exceeded_by(_ABOVE * self._total)
+
+    @property
+    def interval(self) -> Interval:
+        """The value with its 95 % interval: how many of independent samples exceed it is left to chance."""
+        above = _ABOVE * self._total
+        half = _NORMAL_95 * above**0.5
+        low, high = self._exceeded_by(above + half), self._exceeded_by(max(above - half, 0.0))
+        low, estimate, high = (float(f"{number:.4g}") for number in (low, self.value, high))
+        return Interval(estimate=estimate, low=low, high=high)
+
+    @property
+    def _total(self) -> int:
+        return int(self._counts.sum())
+
+    def _exceeded_by(self, samples: float) -> float:
+        """Return the largest value that at most so many samples exceed; zero of values below the least."""
+        rank = max(ceil(self._total - samples), 1)
+        step = int(np.searchsorted(self._counts.cumsum(), rank))
+        return float(_LEAST * np.exp((step + 0.5) * RESOLUTION)) if 0 < step < _STEPS else 0.0

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 from scipy.special import stdtrit
@@ -19,7 +20,6 @@ from mavhums.health.equations import own_current
 from mavhums.health.own.fit import learned, wear
 from mavhums.health.own.identify import Identified
 from mavhums.health.own.past import record_of
-from mavhums.health.own.peaks import RESOLUTION
 from mavhums.health.own.voltage import NAME
 from mavhums.report.assessment import Indicator, Interval, OwnRecord
 
@@ -57,8 +57,6 @@ def lacking(records: Sequence[OwnRecord]) -> str | None:
     highest = max(record.peak_v or 0.0 for record in records)
     if highest > _ABOVE * supply:
         return f"the motor had {highest:g} V, more than the supply_voltage of {supply:g} V in the profile"
-    if not all(record.peak_a for record in records):
-        return "no current flowed"
     return None
 
 
@@ -81,12 +79,9 @@ def shares(records: Sequence[OwnRecord], found: Identified, friction: Interval |
     if not volts > 0.0:
         return None
     per_ampere = found.resistance.estimate / volts
-    error = (_relative(found.resistance) ** 2 + (_half(found.drop) / volts) ** 2) ** 0.5
-    peak = max(record.peak_a or 0.0 for record in own)
-    torque = _share(peak, RESOLUTION / 2 * peak, per_ampere, error)
-    if friction is None:
-        return Shares(None, torque)
-    return Shares(_share(friction.estimate, _half(friction), per_ampere, error), torque)
+    error = hypot(_relative(found.resistance), _half(found.drop) / volts)
+    peak = max((record.peak_a for record in own if record.peak_a), key=lambda one: one.estimate)
+    return Shares(friction and _share(friction, per_ampere, error), _share(peak, per_ampere, error))
 
 
 def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
@@ -153,10 +148,11 @@ def _indicator(fault: str, quantity: str, value: Interval, parts: int) -> Indica
     return Indicator(fault=fault, quantity=quantity, unit="1", value=value, windows=parts)
 
 
-def _share(current: float, half: float, per_ampere: float, error: float) -> Interval:
-    value = current * per_ampere
-    spread = ((half * per_ampere) ** 2 + (value * error) ** 2) ** 0.5
-    low, estimate, high = (float(f"{number:.4g}") for number in (value - spread, value, value + spread))
+def _share(current: Interval, per_ampere: float, error: float) -> Interval:
+    common = current.estimate * error
+    below, above = (hypot(end - current.estimate, common) for end in (current.low, current.high))
+    ends = (current.estimate - below, current.estimate, current.estimate + above)
+    low, estimate, high = (float(f"{per_ampere * end:.4g}") for end in ends)
     return Interval(estimate=estimate, low=low, high=high)
 
 

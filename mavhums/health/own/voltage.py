@@ -90,7 +90,7 @@ class VoltageSums:
             setup="V4, V5 and V7 at the motor",
             rate_hz=float(f"{self._samples / duration_s:.3g}"),
             duration_s=round(duration_s, 1),
-            peak_a=float(f"{self._peak_a.value:.4g}"),
+            peak_a=self._peak_a.interval,
             peak_v=float(f"{self._peak_v.value:.4g}"),
             supply_v=self._supply_v,
             groups=tuple((float(count), *packed(gram)) for count, gram in groups),
