@@ -29,6 +29,7 @@ _FRICTION, _TORQUE = "friction_of_stall", "torque_of_stall"
 STALL_SHARES = (_FRICTION, _TORQUE)
 """Names of the indicators."""
 
+_BIAS = 0.1  # of the friction current's level, by flight mode; it cancels only in a comparison with the past
 _ABOVE = 1.1  # of the stated supply: a voltage at the motor beyond it shows that the statement is wrong
 
 
@@ -81,7 +82,8 @@ def shares(records: Sequence[OwnRecord], found: Identified, friction: Interval |
     per_ampere = found.resistance.estimate / volts
     error = hypot(_relative(found.resistance), _half(found.drop) / volts)
     peak = max((record.peak_a for record in own if record.peak_a), key=lambda one: one.estimate)
-    return Shares(friction and _share(friction, per_ampere, error), _share(peak, per_ampere, error))
+    torque = _share(peak, per_ampere, error)
+    return Shares(friction and _share(friction, per_ampere, hypot(error, _BIAS)), torque)
 
 
 def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
