@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,9 @@ from mavhums.report.assessment import Interval
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import write_tlog
 from tests.conftest import Run
+
+TRUE_SHARE = 0.225 / 5.225
+"""Of Table 1's actuator: friction by the torque of its motor at stall."""
 
 BLANK = """\
 name = "blank"  # my own
@@ -55,8 +59,31 @@ def test_the_profile_gets_what_the_motors_are(run: Run, log: Path, tmp_path: Pat
         assert motor.back_emf[1] <= 0.014608 <= motor.back_emf[2]
         assert motor.flights == ("flight.tlog",)
         assert motor.convention == "unknown"
+        assert motor.friction_of_stall is motor.torque_of_stall is None
+    assert text.count("# no share of stall: the supply's voltage is not known; set supply_voltage") == 2
     again = run("profile", "identify", str(log), "--airframe", str(filled))
     assert again.out == text
+
+
+def test_the_supplys_voltage_gives_the_shares_of_stall(run: Run, log: Path, tmp_path: Path) -> None:
+    profile, filled = tmp_path / "blank.toml", tmp_path / "filled.toml"
+    profile.write_text(BLANK.replace("esc =", "supply_voltage = 27\nesc ="), encoding="utf-8")
+    assert run("profile", "identify", str(log), "--airframe", str(profile), "-o", str(filled)).code == 0
+    text = filled.read_text(encoding="utf-8")
+    assert run("profile", "identify", str(log), "--airframe", str(filled)).out == text
+    told = json.loads(run("analyse", str(log), "--airframe", str(filled), "--json").out)
+    for actuator in load_airframe(filled).actuators:
+        motor = actuator.identified
+        assert motor is not None
+        assert motor.friction_of_stall is not None
+        assert motor.torque_of_stall is not None
+        assert motor.friction_of_stall[1] <= TRUE_SHARE <= motor.friction_of_stall[2]
+        assert motor.friction_of_stall[2] < motor.torque_of_stall[0] < 1.0
+        [verdict] = [one for one in told["verdicts"] if one["actuator"] == actuator.name]
+        shown = {one["fault"]: one for one in verdict["indicators"]}
+        assert shown["torque_of_stall"]["value"]["estimate"] == pytest.approx(motor.torque_of_stall[0])
+        assert shown["friction_of_stall"]["unit"] == "1"
+        assert verdict["condition"] == "learning"
 
 
 def test_a_log_that_shows_no_motor_says_what_would(log: Path) -> None:
