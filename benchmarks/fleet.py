@@ -19,7 +19,7 @@ import pyarrow as pa
 from deltalake import write_deltalake
 
 from mavhums import Options, analyse, fleet
-from mavhums.fleet.store import schemas
+from mavhums.fleet.tables import schemas
 from mavhums.history.files import keep_assessment
 from mavhums.history.index import IndexedFolder
 from mavhums_sim import Flight, fly, write_tlog

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["fleet"]
 
-_STORE = click.argument("store", metavar="STORE", type=PATH)
+_STORE = click.argument("store", metavar="STORE")
 _SHOWN_FAILURES = 20
 
 
@@ -29,7 +29,13 @@ def fleet() -> None:
 
 @fleet.command(epilog="Not an airworthiness decision; validated in simulation only.")
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
-@click.option("--to", "store", type=PATH, required=True, metavar="STORE", help="Folder of the store.")
+@click.option(
+    "--to",
+    "store",
+    required=True,
+    metavar="STORE",
+    help="The store: a folder, or s3://BUCKET/NAME and the like.",
+)
 @click.option(
     "--aircraft",
     metavar="RULE",
@@ -48,7 +54,7 @@ def fleet() -> None:
 @JSON
 def scan(
     sources: tuple[str, ...],
-    store: Path,
+    store: str,
     aircraft: str | None,
     workers: int,
     scheduler: str | None,
@@ -85,7 +91,7 @@ def scan(
 @fleet.command()
 @_STORE
 @JSON
-def status(store: Path, as_json: bool) -> None:
+def status(store: str, as_json: bool) -> None:
     """Say what STORE holds, and which logs could not be judged."""
     from mavhums.fleet import status as status_of
 
@@ -110,7 +116,7 @@ def status(store: Path, as_json: bool) -> None:
 @_STORE
 @click.option("-n", "most", type=click.IntRange(1), default=20, show_default=True, help="How many.")
 @JSON
-def worst(store: Path, most: int, as_json: bool) -> None:
+def worst(store: str, most: int, as_json: bool) -> None:
     """Show the actuators of all aircraft as of their last flights, the worst first.
 
     \b
@@ -134,7 +140,7 @@ def worst(store: Path, most: int, as_json: bool) -> None:
 @_STORE
 @click.argument("aircraft")
 @JSON
-def trend(store: Path, aircraft: str, as_json: bool) -> None:
+def trend(store: str, aircraft: str, as_json: bool) -> None:
     """Show the trend of each actuator of AIRCRAFT over its flights; exit codes as of `mavhums trend`."""
     from mavhums.fleet import trend as trend_of
 
@@ -153,7 +159,7 @@ def trend(store: Path, aircraft: str, as_json: bool) -> None:
 @fleet.command()
 @_STORE
 @click.option("-o", "--output", type=PATH, required=True, metavar="OUT", help="Ends in .csv or .parquet.")
-def export(store: Path, output: Path) -> None:
+def export(store: str, output: Path) -> None:
     """Write a row per verdict to a table."""
     from mavhums.fleet import export as export_to
 

@@ -8,7 +8,7 @@ from datetime import datetime
 from mavhums.core.conditions import URGENCY
 from mavhums.fleet.aircraft import UNKNOWN
 from mavhums.fleet.known import Known
-from mavhums.fleet.store import Store
+from mavhums.fleet.store import OF_THIS_FORMAT, Store
 from mavhums.history.comparison import LoneFlight, compared, unpacked
 from mavhums.history.flights import PastFlight
 from mavhums.report.assessment import Assessment
@@ -67,6 +67,7 @@ def _stored(store: Store, aircraft: str) -> Iterator[bytes]:
     """Yield an aircraft's flights in time order: each log once, in its latest judgement."""
     rows = store.query(
         "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND flight IS NOT NULL"
+        f" AND {OF_THIS_FORMAT}"
         " GROUP BY sha256 ORDER BY min(start_us), min(path)",
         aircraft,
     )

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from glob import glob, has_magic
 from pathlib import Path
 from time import monotonic
@@ -28,6 +29,7 @@ _BATCH: Final = 20
 _IN_FLIGHT: Final = 8
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
+_ROUNDS: Final = 2  # in the second, what another scan of an object store committed in between
 _LOG: Final = re.compile(r".+\.(tlog|bin|ulg)(\.(gz|xz|bz2|zst))?", re.IGNORECASE)
 
 Progress = Callable[[int, int], None]
@@ -174,8 +176,10 @@ class _Commits:
 
     def close(self) -> None:
         self._commit()
-        for aircraft in sorted(self._aircraft | self._store.waiting()):
-            hold_against_past(self._store, aircraft)
+        for _ in range(_ROUNDS if self._store.is_shared else 1):
+            for aircraft in sorted(self._aircraft | self._store.waiting()):
+                self._store.settle(partial(hold_against_past, self._store, aircraft))
+            self._aircraft = set()
         self._store.compact()
 
     def _commit(self) -> None:
