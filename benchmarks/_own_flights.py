@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from _fleet import ACTUATORS, MODES, added, flight
@@ -13,19 +14,20 @@ from numpy.typing import NDArray
 
 import mavhums_sim.flight
 from mavhums.health.own.equation import OwnEquation
-from mavhums.health.own.fit import grams_of
-from mavhums.health.own.grams import packed
-from mavhums.health.own.record import KEPT, OwnSums
+from mavhums.health.own.grams import packed, unpacked
+from mavhums.health.own.method import collector
 from mavhums.health.own.registry import EQUATIONS
 from mavhums.health.slots import SlotCutter, widen
 from mavhums.report.assessment import OwnRecord
 from mavhums_sim import FlightRecord, fly
 from mavhums_sim.flight import ActuatorRecord
 from mavhums_sim.motion import simulate
+from mavhums_sim.sensors import ELECTRONICS_A, SensorNoise
 
 __all__ = ["BLANK", "TIERS", "Row", "Task", "flown", "scattered"]
 
 Array = NDArray[np.float64]
+Bridge = Literal["feeds back", "burns"]
 
 BLANK = {
     surface: actuator.model_copy(update={"ema": None, "limits": None, "travel_deg": None})
@@ -34,6 +36,7 @@ BLANK = {
 _BY_NAME = {equation.name: equation for equation in EQUATIONS}
 _STEP_S = 5e-4  # of the physics: five times as fast as 0.1 ms, and the gear's wind-up still resolved
 _PULSE_DEG = 0.12
+_SUPPLY_V = 27.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +47,7 @@ class Tier:
     every: int
     airspeed: bool = True
     command: bool = False
+    bridge: Bridge | None = None
 
     @property
     def rate_hz(self) -> float:
@@ -55,6 +59,10 @@ TIERS = {
     "motor, 50 Hz": Tier(_BY_NAME["own_current"], 2),
     "motor, 25 Hz": Tier(_BY_NAME["own_current"], 4),
     "motor, 50 Hz, no airspeed": Tier(_BY_NAME["own_current"], 2, airspeed=False),
+    "bus, 100 Hz": Tier(_BY_NAME["own_power"], 1, bridge="feeds back"),
+    "bus, 50 Hz": Tier(_BY_NAME["own_power"], 2, bridge="feeds back"),
+    "bus, 25 Hz": Tier(_BY_NAME["own_power"], 4, bridge="feeds back"),
+    "bus, 50 Hz, braking burnt": Tier(_BY_NAME["own_power"], 2, bridge="burns"),
     "position, 50 Hz": Tier(_BY_NAME["own_tracking"], 2, command=True),
     "position, 25 Hz": Tier(_BY_NAME["own_tracking"], 4, command=True),
 }
@@ -74,13 +82,14 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What one actuator's flight left."""
+    """What one actuator's flight left; ``rise`` is that of its friction, as a share of its healthy one."""
 
     kind: str
     number: int
     actuator: tuple[int, str]
     tier: str
     record: OwnRecord | None
+    rise: float = 0.0
 
 
 def flown(tasks: list[Task], workers: int) -> Iterator[Row]:
@@ -108,9 +117,11 @@ def _rows(task: Task) -> list[Row]:
         record = fly(planned)
         cyclogram = record.cyclogram
         for surface, own in record.actuators.items():
+            more = task.severity if task.fault == "friction" else 0.0
+            rise = more / (float(own.motion.friction[0]) - more)
             for name in task.tiers:
                 left = _record(TIERS[name], record, own, surface, task.number)
-                rows.append(Row(task.kind, task.number, (aircraft, surface), name, left))
+                rows.append(Row(task.kind, task.number, (aircraft, surface), name, left, rise))
     return rows
 
 
@@ -124,15 +135,30 @@ def _record(
     values[:, 0] = np.rint(true[:, 0] / _PULSE_DEG) * _PULSE_DEG
     if tier.command:
         values[:, 2] = true[:, 2]
+    elif tier.bridge:
+        values[:, [3, 4]] = _at_bus(tier.bridge, own, (number, *map(ord, surface)))[some]
+        values[:, 6] = np.rint(own.esc[some, 2])
     else:
         values[:, [3, 4]] = own.esc[some, :2].astype(np.float32)
         values[:, 6] = np.rint(own.esc[some, 2])
     airspeed = _airspeed(record, time_s, number) if tier.airspeed else None
-    sums, cutter = OwnSums(tier.equation, BLANK[surface]), SlotCutter()
+    actuator = BLANK[surface].model_copy(update={"esc_side": "bus" if tier.bridge else "motor"})
+    sums, cutter = collector(tier.equation, actuator), SlotCutter()
     for slots in (cutter.feed(time_s, widen(values, np.isfinite(values), None, airspeed)), cutter.finish()):
         if slots is not None:
             sums.feed(slots)
     return sums.record()
+
+
+def _at_bus(bridge: Bridge, own: ActuatorRecord, seed: tuple[int, ...]) -> Array:
+    """Return voltage and current of the supply, with sensor noise, shape (n, 2)."""
+    rng, noise, motion = np.random.default_rng(seed), SensorNoise(), own.motion
+    power = np.interp(own.time_s, motion.time_s, motion.voltage * motion.current)
+    if bridge == "burns":
+        power = np.maximum(power, 0.0)
+    supply = _SUPPLY_V - np.interp(own.time_s, motion.time_s, motion.degradation.sag)
+    current = power / supply + ELECTRONICS_A + noise.current_a * rng.standard_normal(power.size)
+    return np.column_stack([supply + noise.voltage_v * rng.standard_normal(power.size), current])
 
 
 def _airspeed(record: FlightRecord, time_s: Array, number: int) -> Array:
@@ -144,12 +170,15 @@ def _airspeed(record: FlightRecord, time_s: Array, number: int) -> Array:
     return held
 
 
-def scattered(record: OwnRecord, by: float) -> OwnRecord:
-    """Return what the flight would have left with so much more friction, in the left side's unit."""
-    counts, grams = grams_of(record)
-    sign, left = KEPT.index("sign"), KEPT.index("left")
-    grams = grams.copy()
-    grams[:, left, :] += by * grams[:, sign, :]
-    grams[:, :, left] += by * grams[:, :, sign]
-    groups = tuple((float(count), *packed(gram)) for count, gram in zip(counts.tolist(), grams, strict=True))
+def scattered(record: OwnRecord, by: float, per_wear: Array) -> OwnRecord:
+    """Return the record that the flight would have left with so much more friction.
+
+    ``per_wear`` is the derivative of the left side with respect to friction, as weights of the columns.
+    """
+    rows = np.array(record.groups)
+    size = len(per_wear)
+    more = np.eye(size)
+    more[:, -1] += by * per_wear
+    grams = [more.T @ unpacked(row[1:], size) @ more for row in rows]
+    groups = tuple((float(row[0]), *packed(gram)) for row, gram in zip(rows, grams, strict=True))
     return record.model_copy(update={"groups": groups})

@@ -18,12 +18,15 @@ import numpy as np
 from _fleet import ACTUATORS, MODES, Judged, added, baselines_of, flight, fly_all, judge, quantities
 from _fleet import Task as Sheet
 from _own_flights import BLANK, TIERS, Row, Task, flown, scattered
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from mavhums.health.own.fit import learned, wear
 from mavhums.health.own.identify import identified
-from mavhums.health.own.judge import compare
+from mavhums.health.own.judge import Comparison, compare
+from mavhums.health.own.method import learned, wear
 from mavhums.health.own.past import PastRecord
+from mavhums.health.own.power_fit import Law
+from mavhums.health.own.record import KEPT
 from mavhums.health.own.voltage import VoltageSums
 from mavhums.health.slots import SlotCutter, widen
 from mavhums.report.assessment import OwnRecord
@@ -31,7 +34,8 @@ from mavhums_sim import FlightRecord
 
 BASELINES = (5, 10, 20)
 SCATTERS = (0.0, 0.05, 0.10)
-SCATTERED = "motor, 50 Hz"
+SCATTERED = ("motor, 50 Hz", "bus, 50 Hz")
+SCANNED = ("motor, 50 Hz", "motor, 25 Hz", "bus, 50 Hz", "position, 50 Hz", "position, 25 Hz")
 FRICTIONS = (0.02, 0.05, 0.1, 0.2)
 OTHERS = {
     "resistance": 0.3,
@@ -42,7 +46,8 @@ OTHERS = {
 }
 PAPER_CONSTANT = ACTUATORS["elevator"].known_ema().torque_constant
 PAPER_RESISTANCE = ACTUATORS["elevator"].known_ema().resistance
-Counts = dict[tuple[str, int, float, str], Counter[str]]
+Array = NDArray[np.float64]
+Counts = dict[tuple[object, ...], Counter[str]]
 
 
 class Fleet:
@@ -51,7 +56,9 @@ class Fleet:
     def __init__(self) -> None:
         self.reference: dict[tuple[tuple[int, str], str], list[OwnRecord]] = defaultdict(list)
         self.counts: Counts = defaultdict(Counter)
-        self._level: dict[tuple[tuple[int, str], str], float] = {}
+        self.promised: Counts = defaultdict(Counter)
+        self._level: dict[tuple[tuple[int, str], str], tuple[float, Array]] = {}
+        self._pasts: dict[tuple[tuple[int, str], str, int, float], list[PastRecord]] = {}
 
     def learn(self, row: Row) -> None:
         if row.record is not None:
@@ -59,44 +66,56 @@ class Fleet:
 
     def take(self, row: Row) -> None:
         """Compare a flight with its baselines of 5, 10 and 20 flights, with and without natural scatter."""
-        scatters = SCATTERS if row.tier == SCATTERED else SCATTERS[:1]
-        for flights in BASELINES:
-            for scatter in scatters:
-                found = self._compared(row, flights, scatter)
-                self.counts[row.tier, flights, scatter, row.kind][found] += 1
+        scatters = SCATTERS if row.tier in SCATTERED else SCATTERS[:1]
+        for scatter in scatters:
+            own = row.record and self._with(row.record, row, scatter, 10_000 + row.number)
+            for flights in BASELINES:
+                key = row.tier, flights, scatter
+                found = self._compared(row, own, flights, scatter) if own else None
+                condition = found.condition if found else "undecided"
+                self.counts[(*key, row.kind)][condition] += 1
+                if found and found.least_rise is not None and row.rise >= found.least_rise:
+                    self.promised[key][condition] += 1
 
-    def _compared(self, row: Row, flights: int, scatter: float) -> str:
-        if row.record is None:
-            return "undecided"
+    def _compared(self, row: Row, own: OwnRecord, flights: int, scatter: float) -> Comparison:
         equation = TIERS[row.tier].equation
         equation = replace(equation, min_flights=min(flights, equation.min_flights))
-        past = [
-            PastRecord((self._with(record, row, scatter, k),), "2026-01-01", True)
-            for k, record in enumerate(self.reference[row.actuator, row.tier][:flights])
-        ]
-        own = self._with(row.record, row, scatter, 10_000 + row.number)
-        return compare(equation, own, past).condition
+        return compare(equation, own, self._past(row, flights, scatter))
+
+    def _past(self, row: Row, flights: int, scatter: float) -> list[PastRecord]:
+        key = row.actuator, row.tier, flights, scatter
+        if key not in self._pasts:
+            self._pasts[key] = [
+                PastRecord((self._with(record, row, scatter, k),), "2026-01-01", True)
+                for k, record in enumerate(self.reference[row.actuator, row.tier][:flights])
+            ]
+        return self._pasts[key]
 
     def _with(self, record: OwnRecord, row: Row, scatter: float, number: int) -> OwnRecord:
         if not scatter:
             return record
         aircraft, surface = row.actuator
         rng = np.random.default_rng([aircraft, len(surface), ord(surface[0]), ord(surface[-1]), number])
-        return scattered(record, scatter * self.level(row) * rng.standard_normal())
+        level, per_wear = self.level(row)
+        return scattered(record, scatter * level * rng.standard_normal(), per_wear)
 
-    def level(self, row: Row) -> float:
-        """Return the healthy level of an actuator in a tier."""
+    def level(self, row: Row) -> tuple[float, Array]:
+        """Return an actuator's healthy level in a tier, and the derivative of the left side by wear."""
         key = row.actuator, row.tier
         if key not in self._level:
-            nuisances = learned(self.reference[key])
-            shown = [w.value for record in self.reference[key] if (w := wear(record, nuisances))]
-            self._level[key] = float(np.mean(shown))
+            individual = learned(self.reference[key])
+            shown = [w.value for record in self.reference[key] if (w := wear(record, individual))]
+            per_wear = np.eye(len(KEPT))[0]
+            if isinstance(individual, Law):
+                per_wear = individual.per_friction
+            self._level[key] = float(np.mean(shown)), per_wear
         return self._level[key]
 
 
 def tasks_of(args: argparse.Namespace) -> tuple[list[Task], list[Task]]:
     aircraft = tuple(range(args.first, args.first + args.aircraft))
-    every, scanned = tuple(TIERS), ("motor, 50 Hz", "motor, 25 Hz", "position, 50 Hz")
+    every = tuple(tier for tier in TIERS if tier.startswith(tuple(args.only.split(","))))
+    scanned = tuple(tier for tier in every if tier in SCANNED)
     base = [Task("base", k, "friction", 0.0, aircraft, every) for k in range(20)]
     worn = [
         Task(f"+{severity:g} N·m", 2000 + 100 * n + k, "friction", severity, aircraft, every)
@@ -115,17 +134,28 @@ def tasks_of(args: argparse.Namespace) -> tuple[list[Task], list[Task]]:
     return base, [*worn, *others, *healthy]
 
 
-def found_table(counts: Counts) -> Iterator[str]:
+def found_table(fleet: Fleet) -> Iterator[str]:
+    counts = fleet.counts
     kinds = [f"+{severity:g} N·m" for severity in FRICTIONS]
-    yield f"| measured | flights before | scatter | {' | '.join(kinds)} | false, of | per 100 h, 95 % bound |"
-    yield "|---" * (len(kinds) + 5) + "|"
+    heads = (
+        "measured",
+        "flights before",
+        "scatter",
+        *kinds,
+        "promised",
+        "false, of",
+        "per 100 h, 95 % bound",
+    )
+    yield f"| {' | '.join(heads)} |"
+    yield "|---" * (len(kinds) + 6) + "|"
     for tier, flights, scatter in dict.fromkeys(key[:3] for key in counts):
         cells = [_share(counts[tier, flights, scatter, kind]) for kind in kinds]
-        healthy = counts[tier, flights, scatter, "healthy"]
+        healthy, promised = counts[tier, flights, scatter, "healthy"], fleet.promised[tier, flights, scatter]
         hours = healthy.total() * 100.0 / 3600.0
         bound = chi2.ppf(0.95, 2 * healthy["changed"] + 2) / 2 / max(hours, 1e-9) * 100
         yield (
             f"| {tier} | {flights} | {scatter:.0%} | {' | '.join(cells)} | "
+            f"{_share(promised)} of {promised.total()} | "
             f"{healthy['changed']} of {healthy.total()} ({hours:.0f} h) | {bound:.2g} |"
         )
 
@@ -259,6 +289,8 @@ def main() -> None:
     parser.add_argument("--healthy", type=int, default=450, help="healthy flights of each aircraft")
     parser.add_argument("--sheet", type=int, default=2, help="aircraft judged with their data sheet as well")
     parser.add_argument("--identify", type=int, default=4, help="aircraft whose motors are identified")
+    parser.add_argument("--only", default="", help="tiers by their first letters, separated by commas")
+    parser.add_argument("--report", type=int, default=10**9, help="print the table after so many comparisons")
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
     start = time.perf_counter()
@@ -274,10 +306,12 @@ def main() -> None:
     fleet = Fleet()
     for row in flown(base, args.workers):
         fleet.learn(row)
-    for row in flown(later, args.workers):
+    for number, row in enumerate(flown(later, args.workers), 1):
         fleet.take(row)
+        if number % args.report == 0:
+            print("\n".join([f"\n{row.kind} {row.number}:", *found_table(fleet)]), flush=True)
     sections = {
-        "Found in one flight; share of actuator-flights": found_table(fleet.counts),
+        "Found in one flight; share of actuator-flights": found_table(fleet),
         "Said to be changed, 20 flights before": confusion_table(fleet.counts),
     }
     for title, rows in sections.items():

@@ -18,6 +18,7 @@ from mavhums.actuator.toml_lines import Place
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
+from mavhums.report.axis_limits import AxisLimits
 
 __all__ = [
     "Actuator",
@@ -243,10 +244,11 @@ class Actuator(Contract):
 
 
 class Airframe(Contract):
-    """An airframe profile: its name and its actuators."""
+    """An airframe profile: its name, its actuators, and the limits of its axes."""
 
     name: Annotated[str, Field(min_length=1)]
     description: str = ""
+    axes: AxisLimits = AxisLimits()
     actuators: Annotated[tuple[Actuator, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -265,6 +267,7 @@ class Airframe(Contract):
 
 _SECTIONS: dict[Place, tuple[str, ...]] = {
     (): tuple(Airframe.model_fields),
+    ("axes",): tuple(AxisLimits.model_fields),
     ("actuators",): tuple(Actuator.model_fields),
     ("actuators", "ema"): tuple(Ema.model_fields),
     ("actuators", "limits"): tuple(Limits.model_fields),

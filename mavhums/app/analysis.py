@@ -133,7 +133,8 @@ def analyse_alone(
     True
     """
     engine, digest = _fed(path, replace(options, baselines={}, past=None, recorded=True), (), progress)
-    return LoneFlight(engine.assessment(str(path), digest), engine.records(), engine.profiles())
+    assessment = engine.assessment(str(path), digest)
+    return LoneFlight(assessment, engine.records(), engine.profiles(), options.false_alarms)
 
 
 def _judge(

@@ -33,7 +33,7 @@ _SHOWN_NOTICES = 5
     "--fault",
     "faults",
     multiple=True,
-    default=("friction",),
+    default=("friction", "effectiveness"),
     show_default=True,
     metavar="NAME",
     help="What wears; can be repeated; 'all' for every fault that the flights show.",
@@ -98,7 +98,10 @@ def _hold_known(folder: Path, history: FlightHistory, actuators: list[str], faul
     verdicts = [verdict for flight in history.flights for verdict in flight.assessment.verdicts]
     known = {verdict.actuator for verdict in verdicts}
     shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
-    for what, names, there in (("actuator", actuators, known), ("fault", faults, shown | {"friction"})):
+    for what, names, there in (
+        ("actuator", actuators, known),
+        ("fault", faults, shown | {"friction", "effectiveness"}),
+    ):
         for name in names:
             if name not in there:
                 remedy = f"the flights show: {', '.join(sorted(there)) or 'none'}"

@@ -14,6 +14,7 @@ from mavhums.actuator.surfaces import of_airframe
 from mavhums.health.axis.monitor import AxisMonitor, new_gain
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.log import Table
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.inference import inferred
@@ -47,6 +48,8 @@ class VehicleAxes:
         Start of flight time, microseconds of UTC.
     surfaces
         Surfaces from a profile; None if the log is to define them.
+    limits
+        Limits from a profile; the defaults if None.
 
     Attributes
     ----------
@@ -56,20 +59,25 @@ class VehicleAxes:
         Use of the vehicle's outputs.
     """
 
-    def __init__(self, vehicle: int, start_us: int, surfaces: Surfaces | None) -> None:
+    def __init__(
+        self, vehicle: int, start_us: int, surfaces: Surfaces | None, limits: AxisLimits | None = None
+    ) -> None:
         self.surfaces = surfaces
-        self.monitor = AxisMonitor(vehicle)
+        self.monitor = AxisMonitor(vehicle, limits)
         self.flight = Flight(surfaces)
         self.usage = Usage()
         self._vehicle = vehicle
         self._grid = Grid(start_us)
-        self._told: list[tuple[int, Surfaces]] = []
+        self._told: list[tuple[int, Surfaces, AxisLimits | None]] = []
         self._waiting: list[Seconds] = []
         self._since_try = 0
 
-    def tell(self, second: int, surfaces: Surfaces) -> None:
-        """Take surfaces that the log reports in a flight second; they apply from three seconds later on."""
-        self._told.append((second + _TOLD_S, surfaces))
+    def tell(self, second: int, surfaces: Surfaces, limits: AxisLimits | None = None) -> None:
+        """Take what the log reports in a flight second; it applies from three seconds later on.
+
+        Other limits begin the judgement anew.
+        """
+        self._told.append((second + _TOLD_S, surfaces, limits))
 
     def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[ConditionChanged | Indication]:
         """Take new samples; yield the changes of condition."""
@@ -88,14 +96,16 @@ class VehicleAxes:
         """Apply surfaces due by the first second; return the seconds until the next change, and the rest."""
         first = int(seconds.index[0])
         while self._told and self._told[0][0] <= first:
-            self._learn(self._told.pop(0)[1])
+            self._learn(*self._told.pop(0)[1:])
         count = len(seconds.index)
         at = int(np.searchsorted(seconds.index, self._told[0][0])) if self._told else count
         if at == count:
             return seconds, None
         return _part(seconds, 0, at), _part(seconds, at, count)
 
-    def _learn(self, surfaces: Surfaces) -> None:
+    def _learn(self, surfaces: Surfaces, limits: AxisLimits | None) -> None:
+        if limits is not None and limits != self.monitor.limits:
+            self.monitor = AxisMonitor(self._vehicle, limits)
         told_before = self.surfaces is not None and self.surfaces.origin == "profile"
         if told_before or surfaces == self.surfaces:
             return
@@ -128,7 +138,7 @@ class VehicleAxes:
         if surfaces is not None:
             self.surfaces, waiting = surfaces, list(self._waiting)
             self._waiting.clear()
-            self.monitor = AxisMonitor(self._vehicle)
+            self.monitor = AxisMonitor(self._vehicle, self.monitor.limits)
             again = Flight(surfaces)
             self.flight = again
             for seconds in waiting:
@@ -163,6 +173,7 @@ class Axes:
 
     def __init__(self, airframe: Airframe | None = None) -> None:
         self._surfaces = of_airframe(airframe) if airframe else None
+        self._limits = airframe.axes if airframe else None
         self._signals = SignalReaders()
         self._sent = Sent()
         self._told: dict[int, Surfaces] = {}
@@ -199,7 +210,7 @@ class Axes:
             by_vehicle.setdefault(signal.vehicle, []).append(signal)
         for vehicle in by_vehicle:
             if vehicle not in self._vehicles:
-                self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, self._surfaces)
+                self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, self._surfaces, self._limits)
         self._hear(tables, start_us, admits)
         for vehicle, signals in by_vehicle.items():
             yield from self._vehicles[vehicle].feed(signals, final=final)
@@ -210,8 +221,8 @@ class Axes:
         if surfaces is None or self._surfaces is not None:
             return
         if vehicle not in self._vehicles:
-            self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None)
-        self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces)
+            self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None, self._limits)
+        self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces, airframe.axes)
 
     def _hear(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
         """Take the outputs' functions from the parameters, second by second, in the order of sending."""
@@ -232,7 +243,7 @@ class Axes:
             if axes is None:
                 if not admits(vehicle):
                     continue
-                axes = self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None)
+                axes = self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None, self._limits)
             for second in np.unique(seconds[sent.system == vehicle]).tolist():
                 rows = (sent.system == vehicle) & (seconds == second)
                 self._sent.take({sent.name: sent.select(rows)})

@@ -19,8 +19,9 @@ from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import vehicle_usage
+from mavhums.health.axis.past import against_flights
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
-from mavhums.health.baseline import Baseline
+from mavhums.health.baseline import Baseline, Baselines, of_subject
 from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.monitor import Monitor
 from mavhums.health.own.registry import comparable
@@ -80,6 +81,7 @@ class Engine:
         self._mappers = VehicleMappers(airframe)
         self._models = tuple(options.models)
         self._baselines = options.baselines
+        self._looked_up: dict[str | None, Baselines] = {}
         self._past = options.past
         self._airspeeds = Airspeeds()
         self._temperatures = EscTemperatures()
@@ -229,10 +231,22 @@ class Engine:
 
     def _baselines_of(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
         """Return the actuator's own baselines, by fault."""
+        return of_subject(self._known(airframe), key)
+
+    def _axis_baselines(self) -> Baselines:
+        return self._known(", ".join(self._mappers.airframes) or None)
+
+    def _known(self, airframe: str | None) -> Baselines:
+        """Return the baselines of an airframe, which are looked up once."""
         baselines = self._baselines
-        if callable(baselines):
-            baselines = baselines(airframe, self._begun())
-        return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}
+        if not callable(baselines):
+            return baselines
+        begun = self._begun()
+        if begun is None:
+            return baselines(airframe, None)
+        if airframe not in self._looked_up:
+            self._looked_up[airframe] = baselines(airframe, begun)
+        return self._looked_up[airframe]
 
     def _begun(self) -> datetime | None:
         """Return the start of the flight; None if no clock gives it."""
@@ -259,7 +273,14 @@ class Engine:
         start_utc = _utc(self._decoder.first_time_us or 0)
         for axis in AXES:
             findings = followed.monitor.findings(axis)
-            yield judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc)
+            verdict = judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc)
+            yield against_flights(
+                verdict,
+                of_subject(self._axis_baselines(), (vehicle, axis)),
+                start_utc=start_utc,
+                end_s=self._flight_time(self._decoder.last_time_us or 0),
+                false_alarms=self._false_alarms,
+            )
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)

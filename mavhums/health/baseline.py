@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 from mavhums.health.random_effects import population
 from mavhums.report.assessment import Indicator, Interval
 
-__all__ = ["LEAST_FLIGHTS", "Baseline", "BaselineSource", "Baselines"]
+__all__ = ["LEAST_FLIGHTS", "Baseline", "BaselineSource", "Baselines", "of_subject"]
 
 LEAST_FLIGHTS = 10
 """Fewer flights make no baseline: their scatter is too uncertain to keep the promised false alarms."""
@@ -72,13 +72,17 @@ class Baseline:
 
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:
-        """Return the baseline of several flights; None if fewer than ten flights show their scatter."""
+        """Return the baseline of several flights; None if too few show their scatter.
+
+        Ten are needed, or as many as the indicators say.
+        """
+        needed = max((i.needed_flights for i in indicators if i.needed_flights), default=LEAST_FLIGHTS)
         shown = [
             (i.value.estimate, i.windows, i.scatter)
             for i in indicators
             if i.scatter is not None and i.windows > 1
         ]
-        if len(shown) < LEAST_FLIGHTS:
+        if len(shown) < needed:
             return None
         values, windows, scatter = (np.array(column, dtype=np.float64) for column in zip(*shown, strict=True))
         errors = _errors(windows, scatter)
@@ -104,5 +108,10 @@ def _errors(windows: Array, scatter: Array) -> Array:
 Baselines = Mapping[tuple[int, str, str], Baseline]
 """Baselines by vehicle, actuator and fault."""
 
-BaselineSource = Baselines | Callable[[str, datetime | None], Baselines]
+BaselineSource = Baselines | Callable[[str | None, datetime | None], Baselines]
 """Baselines, or a function of airframe and start of the flight (None if unknown) that returns them."""
+
+
+def of_subject(baselines: Baselines, subject: tuple[int, str]) -> dict[str, Baseline]:
+    """Return the baselines of one vehicle's actuator or axis, by fault."""
+    return {fault: known for (*whose, fault), known in baselines.items() if tuple(whose) == subject}

@@ -20,6 +20,7 @@ from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.holding import Change, Holding
 from mavhums.health.indicator_tracker import IndicatorTracker
 from mavhums.health.motion import Motion, motion
+from mavhums.health.own.method import collector
 from mavhums.health.own.record import OwnSums
 from mavhums.health.own.registry import EQUATIONS
 from mavhums.health.own.voltage import VoltageSums
@@ -108,7 +109,7 @@ class Monitor:
         self._waiting: list[tuple[Array, Array, NDArray[np.bool_], Array, Array]] = []
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
         self._own: list[OwnSums | VoltageSums] = [
-            OwnSums(equation, actuator) for equation in EQUATIONS if open_limits
+            collector(equation, actuator) for equation in EQUATIONS if open_limits
         ]
         if open_limits:
             self._own.append(VoltageSums(actuator))
@@ -242,8 +243,8 @@ class Monitor:
     def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
         if slots is None:
             return
-        for collector in self._own:
-            collector.feed(slots)
+        for own in self._own:
+            own.feed(slots)
         moved = motion(self.actuator, slots) if self.actuator.ema else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = Seen(slots, moved, windows, flight)

@@ -10,7 +10,9 @@ from typing import Any, NamedTuple
 from pydantic import TypeAdapter, ValidationError
 
 from mavhums.core.errors import MavhumsError
-from mavhums.health.baseline import Baseline, Baselines, BaselineSource
+from mavhums.health.axis.past import against_flights
+from mavhums.health.baseline import BaselineSource, of_subject
+from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.own.past import PastSource
 from mavhums.health.own.verdict import held_against, without_own
@@ -36,11 +38,14 @@ class LoneFlight(NamedTuple):
         Records of the actuators, by vehicle and actuator.
     profiles
         Name of the profile by which each actuator was judged.
+    false_alarms
+        Accepted number of false alarms in 100 hours of an actuator or an axis.
     """
 
     assessment: Assessment
     records: Records
     profiles: Mapping[tuple[int, str], str]
+    false_alarms: float = FALSE_ALARMS
 
 
 def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | None = None) -> Assessment:
@@ -60,16 +65,24 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
     if start is None:
         return flight.assessment
     profiles = set(flight.profiles.values())
-    known = {name: baselines(name, start) if callable(baselines) else baselines for name in profiles}
+    judged_by = flight.assessment.airframe
+    known = {
+        name: baselines(name, start) if callable(baselines) else baselines for name in {*profiles, judged_by}
+    }
     own_scale = any(verdict.own for verdict in flight.assessment.verdicts)
     flown = {name: past(name, start) for name in profiles} if past and own_scale else {}
 
     def held(verdict: Verdict) -> Verdict:
         key = (verdict.vehicle or 0, verdict.actuator)
         record, profile = flight.records.get(key), flight.profiles.get(key, "")
-        if record is None or verdict.subject != "actuator" or not verdict.coverage.windows:
+        if verdict.subject == "axis":
+            own = of_subject(known[judged_by], key)
+            return against_flights(
+                verdict, own, start_utc=start, end_s=log.duration_s, false_alarms=flight.false_alarms
+            )
+        if record is None or not verdict.coverage.windows:
             return verdict
-        own = _own(known.get(profile, {}), key)
+        own = of_subject(known.get(profile, {}), key)
         if own:
             alone = without_own(verdict)
             verdict = replay(alone, record, own, start_utc=start, end_s=log.duration_s)
@@ -92,6 +105,7 @@ def packed(flight: LoneFlight) -> bytes:
     content = _Stored(
         flight.assessment,
         tuple((*key, flight.profiles[key], record) for key, record in flight.records.items()),
+        flight.false_alarms,
     )
     return zlib.compress(_STORED.dump_json(content, by_alias=True))
 
@@ -114,16 +128,13 @@ def unpacked(data: bytes) -> LoneFlight:
         ) from error
     records = {(vehicle, actuator): record for vehicle, actuator, _, record in content.records}
     profiles = {(vehicle, actuator): profile for vehicle, actuator, profile, _ in content.records}
-    return LoneFlight(content.assessment, records, profiles)
+    return LoneFlight(content.assessment, records, profiles, content.false_alarms)
 
 
 class _Stored(NamedTuple):
     assessment: Assessment
     records: tuple[tuple[int, str, str, ActuatorRecord], ...]
+    false_alarms: float = FALSE_ALARMS
 
 
 _STORED = TypeAdapter(_Stored)
-
-
-def _own(baselines: Baselines, key: tuple[int, str]) -> dict[str, Baseline]:
-    return {fault: known for (*actuator, fault), known in baselines.items() if tuple(actuator) == key}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import sqrt
 from typing import TYPE_CHECKING
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mavhums.core.conditions import URGENCY
+from mavhums.health.axis.past import LOSSES
 from mavhums.health.baseline import Baseline
-from mavhums.health.trend import MIN_FLIGHTS, fit_trend
+from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
 from mavhums.history.files import read_history
 from mavhums.history.flights import FlightHistory, PastFlight, Since
 from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
@@ -97,7 +98,7 @@ def trend_report(
     references = cache(lambda airframe, before: history.baselines(airframe, before, since))
     for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():
         names = {one.fault for each in flown for one in each.verdict.indicators}
-        if not names:
+        if not names and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
         for fault in sorted(name for name in names if not faults or name in faults):
             newest = next(each for each in reversed(flown) if each.shown(fault))
@@ -135,16 +136,17 @@ def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe:
     pairs = [(each, one) for each in flown if (one := each.shown(fault))]
     newest = pairs[-1][1]
     pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
-    fitted = fit_trend(
-        np.array([each.number for each, _ in pairs], dtype=np.float64),
-        np.array([one.value.estimate for _, one in pairs]),
-        np.array([_error(one) for _, one in pairs]),
-        newest.emergency,
-    )
+    latest = flown[-1].verdict
+    limit, emergency = newest.limit, newest.emergency
+    falls = newest.fault in LOSSES and baseline is not None
+    if falls and baseline is not None and latest.limits is not None:
+        limit = latest.limits.effectiveness_degraded * baseline.mean
+        emergency = latest.limits.effectiveness_emergency * baseline.mean
+    fitted = _fitted(pairs, emergency, -1.0 if falls else 1.0)
     expected = baseline.prediction() if baseline else None
     starts = [each.flight.start.isoformat() for each, _ in pairs]
-    latest = flown[-1].verdict
     return ActuatorTrend(
+        subject=latest.subject,
         vehicle=latest.vehicle or 0,
         actuator=latest.actuator,
         airframe=airframe,
@@ -153,8 +155,8 @@ def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe:
         unit=newest.unit,
         condition=latest.gravest,
         flights=len(flown),
-        limit=newest.limit,
-        emergency=newest.emergency,
+        limit=limit,
+        emergency=emergency,
         baseline=expected,
         change=_change(newest, expected),
         level=fitted.level if fitted else None,
@@ -176,6 +178,23 @@ def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe:
     )
 
 
+def _fitted(pairs: list[tuple[_Flown, Indicator]], emergency: float | None, sign: float) -> Trend | None:
+    """Return the trend of an indicator that a fault raises, or, with the sign −1, lowers."""
+    fitted = fit_trend(
+        np.array([each.number for each, _ in pairs], dtype=np.float64),
+        sign * np.array([one.value.estimate for _, one in pairs]),
+        np.array([_error(one) for _, one in pairs]),
+        None if emergency is None else sign * emergency,
+    )
+    if fitted is None or sign > 0:
+        return fitted
+    return replace(fitted, level=_mirrored(fitted.level), per_flight=_mirrored(fitted.per_flight))
+
+
+def _mirrored(interval: Interval) -> Interval:
+    return Interval(estimate=-interval.estimate, low=-interval.high, high=-interval.low)
+
+
 def _error(one: Indicator) -> float:
     """Return the standard error of the flight-to-flight part, which excludes the torque scale."""
     if one.scatter is not None:
@@ -193,5 +212,8 @@ def _change(newest: Indicator, expected: Interval | None) -> Interval | None:
 def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
     """Sort by worst condition, then fewest remaining flights, then smallest distance to the limit."""
     left = one.flights_left.low if one.flights_left else float("inf")
-    share = one.points[-1].value.estimate / one.emergency if one.emergency else 0.0
+    value = one.points[-1].value.estimate
+    share = 0.0
+    if one.emergency and value:
+        share = one.emergency / value if one.fault in LOSSES else value / one.emergency
     return -URGENCY[one.condition], left, -share, one.vehicle, one.actuator

@@ -18,6 +18,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
 from mavhums.log.losses import Losses
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.report.flight import FlightCopy, FlightIdentity
 from mavhums.report.usage import VehicleUsage
 
@@ -178,7 +179,8 @@ class Verdict(Contract):
     """What the log says of one actuator, or of one axis of the aircraft.
 
     ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
-    ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that it keeps.
+    ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that it keeps now,
+    and ``limits`` are those by which it was judged.
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
     actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``model``
@@ -198,6 +200,7 @@ class Verdict(Contract):
     condition: Condition
     worst: Condition
     effectiveness: Interval | None = None
+    limits: AxisLimits | None = None
     p_emergency: float | None = Field(default=None, ge=0, le=1)
     model: ModelSummary | None = None
     friction_nm: Interval | None = None

@@ -31,7 +31,7 @@ class FlightPoint(Contract):
 
 
 class ActuatorTrend(Contract):
-    """One indicator of one actuator over its flights.
+    """One indicator of one actuator or axis over its flights.
 
     Attributes
     ----------
@@ -40,7 +40,8 @@ class ActuatorTrend(Contract):
     flights
         Number of its flights; ``points`` has those that show the indicator.
     limit, emergency
-        As the last flight has them.
+        As the last flight has them; of a control gain, which falls as a fault grows, the profile's shares
+        of the baseline.
     baseline
         What its reference flights, before the last one, let expect of one flight, with 95 %.
     change
@@ -53,6 +54,7 @@ class ActuatorTrend(Contract):
         Until the line reaches the emergency limit; None where the flights do not tell, for the ``reason``.
     """
 
+    subject: Literal["actuator", "axis"] = "actuator"
     vehicle: int
     actuator: str
     airframe: str | None

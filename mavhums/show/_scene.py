@@ -206,6 +206,8 @@ class Scene:
             if known
             else None
         )
+        if known is not None:
+            track.axis_limits = known[0].axes
         if known is None or part is None:
             return
         track.detectors = {detector.fault: detector for detector in detectors_for(part)}

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import ConditionChanged, Indication, Samples, Window
-from mavhums.health.axis.detector import Limits
 from mavhums.health.detector import Detector
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
@@ -23,14 +23,8 @@ __all__ = ["STALE_S", "Track", "actuator_path"]
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
 
-AXIS_LIMITS: Final[Mapping[str, tuple[tuple[str, float, Condition], ...]]] = {
-    "effectiveness": (
-        ("reference", 1.0, "normal"),
-        (f"emergency up to {Limits().effectiveness:g}", Limits().effectiveness, "emergency"),
-    )
-}
-"""What the curves of an axis are held against: name, value and whose colour."""
-
+_EFFECTIVENESS: Final = "effectiveness"
+_FAULTY: Final[tuple[Condition, ...]] = ("degraded", "emergency")
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
 _ROWS_PER_CHUNK: Final = 4096
@@ -66,6 +60,8 @@ class Track:
         Surfaces of an axis that take its colour because they have no telemetry of their own.
     detectors
         Detectors by fault, with quantity and limits; empty without a profile.
+    axis_limits
+        Limits of an axis.
     known_s
         Flight time from which the profile is known.
     held, worst
@@ -90,6 +86,7 @@ class Track:
         self.surface: Surface | None = None
         self.moved: list[Surface] = []
         self.detectors: Mapping[str, Detector] = {}
+        self.axis_limits = AxisLimits()
         self.known_s = 0.0
         self.held: Condition = "undecided"
         self.worst: Condition = "undecided"
@@ -155,7 +152,7 @@ class Track:
             self._stream.log(self.faults[event.fault], _interval_style(event.fault), static=True)
         rows = np.stack([event.value, event.low, event.high], axis=1)
         middle = event.end_s - _HALF_WINDOW_S
-        if event.fault in AXIS_LIMITS:  # nothing else says from when to when an axis is followed
+        if event.fault == _EFFECTIVENESS:  # nothing else says from when to when an axis is followed
             self._seen(0.0, float(event.end_s[-1]))
         send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
 
@@ -177,6 +174,11 @@ class Track:
             self._states.clear()
             self._state_s = None
             return
+        if condition in _FAULTY and SEVERITY[condition] > SEVERITY[self.worst]:
+            self._states.clear()
+            self._state_s = None
+            self.held = self.worst = condition
+            self._state(min(self._first_s, self.last_s), condition)
         if condition not in _COMPARED or self._first_s == np.inf:
             return
         self._states = [(at_s, condition if state == self.held else state) for at_s, state in self._states]
@@ -257,8 +259,8 @@ class Track:
     def _flush_limits(self) -> None:
         """Draw the limits of the indicators up to the latest data."""
         known = {fault: list(_limits(detector)) for fault, detector in self.detectors.items()}
-        for fault in self.faults.keys() & AXIS_LIMITS.keys():
-            known[fault] = [(title, value, COLOURS[colour]) for title, value, colour in AXIS_LIMITS[fault]]
+        if _EFFECTIVENESS in self.faults:
+            known[_EFFECTIVENESS] = list(_axis_limits(self.axis_limits))
         for fault, limits in known.items():
             path = self.root if fault == "friction" else self.faults.get(fault)
             if path is None or not limits:
@@ -285,6 +287,14 @@ def _interval_style(name: str) -> rr.SeriesLines:
         colors=[BLUE, PALE_BLUE, PALE_BLUE],
         widths=[2.5, 1, 1],
     )
+
+
+def _axis_limits(limits: AxisLimits) -> Iterator[tuple[str, float, tuple[int, int, int]]]:
+    """Yield name, value and colour of the levels that the effectiveness of an axis is compared with."""
+    degraded, emergency = limits.effectiveness_degraded, limits.effectiveness_emergency
+    yield "reference", 1.0, COLOURS["normal"]
+    yield f"degraded below {degraded:g}", degraded, COLOURS["degraded"]
+    yield f"emergency up to {emergency:g}", emergency, COLOURS["emergency"]
 
 
 def _limits(detector: Detector) -> Iterator[tuple[str, float, tuple[int, int, int]]]:

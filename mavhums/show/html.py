@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.version import __version__
-from mavhums.health.axis.detector import Limits
 from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.show._certainty import certainty
 from mavhums.show._words import (
     COLOURS,
@@ -49,7 +49,6 @@ ICONS: Final[dict[Condition, str]] = {
 """A sign per condition, so that no reader depends on its colour."""
 
 _ROWS, _PLOTS, _FINDINGS, _LETTERS, _LIKE = 200, 24, 8, 600, 6
-_KEPT: Final = Limits().effectiveness
 
 
 class _Answer(NamedTuple):
@@ -251,7 +250,10 @@ def _limits(verdict: Verdict, fault: str) -> tuple[str, list[Limit]]:
     """Return what a curve shows, with its unit, and the levels that it is held against."""
     if fault == "effectiveness":
         reference = Limit(1.0, "as at the beginning")
-        return "control effectiveness, share of the reference", [reference, Limit(_KEPT, "emergency below")]
+        known = verdict.limits or AxisLimits()
+        degraded = Limit(known.effectiveness_degraded, "degraded below")
+        emergency = Limit(known.effectiveness_emergency, "emergency up to")
+        return "control effectiveness, share of the reference", [reference, degraded, emergency]
     found = next((item for item in verdict.indicators if item.fault == fault), None)
     if found is None:
         return fault.replace("_", " "), []

@@ -69,7 +69,7 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=0, pad_edge=False)
     table.title = Text(printable(f"{trends[0].quantity}, {trends[0].unit}"))
     table.title_justify = "left"
-    table.add_column("actuator", overflow="fold", min_width=13)
+    table.add_column(trends[0].subject, overflow="fold", min_width=13)
     table.add_column("last\nflight", no_wrap=True)
     table.add_column("over the\nflights", no_wrap=True)
     for heading in ("since\nbaseline", "per\nflight", "RUL,\nflights"):

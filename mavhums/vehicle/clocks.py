@@ -24,11 +24,15 @@ class Clocks:
         self._clocks: dict[tuple[int, int, str], SenderClock] = {}
         self._restarts: list[tuple[int, int, int, int]] = []
         self._told: dict[int, int] = {}
+        self._latest: dict[str, tuple[tuple[int, int, int], NDArray[np.int64]]] = {}
 
     def utc_us(
         self, table: Table, scale: int, field: str, *, wrap_us: int | None = None
     ) -> NDArray[np.int64]:
         """Return the times of a table's messages, microseconds of UTC, shape (n,).
+
+        Several readers may ask for the times of one table: a clock takes each message once, else the times
+        of a block in which it jumps would depend on where the block begins.
 
         Parameters
         ----------
@@ -41,6 +45,15 @@ class Clocks:
         wrap_us
             Period after which the sender's time restarts.
         """
+        if not len(table):
+            return np.empty(0, dtype=np.int64)
+        asked = (int(table.frame[0]), int(table.frame[-1]), len(table))
+        before = self._latest.get(table.name)
+        if before is None or before[0] != asked:
+            before = self._latest[table.name] = asked, self._mapped(table, scale, field, wrap_us)
+        return before[1]
+
+    def _mapped(self, table: Table, scale: int, field: str, wrap_us: int | None) -> NDArray[np.int64]:
         utc_us = np.empty(len(table), dtype=np.int64)
         sent_us = table[field].astype(np.int64) * scale
         for sender, rows in each(table.system.astype(np.int64) * 256 + table.component):

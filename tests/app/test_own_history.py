@@ -93,3 +93,23 @@ def test_a_recording_shows_what_only_the_comparison_told(flown: Path) -> None:
     assessment = mavhums.analyse(log_of(flown / "logs", 31, 0.2), options, recording=path)
     assert condition(assessment) == "changed"
     assert b"changed" in path.read_bytes()
+
+
+def test_an_esc_at_the_supply_bus_is_learning_by_its_power(run: Run, tmp_path: Path) -> None:
+    profile, path = tmp_path / "bus.toml", tmp_path / "bus.tlog"
+    profile.write_text(PROFILE + 'esc_side = "bus"\n', encoding="utf-8")
+    flight = Flight(
+        seed=8850,
+        duration_s=60.0,
+        rate_hz=50.0,
+        parameters=PARAMETERS,
+        esc_side="bus",
+        tiers=("esc-signed", "pwm"),
+    )
+    write_tlog(fly(flight), path)
+    assessment = mavhums.analyse(path, mavhums.Options(airframe=profile))
+    assert condition(assessment) == "learning"
+    [verdict] = [verdict for verdict in assessment.verdicts if verdict.subject == "actuator"]
+    assert [indicator.fault for indicator in verdict.indicators] == ["friction_power"]
+    assert {record.equation for record in verdict.own} == {"own_power"}
+    assert run("analyse", path, "--airframe", profile).code == 12

@@ -29,19 +29,32 @@ def of(assessment: Assessment, name: str) -> Verdict:
 
 
 def flown(
-    seconds: int = 150, *, kind: int = 1, left: float = 0.4, parameters: bool = True, speed: float = 18.0
+    seconds: int = 150,
+    *,
+    kind: int = 1,
+    left: float = 0.4,
+    parameters: bool = True,
+    speed: float = 18.0,
+    day: int = 0,
+    gain: float = 2.2,
+    trim: float = 0.0,
 ) -> bytes:
-    """A tlog of ordinary messages at 10 Hz: a roll rate that answers to servo 1, less from 90 s on."""
+    """A tlog of ordinary messages at 10 Hz: a roll rate that answers to servo 1, less from 90 s on.
+
+    ``gain`` and ``trim`` are those of the whole flight, which begins ``day`` days later; each day is another
+    flight.
+    """
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    demand = excited(seconds)[::2]
+    demand = excited(seconds, seed=1 + day)[::2]
     rates = np.zeros_like(demand)
-    gain = 2.2 * np.where(np.arange(demand.size) < 900, 1.0, left)
-    rates[2:] = (gain * demand)[:-2]
-    rates += 0.02 * np.random.default_rng(3).normal(size=demand.size)
+    gains = gain * np.where(np.arange(demand.size) < 900, 1.0, left)
+    rates[2:] = (gains * (demand - trim))[:-2]
+    rates += 0.02 * np.random.default_rng(3 + day).normal(size=demand.size)
+    start_us = START_US + day * 86_400_000_000
     data = bytearray()
 
     def say(time_s: float, message: v2.MAVLink_message) -> None:
-        data.extend(struct.pack(">Q", START_US + round(time_s * 1e6)) + bytes(message.pack(link)))
+        data.extend(struct.pack(">Q", start_us + round(time_s * 1e6)) + bytes(message.pack(link)))
 
     for n, (function, value) in enumerate([(1, 4), (2, 19), (4, 21)] if parameters else []):
         name = f"SERVO{function}_FUNCTION".encode()

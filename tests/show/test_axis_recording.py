@@ -17,6 +17,9 @@ from tests.show.test_recording import entities, rows, scalars, static
 
 PROFILE = """
 name = "own"
+[axes]
+effectiveness_degraded = 0.85
+effectiveness_emergency = 0.7
 [[actuators]]
 name = "left aileron"
 servo = 1
@@ -52,8 +55,9 @@ def test_effectiveness_is_drawn_against_reference_and_limit(recorded: tuple[Path
     assert values[times < 80, 0].mean() == pytest.approx(1.0, abs=0.1)
     assert values[-5:, 0].max() < 0.65
     limits = scalars(recorded[0], f"{root}/limits")[1]
-    assert limits[0].tolist() == [1.0, 0.65]
-    assert static(recorded[0], f"{root}/limits")["SeriesLines:names"] == ["reference", "emergency up to 0.65"]
+    assert limits[0].tolist() == [1.0, 0.85, 0.7]
+    names = ["reference", "degraded below 0.85", "emergency up to 0.7"]
+    assert static(recorded[0], f"{root}/limits")["SeriesLines:names"] == names
 
 
 def test_surfaces_without_telemetry_have_the_colour_of_their_axis(recorded: tuple[Path, Any]) -> None:

@@ -50,6 +50,10 @@ class Form(Protocol):
         """Return the aircraft's response, shape (n,)."""
         ...
 
+    def kept(self, beta: Array, speed: float) -> dict[str, float]:
+        """Return what the coefficients tell of the aircraft, by the fault that changes it."""
+        ...
+
 
 class Columns(NamedTuple):
     """The regression's columns: drive (n,), nuisances (n, m), response (n,), and the mask of usable rows."""

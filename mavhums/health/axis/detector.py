@@ -14,29 +14,10 @@ from typing import ClassVar, NamedTuple, Protocol
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.gain import Gain, Second
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 
-__all__ = ["Detector", "Limits", "Seen", "Shown", "detectors", "to_inspect"]
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """The limits from which an axis is degraded, or an emergency; a profile can change them.
-
-    Attributes
-    ----------
-    effectiveness
-        Effectiveness up to which a certain loss is an emergency: one of two equal surfaces that no longer
-        moves leaves a half, and the next flight may lose the other. Above it, the axis is degraded.
-    hard_over, tracking
-        Deviations of the reference from which a shift of trim, or the distance from the demanded attitude, is
-        an emergency.
-    """
-
-    effectiveness: float = 0.65
-    hard_over: float = 6.5
-    roll_tracking: float = 8.0
-    pitch_tracking: float = 7.5
+__all__ = ["Detector", "Seen", "Shown", "detectors", "to_inspect"]
 
 
 class Shown(NamedTuple):
@@ -76,7 +57,7 @@ class Detector(Protocol):
     axes: ClassVar[tuple[str, ...]]
     inspect: ClassVar[Mapping[str, str]]
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: AxisLimits) -> None:
         """Create the detector with these limits."""
         ...
 
@@ -94,7 +75,7 @@ def _discovered() -> tuple[type[Detector], ...]:
     return tuple(module.Detector for module in modules)
 
 
-def detectors(limits: Limits) -> list[Detector]:
+def detectors(limits: AxisLimits) -> list[Detector]:
     """Return all detectors of axes."""
     return [detector(limits) for detector in _discovered()]
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from math import exp
 from typing import ClassVar, Final
 
-from mavhums.health.axis.detector import Limits, Seen, Shown
+from mavhums.health.axis.detector import Seen, Shown
 from mavhums.health.axis.gain import Second
+from mavhums.report.axis_limits import AxisLimits
 
 __all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]
 
@@ -32,7 +33,7 @@ class EffectivenessDetector:
         "slow": "each servo of the axis for speed under load, its supply and its linkage for binding",
     }
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: AxisLimits) -> None:
         self._limits = limits
 
     def feed(self, seen: Seen) -> list[Shown]:
@@ -44,6 +45,8 @@ class EffectivenessDetector:
         reference = seen.gains[self.axis].reference
         limit = self.limit * (_SHORT if second.lost_s < _SURE_S else 1.0)
         if second.level <= limit or reference is None:
+            return False
+        if second.slow_s is not None and second.slow_s < self._limits.lag_s:
             return False
         if self.axis != "roll" or second.shift is None or second.lost_s >= _SURE_S:
             return True
@@ -61,11 +64,11 @@ class EffectivenessDetector:
                 "degraded",
                 second.since_s,
                 second.slow_s,
-                0.3,
+                self._limits.lag_s,
                 rule,
                 confidence,
             )
-        grave = second.lost_s >= _SURE_S and not second.later and left <= self._limits.effectiveness
+        grave = second.lost_s >= _SURE_S and not second.later and left <= self._limits.effectiveness_emergency
         condition = "emergency" if grave else "degraded"
         rule = (
             f"{condition}: {100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left"
@@ -77,7 +80,7 @@ class EffectivenessDetector:
             "emergency" if grave else "degraded",
             second.since_s,
             left,
-            self._limits.effectiveness if grave else 0.8,
+            self._limits.effectiveness_emergency if grave else self._limits.effectiveness_degraded,
             rule,
             confidence,
         )

@@ -39,6 +39,10 @@ class RollForm:
         """Return the roll rate."""
         return rows.roll_rate
 
+    def kept(self, beta: Array, speed: float) -> dict[str, float]:
+        """Return the demand that keeps the wings level, −b/K."""
+        return {"hard_over": -beta[1] / beta[0]}
+
 
 class PitchForm:
     """``q̇ = K·v²·δ + a·v² + b·v·q + c·n``: pitch rate q, load factor n for the angle of attack."""
@@ -58,6 +62,10 @@ class PitchForm:
     def answer(self, rows: Rows) -> Array:
         """Return the pitch rate; its rate of change is the response."""
         return rows.pitch_rate
+
+    def kept(self, beta: Array, speed: float) -> dict[str, float]:
+        """Return the steady load factor by the full demand, over the square of the speed, |K/c|/V²."""
+        return {"manoeuvre": abs(beta[0] / beta[3]) / speed**2}
 
 
 class YawForm:
@@ -81,3 +89,7 @@ class YawForm:
     def answer(self, rows: Rows) -> Array:
         """Return the side force."""
         return rows.side_force
+
+    def kept(self, beta: Array, speed: float) -> dict[str, float]:
+        """Return nothing: beside the gain itself, no constant of yaw is known well enough."""
+        return {}

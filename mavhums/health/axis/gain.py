@@ -14,22 +14,23 @@ E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from math import exp
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.axis.chain import Chain, Form, Shape, judgeable
+from mavhums.health.axis.chain import Chain, Columns, Form, Shape, judgeable
 from mavhums.health.axis.scores import Scores, Sums
+from mavhums.health.axis.standing import Constant, constants
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["FULL", "FULL_S", "JUDGED_ERROR", "SLOWEST_STREAM_S", "Gain", "Reference", "Second", "Standards"]
+__all__ = ["FULL_S", "JUDGED_ERROR", "SLOWEST_STREAM_S", "Gain", "Reference", "Second", "Standards"]
 
 JUDGED_ERROR: Final = 0.2
-FULL: Final = 0.8
 FULL_S: Final = 20
 REFERENCE_S: Final = 45
 _LONGEST_S: Final = 120
@@ -83,6 +84,11 @@ class Standards:
     taus_s: tuple[float, ...]
     loss: float = 0.4
 
+    @property
+    def full(self) -> float:
+        """Effectiveness above which the axis has not lost any: halfway to the loss to detect."""
+        return 1.0 - self.loss / 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class Reference:
@@ -96,6 +102,8 @@ class Reference:
         Standard deviation of the regression's residuals.
     power
         Mean sum of squares of the drive over a second, without its slow part.
+    constants
+        What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
     """
 
     speed: float
@@ -109,6 +117,7 @@ class Reference:
     power: float
     start_s: int
     end_s: int
+    constants: Mapping[str, Constant] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +141,9 @@ class Second:
         Whether an additional lag explains the response slightly better, so that the kind of fault is open.
     shift
         Mean of the unexplained response over the last three seconds; None if it is not known.
-    left_over, lost_s
-        Effectiveness since ``since_s``, over at most 20 judged seconds, and the number of these.
+    left_over, left_error, lost_s
+        Effectiveness since ``since_s``, over at most 20 judged seconds, its standard error, and the number
+        of these seconds.
     """
 
     end_s: int
@@ -145,6 +155,7 @@ class Second:
     later: bool
     shift: float | None
     left_over: float | None
+    left_error: float
     lost_s: int
 
 
@@ -211,16 +222,23 @@ class Gain:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
         if found.explained >= wanted.explained and found.error <= wanted.error:
-            self.reference = found
+            self.reference = replace(found, constants=self._constants(rows, found))
             self._begin(rows)
+
+    def _constants(self, rows: Rows, found: Reference) -> Mapping[str, Constant]:
+        design, answer, _ = self._design(Chain(self._form, found.speed, found.shape).feed(rows))
+        return constants(self._form, found.speed, design, answer)
+
+    def _design(self, columns: Columns) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return the last usable rows that a reference needs: design, response and their places."""
+        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
+        return np.column_stack([columns.drive, columns.others])[at], columns.answer[at], at
 
     def _fit(self, rows: Rows, speed: float, shape: Shape) -> Reference | None:
         columns = Chain(self._form, speed, shape).feed(rows)
-        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
-        if at.size < REFERENCE_S * _LEAST_ROWS or columns.drive[at].std() < 1e-4:
+        design, answer, at = self._design(columns)
+        if at.size < REFERENCE_S * _LEAST_ROWS or design[:, 0].std() < 1e-4:
             return None
-        design = np.column_stack([columns.drive, columns.others])[at]
-        answer = columns.answer[at]
         beta, left = _least_squares(design, answer)
         _, without = _least_squares(design[:, 1:], answer)
         explained = 1.0 - left / without if without > 0 else 0.0
@@ -284,12 +302,13 @@ class Gain:
                 self._recent.append(sums)
         value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
         if value is not None and error <= JUDGED_ERROR:
-            self._full = self._full + 1 if value >= FULL else 0
+            self._full = self._full + 1 if value >= self._standards.full else 0
         if self._full >= FULL_S:
             self._level = 0.0
         if self._level == 0.0:
             self._since = end_s
             self._recent.clear()
+        left_over, left_error = _measured(self._recent, reference)
         return Second(
             end_s,
             value,
@@ -298,14 +317,10 @@ class Gain:
             self._since,
             *self._slower(reference),
             self._shifted(),
-            *self._run(reference),
+            left_over,
+            left_error,
+            len(self._recent),
         )
-
-    def _run(self, reference: Reference) -> tuple[float | None, int]:
-        """Return the effectiveness since the level left zero, and the number of seconds."""
-        drive2 = sum(float(sums[0, 0]) for sums in self._recent)
-        cross = sum(float(sums[0, 1]) for sums in self._recent)
-        return (cross / drive2 / reference.gain if drive2 > 0 else None), len(self._recent)
 
     def _shifted(self) -> float | None:
         left, count = np.array(self._left).sum(axis=0)
@@ -313,18 +328,7 @@ class Gain:
 
     def _estimate(self, reference: Reference) -> tuple[float | None, float]:
         """Return the effectiveness of the last ten judged seconds and its standard error."""
-        if len(self._window) < _WINDOW_S:
-            return None, np.inf
-        drive2, cross, _ = np.array(self._window)[:, 0].T
-        total = float(drive2.sum())
-        if total <= 0.0:
-            return None, np.inf
-        gain = float(cross.sum()) / total
-        scores = cross - gain * drive2
-        own = max(float((scores**2).sum()) * 10 / 9 / total, reference.variance) / total
-        k = gain / reference.gain
-        error = np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + _WINDOWS**2)
-        return k, float(error)
+        return _measured(self._window, reference) if len(self._window) == _WINDOW_S else (None, np.inf)
 
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.
@@ -352,6 +356,21 @@ class Gain:
         better = float(share[best] - share[0])
         slower = better >= _MUCH_BETTER and gain[best] / reference.gain >= _WHOLE
         return (_EXTRA_S[best - 1] if slower else None), better >= _BETTER
+
+
+def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float | None, float]:
+    """Return the effectiveness over some seconds and its standard error; None if they do not tell it."""
+    n = len(seconds)
+    drive2, cross, _ = np.array(seconds)[:, 0].T if n else np.zeros((3, 1))
+    total = float(drive2.sum())
+    if n < 2 or total <= 0.0:
+        return None, np.inf
+    gain = float(cross.sum()) / total
+    scores = cross - gain * drive2
+    own = max(float((scores**2).sum()) * n / (n - 1) / total, reference.variance) / total
+    k = gain / reference.gain
+    spread = _WINDOWS**2 * min(_WINDOW_S / n, 1.0)
+    return k, float(np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + spread))
 
 
 def _median(values: Array) -> float:

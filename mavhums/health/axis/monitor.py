@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.chain import Form
-from mavhums.health.axis.detector import Limits, Seen, Shown, detectors
+from mavhums.health.axis.detector import Seen, Shown, detectors
 from mavhums.health.axis.forms import PitchForm, RollForm, YawForm
-from mavhums.health.axis.gain import FULL, FULL_S, JUDGED_ERROR, Gain, Reference, Second, Standards
+from mavhums.health.axis.gain import FULL_S, JUDGED_ERROR, Gain, Reference, Second, Standards
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.surfaces import AXES
 
@@ -32,10 +33,11 @@ _STANDARDS: Final = {
 }
 
 
-def new_gain(axis: str) -> Gain:
+def new_gain(axis: str, limits: AxisLimits | None = None) -> Gain:
     """Return the tracker of the effectiveness of an axis."""
+    loss = round(2.0 * (1.0 - (limits or AxisLimits()).effectiveness_degraded), 9)
     forms: dict[str, Form] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
-    return Gain(forms[axis], _STANDARDS[axis])
+    return Gain(forms[axis], replace(_STANDARDS[axis], loss=loss))
 
 
 @dataclass(slots=True)
@@ -59,6 +61,8 @@ class _Axis:
     since_s: int | None = None
     seconds: int = 0
     judged: int = 0
+    counted: int = 0
+    lost: bool = False
     full: int = 0
     value: Interval | None = None
     windows: int = 0
@@ -77,10 +81,13 @@ class AxisFindings:
         The reference used, or else the best candidate; None if there is none.
     usable_s
         Seconds of forward flight in which its demand was known, until the reference.
-    effectiveness
-        Over the last ten judged seconds, with its 95 % interval.
+    effectiveness, windows
+        The mean since the last change of the condition, or of a loss the value since its onset, with its
+        95 % interval; and the number of windows in the mean, 0 for a loss.
     spacing_s
         Time between samples of the outputs or the rates, where a reference was sought.
+    limits
+        Limits by which the axis was judged.
     """
 
     axis: str
@@ -91,10 +98,12 @@ class AxisFindings:
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
     effectiveness: Interval | None
+    windows: int
     reference: Reference | None
     best: Reference | None
     usable_s: int
     spacing_s: float
+    limits: AxisLimits
 
 
 class AxisMonitor:
@@ -111,10 +120,11 @@ class AxisMonitor:
         Limits from which an axis is degraded, or an emergency.
     """
 
-    def __init__(self, vehicle: int, limits: Limits | None = None) -> None:
+    def __init__(self, vehicle: int, limits: AxisLimits | None = None) -> None:
         self._vehicle = vehicle
-        self._gains = {axis: new_gain(axis) for axis in AXES}
-        self._detectors = detectors(limits or Limits())
+        self.limits = limits or AxisLimits()
+        self._gains = {axis: new_gain(axis, self.limits) for axis in AXES}
+        self._detectors = detectors(self.limits)
         self._axes = {axis: _Axis() for axis in AXES}
         self._skidded_s = -(1 << 30)
 
@@ -169,17 +179,21 @@ class AxisMonitor:
                 held.since_s = worst.since_s if fresh else min(worst.since_s, held.since_s or worst.since_s)
             for one in found:
                 self._extend(held, one)
+            self._measure(held, worst, second, fresh=fresh)
             fault, rule = worst.fault, worst.rule
             finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
         elif second is not None and self._well(held):
             if before != "normal":
                 held.condition, held.since_s = "normal", end_s if before != "undecided" else None
+                held.lost = False
             fault, rule = "effectiveness", "normal: the control effectiveness of the reference is kept"
             finding = ""
         if SEVERITY[held.condition] > SEVERITY[held.worst]:
             held.worst = held.condition
         if held.condition != before:
-            held.windows, held.mean, held.squares = 0, 0.0, 0.0
+            held.windows, held.mean, held.squares, held.counted = 0, 0.0, 0.0, 0
+            if held.condition == "normal" and before != "undecided" and second is not None:
+                self._average(held, second.value or 0.0, second.error)
             since_s = float(held.since_s if held.since_s is not None else end_s)
             yield ConditionChanged(
                 self._vehicle, axis, float(end_s), since_s, before, held.condition, rule, fault, finding
@@ -190,9 +204,21 @@ class AxisMonitor:
         if second.value is None or second.error > JUDGED_ERROR:
             return
         held.judged += 1
-        if held.judged % _WINDOW_S == 0 or held.value is None:
+        held.counted += 1
+        held.full = held.full + 1 if second.value >= self.limits.effectiveness_degraded else 0
+        whole = held.counted % _WINDOW_S == 0 or held.judged == 1
+        if whole and not held.lost:
             self._average(held, second.value, second.error)
-        held.full = held.full + 1 if second.value >= FULL else 0
+
+    def _measure(self, held: _Axis, worst: Shown, second: Second | None, *, fresh: bool) -> None:
+        """Take the effectiveness since the onset of a loss; it and the reason are of the same seconds."""
+        if fresh:
+            held.value = None
+        if worst.fault == "effectiveness" and SEVERITY[worst.condition] >= SEVERITY[held.condition]:
+            held.lost = True
+            if second is not None and second.left_over is not None:
+                k, half = second.left_over, 1.96 * second.left_error
+                held.value = Interval(estimate=k, low=k - half, high=k + half)
 
     def _average(self, held: _Axis, value: float, error: float) -> None:
         """Add a window that does not overlap the previous one to the mean since the last change."""
@@ -260,8 +286,10 @@ class AxisMonitor:
                 for e in held.episodes
             ),
             effectiveness=held.value,
+            windows=0 if held.lost else held.windows,
             reference=gain.reference,
             best=gain.best,
             usable_s=gain.usable_s,
             spacing_s=gain.spacing_s,
+            limits=self.limits,
         )

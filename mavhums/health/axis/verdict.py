@@ -6,8 +6,9 @@ from datetime import UTC, datetime, timedelta
 from typing import Final
 
 from mavhums.health.axis.gain import SLOWEST_STREAM_S
+from mavhums.health.axis.indicators import indicators
 from mavhums.health.axis.monitor import AxisFindings
-from mavhums.report.assessment import Indicator, Interval, Since, Suspect, Verdict
+from mavhums.report.assessment import Interval, Since, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.surfaces import Surfaces
 
@@ -98,7 +99,8 @@ def judged_axis(
         suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
         evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
         effectiveness=_rounded(findings.effectiveness),
-        indicators=tuple(_indicators(findings)),
+        limits=findings.limits,
+        indicators=tuple(indicators(findings)) if surfaces and surfaces.origin != "inferred" else (),
         provenance=origin,
         reason=reason,
         remedy=remedy,
@@ -108,27 +110,6 @@ def judged_axis(
 def _origin(surfaces: Surfaces) -> str:
     words = {"parameters": "the log's parameters", "profile": "the airframe profile"}
     return words.get(surfaces.origin, "inference from the flight's beginning")
-
-
-def _indicators(findings: AxisFindings) -> list[Indicator]:
-    """Return the gain itself, for comparison between flights: per metre of flight and full deflection."""
-    reference = findings.reference
-    if reference is None or findings.effectiveness is None:
-        return []
-    power, unit = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m")}[findings.axis]
-    scale = abs(reference.gain) / reference.speed**power
-    k = findings.effectiveness
-    value = Interval(**{name: float(f"{scale * number:.5g}") for name, number in k})
-    windows = max(findings.coverage.decidable // 10, 1)
-    return [
-        Indicator(
-            fault="gain",
-            quantity="control gain",
-            unit=unit,
-            value=value,
-            windows=windows,
-        )
-    ]
 
 
 def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Flight) -> tuple[str, str]:

@@ -20,7 +20,7 @@ from mavhums.health.slots import SENSED, Slots
 __all__ = ["EQUATION"]
 
 _V1, _V3 = column("V1"), column("V3")
-_MOVING_DEG_S = 5.0  # an angle's noise of 0.02° is 0.7 °/s between neighbours at 50 Hz
+_MOVING_DEG_S = 2.5  # an angle's noise of 0.02° is 0.7 °/s between neighbours at 50 Hz
 
 Array = NDArray[np.float64]
 
@@ -49,4 +49,5 @@ EQUATION = OwnEquation(
     min_flights=20,
     left=_error,
     speed=_speed,
+    by_activity=True,
 )

@@ -57,6 +57,9 @@ class OwnEquation:
         Returns the left side at all samples, shape (n,), NaN where it is not measured.
     speed
         Returns the speed at all samples; None if the profile rules it out.
+    by_activity
+        Whether the wear coefficient depends on how fast the commands change: a flight is then compared with
+        the baseline at its own acceleration.
     """
 
     name: str
@@ -69,3 +72,4 @@ class OwnEquation:
     min_flights: int
     left: Callable[[Actuator, Slots], Array]
     speed: Callable[[Actuator, Slots], Speed | None]
+    by_activity: bool = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 __all__ = ["eliminated", "full", "packed", "unpacked"]
 
 _NOTHING = 1e-10
+_ROUNDING = 1e-11
 
 Array = NDArray[np.float64]
 
@@ -33,10 +35,10 @@ def eliminated(gram: Array, columns: Sequence[int]) -> Array:
     >>> float(left[1, 2] / left[1, 1])
     2.0
     """
-    gram = gram.copy()
+    gram, least = gram.copy(), np.maximum(_ROUNDING * np.diag(gram), _NOTHING)
     for k in columns:
         pivot = gram[k, k]
-        if pivot > _NOTHING:
+        if pivot > least[k]:
             gram -= np.outer(gram[:, k], gram[k]) / pivot
         gram[k, :] = 0.0
         gram[:, k] = 0.0
@@ -45,11 +47,18 @@ def eliminated(gram: Array, columns: Sequence[int]) -> Array:
 
 def packed(gram: Array) -> list[float]:
     """Return the upper triangle, row by row, in nine significant digits."""
-    return [float(f"{number:.9g}") for number in gram[np.triu_indices(len(gram))]]
+    return [float(f"{number:.9g}") for number in gram[_upper(len(gram))].tolist()]
 
 
 def unpacked(numbers: Sequence[float], size: int) -> Array:
     """Return the matrix of an upper triangle."""
-    gram = np.zeros((size, size))
-    gram[np.triu_indices(size)] = numbers
-    return np.triu(gram) + np.triu(gram, 1).T
+    rows, columns = _upper(size)
+    gram = np.empty((size, size))
+    gram[rows, columns] = gram[columns, rows] = numbers
+    return gram
+
+
+@lru_cache
+def _upper(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    rows, columns = np.triu_indices(size)
+    return rows, columns

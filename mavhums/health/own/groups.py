@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,11 @@ Array = NDArray[np.float64]
 
 class Groups:
     """Collects the sums of windows.
+
+    Parameters
+    ----------
+    joined
+        Applied to the sums of a window before they are added to another's.
 
     Attributes
     ----------
@@ -29,7 +36,8 @@ class Groups:
     [40, 40, 40, 40, 40, 40, 40, 40, 40, 40]
     """
 
-    def __init__(self) -> None:
+    def __init__(self, joined: Callable[[Array], Array] = np.asarray) -> None:
+        self._joined = joined
         self.parts: list[tuple[int, Array]] = []
         self._of_part, self._in_part = 1, 0
 
@@ -39,11 +47,13 @@ class Groups:
             self._in_part = 0
             if len(self.parts) == _MOST:
                 pairs = zip(self.parts[::2], self.parts[1::2], strict=True)
-                self.parts = [(a + b, first + second) for (a, first), (b, second) in pairs]
+                self.parts = [self._sum(first, second) for first, second in pairs]
                 self._of_part *= 2
         if self._in_part == 0:
             self.parts.append((count, sums))
         else:
-            before = self.parts[-1]
-            self.parts[-1] = (before[0] + count, before[1] + sums)
+            self.parts[-1] = self._sum(self.parts[-1], (count, sums))
         self._in_part += 1
+
+    def _sum(self, one: tuple[int, Array], other: tuple[int, Array]) -> tuple[int, Array]:
+        return one[0] + other[0], self._joined(one[1]) + self._joined(other[1])

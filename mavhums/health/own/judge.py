@@ -13,8 +13,10 @@ from scipy.special import stdtrit
 
 from mavhums.core.conditions import Condition
 from mavhums.health.decision import FALSE_ALARMS, tail_of
+from mavhums.health.own.differences import Difference, differences
 from mavhums.health.own.equation import OwnEquation
-from mavhums.health.own.fit import Nuisances, Wear, learned, wear
+from mavhums.health.own.fit import Wear
+from mavhums.health.own.method import Individual, learned, wear
 from mavhums.health.own.past import PastRecord, compared
 from mavhums.health.random_effects import Population, population
 from mavhums.report.assessment import Interval, OwnRecord
@@ -23,8 +25,6 @@ __all__ = ["Comparison", "Since", "compare"]
 
 _WINDOW_S = 10.0
 _MOST_TAIL = 0.01
-_WARMTH_K = 5.0  # temperature difference among the flights from which the slope can be determined
-_BEYOND_K = 3.0
 _TRAILING = 100
 _LEAST_FLIGHTS = 4
 
@@ -91,7 +91,9 @@ def compare(
     needed = equation.min_flights
     reference, after = compared(equation, own, past)
     records = tuple(record for _, _, record in reference)
-    healthy = _Healthy.of(records, own.temperature_c is not None) if len(records) >= needed else None
+    healthy = (
+        _Healthy.of(equation, records, own.temperature_c is not None) if len(records) >= needed else None
+    )
     if healthy is None or healthy.shown < needed:
         flights = sum(wear(record, None) is not None for record in records)
         alone = wear(own, None)
@@ -120,17 +122,17 @@ def compare(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Healthy:
-    """The reference flights: their population, and their temperatures if these are used."""
+    """The reference flights: their population, and their known differences."""
 
-    nuisances: Nuisances
+    nuisances: Individual
     flights: Population
-    warmth: tuple[float, float, float] | None
+    differences: tuple[Difference, ...]
     sign: float
     shown: int
 
     @classmethod
     @lru_cache(maxsize=1024)
-    def of(cls, records: tuple[OwnRecord, ...], warm: bool) -> _Healthy | None:
+    def of(cls, equation: OwnEquation, records: tuple[OwnRecord, ...], warm: bool) -> _Healthy | None:
         """Learn from reference flights; ``warm`` is True if the flight's temperature is known."""
         nuisances = learned(records)
         shown = [(w, r) for r in records if (w := wear(r, nuisances))]
@@ -138,28 +140,16 @@ class _Healthy:
             return None
         values = np.array([w.value for w, _ in shown])
         errors = np.array([w.error for w, _ in shown])
-        told = [r.temperature_c for _, r in shown if r.temperature_c is not None]
-        design = np.ones((len(values), 1))
-        warmth = None
-        if warm and len(told) == len(shown) and np.ptp(told) >= _WARMTH_K:
-            warmth = (float(np.mean(told)), min(told), max(told))
-            design = np.column_stack([design, np.array(told) - warmth[0]])
-        flights = population(design, values, errors)
-        return cls(nuisances, flights, warmth, float(np.sign(flights.coefficients[0])) or 1.0, len(shown))
+        known = tuple(differences(equation, [r for _, r in shown], warm=warm))
+        flights = population(np.array([_row(known, r) for _, r in shown]), values, errors)
+        return cls(nuisances, flights, known, float(np.sign(flights.coefficients[0])) or 1.0, len(shown))
 
     def _row(self, record: OwnRecord) -> Array:
-        if self.warmth is None or record.temperature_c is None:
-            return np.array([1.0, 0.0])[: len(self.flights.coefficients)]
-        return np.array([1.0, record.temperature_c - self.warmth[0]])
+        return _row(self.differences, record)
 
     def beyond(self, record: OwnRecord) -> str:
-        """Return ``colder`` or ``warmer`` where the slope would be extrapolated."""
-        if self.warmth is None or record.temperature_c is None:
-            return ""
-        _, coldest, warmest = self.warmth
-        if record.temperature_c < coldest - _BEYOND_K:
-            return "colder"
-        return "warmer" if record.temperature_c > warmest + _BEYOND_K else ""
+        """Return the comparative of a flight to which the reference flights would be extrapolated."""
+        return next((word for known in self.differences if (word := known.beyond(record))), "")
 
     def mean(self, record: OwnRecord) -> float:
         """Return the expected value of a flight."""
@@ -201,6 +191,10 @@ class _Healthy:
                 break
             first = Since(number, date)
         return first
+
+
+def _row(known: Sequence[Difference], record: OwnRecord) -> Array:
+    return np.array([1.0, *(one.at(record) for one in known)])
 
 
 def _still(equation: OwnEquation, flights: int) -> Comparison:

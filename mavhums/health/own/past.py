@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import NamedTuple
 
 from mavhums.health.own.equation import OwnEquation
-from mavhums.health.own.fit import shows
+from mavhums.health.own.method import shows
 from mavhums.report.assessment import OwnRecord
 
 __all__ = ["REFERENCE_FLIGHTS", "PastRecord", "PastSource", "compared", "record_of"]

@@ -10,7 +10,7 @@ from mavhums.health.normal_equations import row_length, sums_of_slots
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.grams import eliminated, full, packed
 from mavhums.health.own.groups import Groups
-from mavhums.health.own.terms import ANGLE, LOAD, ONE, PRESSURE, TERMS, Turned, terms
+from mavhums.health.own.terms import ANGLE, LOAD, ONE, PRESSURE, TERMS, Terms, Turned, terms
 from mavhums.health.slots import Slots
 from mavhums.health.windows import WINDOW_SLOTS
 from mavhums.report.assessment import OwnRecord
@@ -34,12 +34,15 @@ class OwnSums:
         The equation, and the actuator of the flight.
     """
 
+    width = len(TERMS)
+    """Number of terms whose products are summed."""
+
     def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
         self._equation, self._actuator = equation, actuator
         self._turned = Turned()
         self._window: int | None = None
-        self._row = np.zeros(row_length(len(TERMS)))
-        self._groups = Groups()
+        self._row = np.zeros(row_length(self.width))
+        self._groups = Groups(self.joined)
         self._span, self._samples = 0.0, 0
         self._pressure = False
 
@@ -48,9 +51,10 @@ class OwnSums:
         told = terms(self._equation, self._actuator, slots, self._turned)
         if told is None:
             return
-        rows = sums_of_slots(told.X, told.y, told.usable, slots.start)
         time_s = slots.time_s[slots.judged]
         seen = np.isfinite(told.y) & np.isfinite(told.X[:, 1])
+        told = self.expanded(told)
+        rows = sums_of_slots(told.X, told.y, told.usable, slots.start)
         ends = np.append(slots.start[1:], time_s.size)
         for k, index in enumerate(slots.index.tolist()):
             if index // WINDOW_SLOTS != self._window:
@@ -93,6 +97,20 @@ class OwnSums:
         """Rate of the samples that carry the left side."""
         return self._samples / self._span if self._span > 0.0 else 0.0
 
+    def expanded(self, told: Terms) -> Terms:
+        """Return the terms whose products are summed."""
+        return told
+
+    def in_window(self, gram: Array) -> Array:
+        """Return a window's sums without its own offset."""
+        self._pressure |= bool(gram[PRESSURE, PRESSURE] > 0.0)
+        free = [ONE] if self._turned.source == "V3" else [ONE, PRESSURE]
+        return eliminated(gram, free)[np.ix_(_COLUMNS, _COLUMNS)]
+
+    def joined(self, sums: Array) -> Array:
+        """Return a window's sums as they are added to those of other windows."""
+        return sums
+
     def _setup(self) -> str:
         """Return the measurement set-up as text; only flights with the same set-up are compared."""
         angle = self._turned.source or "speed"
@@ -109,7 +127,4 @@ class OwnSums:
         """Return the sums of the open window, without its own offset."""
         if self._row[0] < 1.0:
             return None
-        gram = full(self._row, len(TERMS))
-        self._pressure |= bool(gram[PRESSURE, PRESSURE] > 0.0)
-        free = [ONE] if self._turned.source == "V3" else [ONE, PRESSURE]
-        return int(self._row[0]), eliminated(gram, free)[np.ix_(_COLUMNS, _COLUMNS)]
+        return int(self._row[0]), self.in_window(full(self._row, self.width))

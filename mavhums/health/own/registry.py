@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mavhums.health.equations import own_current, own_tracking
+from mavhums.health.equations import own_current, own_power, own_tracking
 from mavhums.health.own.equation import OwnEquation
 from mavhums.report.assessment import OwnRecord
 
 __all__ = ["EQUATIONS", "comparable", "inspected"]
 
-EQUATIONS: tuple[OwnEquation, ...] = (own_current.EQUATION, own_tracking.EQUATION)
+EQUATIONS: tuple[OwnEquation, ...] = (
+    own_current.EQUATION,
+    own_power.EQUATION,
+    own_tracking.EQUATION,
+)
 
 
 def comparable(records: Sequence[OwnRecord]) -> bool:

@@ -7,12 +7,15 @@ import time
 import numpy as np
 import pytest
 
-from mavhums.health.axis.detector import Limits, detectors, to_inspect
+from mavhums.health.axis.detector import detectors, to_inspect
 from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.report.axis_limits import AxisLimits
 from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
 
 
-@pytest.mark.parametrize("detector", detectors(Limits()), ids=lambda d: type(d).__module__.rsplit(".", 1)[-1])
+@pytest.mark.parametrize(
+    "detector", detectors(AxisLimits()), ids=lambda d: type(d).__module__.rsplit(".", 1)[-1]
+)
 def test_every_detector_says_what_to_inspect(detector: object) -> None:
     assert set(detector.axes) <= {"roll", "pitch", "yaw"}  # type: ignore[attr-defined]
     for fault in detector.inspect:  # type: ignore[attr-defined]

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar, Final
 
-from mavhums.health.axis.detector import Limits, Seen, Shown
+from mavhums.health.axis.detector import Seen, Shown
 from mavhums.health.axis.effectiveness import SHIFT_FLOOR
 from mavhums.health.axis.persistence import Persistent
 from mavhums.health.axis.residual import Residual
 from mavhums.health.axis.tracking import SideForce
+from mavhums.report.axis_limits import AxisLimits
 
 __all__ = ["Detector"]
 
@@ -30,8 +31,8 @@ class Detector:
         "hard_over": "for a surface that stands deflected: its servo, its linkage, its trim"
     }
 
-    def __init__(self, limits: Limits) -> None:
-        self._limit = limits.hard_over
+    def __init__(self, limits: AxisLimits) -> None:
+        self._limit = limits.trim_deviations
         self._side = Residual(SideForce())
         self._persistent = Persistent(self._limit)
 

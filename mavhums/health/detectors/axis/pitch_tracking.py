@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mavhums.health.axis.detector import Limits
 from mavhums.health.axis.tracking import PitchTracking
 from mavhums.health.axis.tracking_detector import TrackingDetector
+from mavhums.report.axis_limits import AxisLimits
 
 __all__ = ["Detector"]
 
@@ -16,5 +16,5 @@ class Detector(TrackingDetector):
 
     axes: ClassVar[tuple[str, ...]] = ("pitch",)
 
-    def __init__(self, limits: Limits) -> None:
-        super().__init__("pitch", PitchTracking(), limits.pitch_tracking)
+    def __init__(self, limits: AxisLimits) -> None:
+        super().__init__("pitch", PitchTracking(), limits.pitch_tracking_deviations)

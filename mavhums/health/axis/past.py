@@ -1,0 +1,205 @@
+"""Compares an axis with the same aircraft's earlier flights: a pure function of stored numbers.
+
+The reference of a flight cannot show a fault that was there from the start. Its control effectiveness, lag
+and trim are therefore compared with those of the earlier healthy flights. A difference counts if it is
+certain, given the errors and the scatter between flights, and beyond the limit of the profile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Final
+
+from scipy.special import stdtr, stdtrit
+
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.baseline import Baseline
+from mavhums.health.decision import FALSE_ALARMS, tail_of
+from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
+from mavhums.report.axis_limits import AxisLimits
+
+__all__ = ["LEAST_FLIGHTS", "LOSSES", "against_flights"]
+
+LEAST_FLIGHTS: Final = 5
+"""Fewer flights tell too little about their scatter."""
+
+LOSSES: Final = ("effectiveness", "manoeuvre")
+"""Faults whose indicators fall as the fault grows."""
+
+_NORMAL_95: Final = 1.96
+_WINDOW_S: Final = 10.0
+_MOST_TAIL: Final = 0.01
+_TESTS: Final = 4  # of an axis: gain, manoeuvre, lag, trim
+
+
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """An indicator beside its baseline: the difference, its standard error and its degrees of freedom."""
+
+    indicator: Indicator
+    baseline: Baseline
+    difference: float
+    error: float
+    freedom: float
+
+    @classmethod
+    def of(cls, indicator: Indicator, baseline: Baseline) -> _Compared:
+        value = indicator.value
+        own = ((value.high - value.low) / 2 / _NORMAL_95) ** 2
+        between = baseline.flight_variance
+        freedom = (own + between) ** 2 / (
+            own**2 / max(indicator.windows - 1, 1) + between**2 / baseline.certainty
+        )
+        return cls(
+            indicator, baseline, value.estimate - baseline.mean, max(own + between, 1e-24) ** 0.5, freedom
+        )
+
+    @property
+    def ratio(self) -> float:
+        return self.difference / self.error
+
+    @property
+    def share(self) -> Interval:
+        """Return the quantity as a share of its baseline, with its 95 % interval."""
+        mean = self.baseline.mean
+        k = self.indicator.value.estimate / mean
+        half = float(stdtrit(self.freedom, 0.975)) * self.error / abs(mean)
+        return Interval(estimate=round(k, 3), low=round(k - half, 3), high=round(k + half, 3))
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A difference from the earlier flights that counts."""
+
+    fault: str
+    condition: Condition
+    value: float
+    limit: float
+    rule: str
+    confidence: float
+    effectiveness: Interval | None = None
+
+
+def against_flights(
+    verdict: Verdict,
+    baselines: Mapping[str, Baseline],
+    *,
+    start_utc: datetime,
+    end_s: float,
+    false_alarms: float = FALSE_ALARMS,
+) -> Verdict:
+    """Return the verdict on an axis after the comparison with the aircraft's earlier flights.
+
+    Parameters
+    ----------
+    verdict
+        Verdict on the flight alone.
+    baselines
+        Baselines of the axis's indicators, by fault.
+    start_utc, end_s
+        Start of flight time, and the end of the log in flight time.
+    false_alarms
+        Allowed false alarms per 100 hours of the axis.
+    """
+    compared = [
+        _Compared.of(shown, baselines[shown.fault])
+        for shown in verdict.indicators
+        if shown.fault in baselines
+    ]
+    if not compared:
+        return verdict
+    known = {one.indicator.fault: one.baseline for one in compared}
+    verdict = verdict.model_copy(
+        update={"indicators": tuple(_beside(shown, known.get(shown.fault)) for shown in verdict.indicators)}
+    )
+    seconds = max(verdict.coverage.windows, _WINDOW_S)
+    tail = min(tail_of(false_alarms) * seconds / _WINDOW_S, _MOST_TAIL) / _TESTS
+    seen = {item.kind for item in verdict.evidence}
+    found = [one for one in _found(compared, verdict.limits or AxisLimits(), tail) if one.fault not in seen]
+    return _judged(verdict, found, start_utc, end_s) if found else verdict
+
+
+def _beside(shown: Indicator, baseline: Baseline | None) -> Indicator:
+    if baseline is None:
+        return shown
+    expected = Interval(**{name: float(f"{number:.5g}") for name, number in baseline.prediction()})
+    return shown.model_copy(update={"baseline": expected, "baseline_flights": baseline.flights})
+
+
+def _found(compared: list[_Compared], limits: AxisLimits, tail: float) -> Iterator[_Found]:
+    """Yield the differences that are certain and beyond the limits: of the gains the most certain one."""
+    lost = [one for one in compared if one.indicator.fault in LOSSES and one.baseline.mean > 0]
+    losses = [loss for one in lost if (loss := _loss(one, limits, tail))]
+    yield from sorted(losses, key=lambda loss: loss.value)[:1]
+    for one in compared:
+        bound = float(stdtrit(one.freedom, 1.0 - tail))
+        size, flights = one.difference, one.baseline.flights
+        if one.indicator.fault == "slow" and size >= limits.lag_s and one.ratio > bound:
+            rule = (
+                f"degraded: answers {size:.1f} s later than in {flights} earlier flights, from the start on"
+            )
+            yield _Found("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
+        if one.indicator.fault == "hard_over" and abs(size) >= limits.trim_shift and abs(one.ratio) > bound:
+            way = "right" if size > 0 else "left"
+            rule = (
+                f"degraded: needs {100 * abs(size):.0f} % of the full demand more to the {way} than in "
+                f"{flights} earlier flights to keep its wings level, from the start on"
+            )
+            yield _Found("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
+
+
+def _loss(one: _Compared, limits: AxisLimits, tail: float) -> _Found | None:
+    """Return a certain loss of effectiveness; None if there is none."""
+    share = one.share
+    k = share.estimate
+    if -one.ratio <= float(stdtrit(one.freedom, 1.0 - tail)) or k >= limits.effectiveness_degraded:
+        return None
+    grave = k <= limits.effectiveness_emergency
+    condition: Condition = "emergency" if grave else "degraded"
+    limit = limits.effectiveness_emergency if grave else limits.effectiveness_degraded
+    what = "control effectiveness" if one.indicator.fault == "effectiveness" else one.indicator.quantity
+    rule = (
+        f"{condition}: {100 * max(k, 0.0):.0f} % of the {what} of {one.baseline.flights} earlier flights "
+        "is left, from the start on"
+    )
+    return _Found("effectiveness", condition, k, limit, rule, _confidence(one), share)
+
+
+def _confidence(one: _Compared) -> float:
+    return round(min(float(stdtr(one.freedom, abs(one.ratio))), 0.9999), 4)
+
+
+def _judged(verdict: Verdict, found: list[_Found], start_utc: datetime, end_s: float) -> Verdict:
+    """Return a verdict with the findings; what they say holds from the start of the flight on."""
+    worst = max((one.condition for one in found), key=SEVERITY.__getitem__)
+    decided = SEVERITY[worst] >= SEVERITY[verdict.condition]
+    suspects = {one.fault: one.confidence for one in verdict.suspects} | {
+        one.fault: one.confidence for one in found
+    }
+    evidence = [
+        Evidence(
+            kind=one.fault,
+            start_s=0.0,
+            end_s=end_s,
+            value=round(one.value, 4),
+            limit=one.limit,
+            rule=one.rule,
+        )
+        for one in found
+    ]
+    effectiveness = next((one.effectiveness for one in found if one.effectiveness), verdict.effectiveness)
+    changes: dict[str, object] = {
+        "worst": max(verdict.worst, worst, key=SEVERITY.__getitem__),
+        "suspects": tuple(
+            Suspect(fault=fault, confidence=sure)
+            for fault, sure in sorted(suspects.items(), key=lambda each: -each[1])
+        ),
+        "evidence": (*evidence, *verdict.evidence),
+        "effectiveness": effectiveness,
+    }
+    if decided:
+        since = Since(flight_time_s=0.0, utc=start_utc.astimezone(UTC).isoformat())
+        changes |= {"condition": worst, "since": since, "reason": None, "remedy": None}
+    return verdict.model_copy(update=changes)

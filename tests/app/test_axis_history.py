@@ -1,0 +1,164 @@
+"""An axis against the same aircraft's earlier flights, from logs to the verdict."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from mavhums import Engine, analyse
+from mavhums.app.analysis import analyse_alone
+from mavhums.app.options import Options
+from mavhums.cli.main import cli
+from mavhums.health.baseline import Baseline
+from mavhums.history.comparison import compared, packed, unpacked
+from mavhums.history.files import keep_assessment, read_history
+from mavhums.history.trends import trend_report
+from mavhums.report.assessment import Assessment, Verdict
+from tests.engine.test_axes import flown
+
+GAINS = (2.15, 2.3, 2.1, 2.25, 2.2, 2.05)
+STRICT = """name = "own"
+[axes]
+effectiveness_emergency = 0.3
+[[actuators]]
+name = "aileron"
+servo = 1
+pwm_us = [1000, 1500, 2000]
+"""
+
+
+def roll(assessment: Assessment) -> Verdict:
+    return next(verdict for verdict in assessment.verdicts if verdict.actuator == "roll")
+
+
+def log(folder: Path, day: int, **given: float) -> Path:
+    path = folder / f"{day}.tlog"
+    path.write_bytes(flown(110, left=1.0, day=day, **given))  # type: ignore[arg-type]
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six healthy flights, and their assessments."""
+    logs = tmp_path_factory.mktemp("axes")
+    for day, gain in enumerate(GAINS):
+        keep_assessment(analyse(log(logs, day, gain=gain)), logs / "flights")
+    return logs
+
+
+def judged(folder: Path, path: Path) -> Assessment:
+    return analyse(path, Options(history=folder / "flights"))
+
+
+def test_a_loss_from_the_start_is_found_against_the_history(folder: Path) -> None:
+    path = log(folder, 30, gain=1.1)
+    alone = roll(analyse(path))
+    assert (alone.condition, alone.worst) == ("normal", "normal"), "its own reference has lost as much"
+    verdict = roll(judged(folder, path))
+    assert (verdict.condition, verdict.worst) == ("emergency", "emergency")
+    assert verdict.since is not None
+    assert verdict.since.flight_time_s == 0.0
+    assert verdict.effectiveness is not None
+    assert verdict.effectiveness.estimate == pytest.approx(0.5, abs=0.06)
+    assert verdict.effectiveness.low < 0.5 < verdict.effectiveness.high
+    assert verdict.suspects[0].fault == "effectiveness"
+    assert "50 % of" in verdict.evidence[0].rule or "51 % of" in verdict.evidence[0].rule
+    assert "6 earlier flights" in verdict.evidence[0].rule
+
+
+def test_a_healthy_flight_is_normal_beside_its_baseline(folder: Path) -> None:
+    verdict = roll(judged(folder, log(folder, 31, gain=2.12)))
+    assert (verdict.condition, verdict.worst) == ("normal", "normal")
+    gain = next(one for one in verdict.indicators if one.fault == "effectiveness")
+    assert gain.baseline is not None
+    assert gain.baseline.low < gain.value.estimate < gain.baseline.high
+    assert (gain.baseline_flights, gain.needed_flights) == (6, 5)
+
+
+def test_a_surface_that_stands_deflected_from_the_start_is_found(folder: Path) -> None:
+    verdict = roll(judged(folder, log(folder, 32, trim=0.2)))
+    assert (verdict.condition, verdict.suspects[0].fault) == ("degraded", "hard_over")
+    assert "20 % of the full demand more to the right" in verdict.evidence[0].rule
+
+
+def test_a_loss_in_the_flight_stays_one_finding(folder: Path) -> None:
+    path = folder / "mid.tlog"
+    path.write_bytes(flown(150, day=33))
+    verdict = roll(judged(folder, path))
+    assert verdict.condition == "emergency"
+    assert [one.kind for one in verdict.evidence].count("effectiveness") == 1
+    assert verdict.since is not None
+    assert verdict.since.flight_time_s > 60
+
+
+def test_four_flights_are_no_baseline(folder: Path, tmp_path: Path) -> None:
+    for file in sorted((folder / "flights").glob("*.json"))[:4]:
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    verdict = roll(analyse(log(folder, 34, gain=1.1), Options(history=tmp_path)))
+    assert verdict.condition == "normal"
+    assert all(one.baseline is None for one in verdict.indicators)
+
+
+def test_outputs_that_were_inferred_are_not_compared(tmp_path: Path) -> None:
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(flown(110, left=1.0, parameters=False))
+    verdict = roll(analyse(path))
+    assert verdict.provenance
+    assert not verdict.indicators
+
+
+def test_the_limits_are_those_of_the_profile(tmp_path: Path) -> None:
+    profile = tmp_path / "own.toml"
+    profile.write_text(STRICT)
+    options = Options(airframe=profile)
+    for day, gain in enumerate(GAINS):
+        keep_assessment(analyse(log(tmp_path, day, gain=gain), options), tmp_path / "flights")
+    verdict = roll(analyse(log(tmp_path, 30, gain=1.1), replace(options, history=tmp_path / "flights")))
+    assert verdict.condition == "degraded"
+    assert verdict.limits is not None
+    assert verdict.limits.effectiveness_emergency == 0.3
+
+
+def test_in_flight_and_afterwards_the_past_says_the_same(folder: Path) -> None:
+    path = log(folder, 35, gain=1.1)
+    baselines = {
+        (1, "roll", fault): Baseline(mean, 0.02 * mean, 12, 0.03 * mean, 0.05 * mean)
+        for fault, mean in (("effectiveness", 0.122), ("slow", 0.1), ("hard_over", 0.01))
+    }
+    options = replace(Options().resolved(), baselines=baselines)
+    engine = Engine(options)
+    engine.feed(path.read_bytes())
+    engine.finish()
+    later = compared(unpacked(packed(analyse_alone(path, options))), baselines)
+    assert later.verdicts == engine.assessment(str(path)).verdicts
+    assert roll(later).condition == "emergency"
+
+
+def test_trend_shows_the_axes(folder: Path) -> None:
+    shown = CliRunner().invoke(cli, ["trend", str(folder / "flights"), "--json"])
+    trends = {(one["actuator"], one["fault"]): one for one in json.loads(shown.output)["trends"]}
+    gain = trends["roll", "effectiveness"]
+    assert (gain["quantity"], gain["unit"], len(gain["points"])) == ("control gain", "rad/m", 6)
+    assert gain["points"][0]["value"]["estimate"] == pytest.approx(2.15 / 18, rel=0.05)
+    assert gain["baseline"]["low"] < 0.122 < gain["baseline"]["high"]
+    table = CliRunner().invoke(cli, ["trend", str(folder / "flights")])
+    assert "control gain, rad/m" in table.output
+
+
+def test_the_remaining_life_of_a_declining_gain_is_told(tmp_path: Path) -> None:
+    for day, share in enumerate((1.0, 1.01, 0.99, 1.0, 1.0, 0.97, 0.94, 0.91, 0.88, 0.85, 0.82, 0.8)):
+        path = log(tmp_path, day, gain=2.2 * share)
+        keep_assessment(analyse(path), tmp_path / "flights")
+    report = trend_report(read_history(tmp_path / "flights"), faults=["effectiveness"])
+    gain = next(one for one in report.trends if one.actuator == "roll")
+    assert gain.subject == "axis"
+    assert gain.baseline is not None
+    assert gain.emergency == pytest.approx(0.65 * gain.baseline.estimate)
+    assert gain.per_flight is not None
+    assert gain.per_flight.high < 0
+    assert gain.change is not None
+    assert gain.change.estimate < 0

@@ -1,0 +1,102 @@
+"""Limits from the profile decide, and the effectiveness shown is that of the present condition."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import ProfileError
+from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.report.axis_limits import AxisLimits
+from tests.health.axis.flights import changes_of, rolling
+
+PROFILE = """name = "own"
+[axes]
+{axes}
+[[actuators]]
+name = "left aileron"
+servo = 1
+pwm_us = [1100, 1500, 1900]
+"""
+
+
+def profile(folder: Path, axes: str) -> Path:
+    path = folder / "own.toml"
+    path.write_text(PROFILE.format(axes=axes))
+    return path
+
+
+def test_a_profile_changes_the_limits_it_names(tmp_path: Path) -> None:
+    found = load_airframe(profile(tmp_path, "effectiveness_emergency = 0.4\nlag_s = 0.6")).axes
+    assert found == AxisLimits(effectiveness_emergency=0.4, lag_s=0.6)
+    assert load_airframe("paper").axes == AxisLimits()
+
+
+@pytest.mark.parametrize(
+    ("axes", "said", "remedy"),
+    [
+        ("effectiveness = 0.5", "own.toml:3: axes.effectiveness: no such key", "did you mean effectiveness_"),
+        (
+            "effectiveness_emergency = 0.9",
+            "own.toml:2: axes: effectiveness_emergency must lie below",
+            "paper",
+        ),
+        ("effectiveness_degraded = 1.5", "own.toml:3: axes.effectiveness_degraded", "mend the value 1.5"),
+        ("lag_s = 0.0", "own.toml:3: axes.lag_s", "mend the value 0.0"),
+        ("lag_s = nan", "own.toml:3: axes.lag_s", "mend the value nan"),
+        ("trim_deviations = 1", "own.toml:3: axes.trim_deviations", "mend the value 1"),
+    ],
+)
+def test_a_wrong_limit_is_named_with_its_line(tmp_path: Path, axes: str, said: str, remedy: str) -> None:
+    with pytest.raises(ProfileError, match=re.escape(said)) as raised:
+        load_airframe(profile(tmp_path, axes))
+    assert remedy in str(raised.value.remedy)
+
+
+@pytest.mark.parametrize(("limit", "condition"), [(0.65, "emergency"), (0.3, "degraded")])
+def test_the_limit_decides_between_degraded_and_emergency(limit: float, condition: str) -> None:
+    monitor = AxisMonitor(1, AxisLimits(effectiveness_emergency=limit))
+    changes_of(monitor, rolling(180, lambda t: 2.2 * np.where(t >= 100, 0.5, 1.0)))
+    assert monitor.findings("roll").worst == condition
+    assert monitor.findings("roll").limits.effectiveness_emergency == limit
+
+
+def test_a_tolerant_limit_tolerates_a_weaker_surface() -> None:
+    flight = rolling(240, lambda t: 2.2 * np.where(t >= 100, 0.7, 1.0))
+    strict, tolerant = (
+        AxisMonitor(1, AxisLimits(effectiveness_degraded=d, effectiveness_emergency=0.3)) for d in (0.8, 0.5)
+    )
+    changes_of(strict, flight)
+    changes_of(tolerant, flight)
+    assert (strict.findings("roll").worst, tolerant.findings("roll").worst) == ("degraded", "normal")
+
+
+@settings(max_examples=8, deadline=None)
+@given(left=st.floats(0.0, 0.6), at_s=st.integers(70, 110), seconds=st.integers(25, 70))
+def test_table_and_reason_name_the_same_figure(left: float, at_s: int, seconds: int) -> None:
+    monitor = AxisMonitor(1)
+    changes_of(monitor, rolling(at_s + seconds, lambda t: 2.2 * np.where(t >= at_s, left, 1.0)))
+    found = monitor.findings("roll")
+    if found.condition != "emergency" or found.suspects[0].fault != "effectiveness":
+        return
+    assert found.effectiveness is not None
+    assert found.effectiveness.estimate == pytest.approx(left, abs=0.12)
+    assert found.effectiveness.low <= left <= found.effectiveness.high
+    [loss] = [one for one in found.evidence if one.kind == "effectiveness"]
+    assert f"{100 * max(found.effectiveness.estimate, 0.0):.0f} % of" in loss.rule
+
+
+def test_after_recovery_the_figure_is_that_of_the_sound_axis() -> None:
+    monitor = AxisMonitor(1)
+    lost = lambda t: 2.2 * np.where((t >= 100) & (t < 160), 0.4, 1.0)  # noqa: E731
+    changes_of(monitor, rolling(300, lost))
+    found = monitor.findings("roll")
+    assert (found.condition, found.worst) == ("normal", "emergency")
+    assert found.effectiveness is not None
+    assert found.effectiveness.estimate == pytest.approx(1.0, abs=0.1)
