@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, JSON, KEY, PATH
+from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, JSON, KEY, PATH, REPAIRS
 from mavhums.cli.output import say, say_json
 from mavhums.core.errors import ExitCode
 
 if TYPE_CHECKING:
+    from mavhums.fleet import Repair
     from mavhums.fleet.queries import Worst
 
 __all__ = ["fleet"]
@@ -50,6 +51,7 @@ def fleet() -> None:
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
 @DIALECT
 @FALSE_ALARMS
+@REPAIRS
 @KEY
 @JSON
 def scan(
@@ -62,6 +64,7 @@ def scan(
     model: str | None,
     dialect: Path | None,
     false_alarms: float,
+    dates: tuple[tuple[str | None, datetime], ...],
     key: Path | None,
     as_json: bool,
 ) -> None:
@@ -79,7 +82,13 @@ def scan(
     from mavhums.fleet import scan as scan_logs
 
     judging = Options(airframe=airframe, model=model, dialect=dialect, false_alarms=false_alarms, key=key)
-    options = ScanOptions(judging=judging, aircraft=aircraft, workers=workers, scheduler=scheduler)
+    options = ScanOptions(
+        judging=judging,
+        aircraft=aircraft,
+        workers=workers,
+        scheduler=scheduler,
+        repairs=[_repair(name, at) for name, at in dates],
+    )
     done = scan_logs(sources, store, options, progress=_Told())
     if as_json:
         say_json(_line(done._asdict()))
@@ -164,6 +173,14 @@ def export(store: str, output: Path) -> None:
     from mavhums.fleet import export as export_to
 
     say(f"{output}: {len(export_to(store, output))} verdicts")
+
+
+def _repair(name: str | None, at: datetime) -> Repair:
+    """Return the repair that ``AIRCRAFT/ACTUATOR``, ``AIRCRAFT/`` or ``ACTUATOR`` names; None names all."""
+    from mavhums.fleet import Repair
+
+    aircraft, _, actuator = (name or "").rpartition("/")
+    return Repair(aircraft or None, actuator or None, at)
 
 
 class _Told:

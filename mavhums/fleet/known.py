@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from typing import Any
 
+from mavhums.fleet.repairs import Repairs
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
-from mavhums.history.flights import FlightHistory, PastFlight, is_healthy
+from mavhums.history.flights import FlightHistory, PastFlight, Since, is_healthy
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import CLOCKS_APART_S
 
@@ -30,15 +31,23 @@ class _Group:
     flights: list[PastFlight] = field(default_factory=list)
     wanted: bool = False
 
-    def shown(self) -> set[_Key]:
+    def shown(self, since: Since) -> set[_Key]:
         """Return the indicators of which one is certain to be a reference: all recordings show them."""
-        return set.intersection(*(set(_shown(flight.assessment)) for flight in self.flights))
+        return set.intersection(*(set(_shown(flight, since)) for flight in self.flights))
 
 
 class Known:
-    """The flights so far, in time order."""
+    """The flights so far, in time order.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    repairs
+        Dates from which an actuator's flights count, for those that begin on or after such a date.
+    """
+
+    def __init__(self, repairs: Repairs = ()) -> None:
+        self._repairs = sorted(repairs, key=lambda repair: repair.at)
+        self._since: dict[str | None, datetime] = {}
         self._references: list[PastFlight] = []
         self._open: list[_Group] = []
         self._counts: Counter[_Key] = Counter()
@@ -47,20 +56,23 @@ class Known:
     def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
         """Return the same as :meth:`mavhums.history.flights.FlightHistory.baselines` for all flights."""
         recent = (flight for group in self._open for flight in group.flights)
-        return FlightHistory((*self._references, *recent)).baselines(airframe, before)
+        self._pass(before)
+        return FlightHistory((*self._references, *recent)).baselines(airframe, before, self._since)
 
     def past(
         self, airframe: str | None, before: datetime | None
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
         """Return the same as :meth:`mavhums.history.flights.FlightHistory.past` for all flights."""
-        return FlightHistory(tuple(self._slim)).past(airframe, before)
+        self._pass(before)
+        return FlightHistory(tuple(self._slim)).past(airframe, before, self._since)
 
     def add(self, flown: PastFlight) -> None:
         """Take the next flight."""
         self._close(flown.start - _ENDED)
+        self._pass(flown.start)
         same = [group for group in self._open if _is_near(flown, group.flights)]
         group = _Group([flown])
-        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in _shown(flown.assessment))
+        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in _shown(flown, self._since))
         for other in same:
             group.flights += other.flights
             group.wanted |= other.wanted
@@ -83,11 +95,19 @@ class Known:
             copies[key] = {name: row[name] for name in ("aircraft", "path", "sha256", "vehicle")} | taken
         return counted, [*copies.values()]
 
+    def _pass(self, time: datetime | None) -> None:
+        """Let the repairs before a time begin new baselines."""
+        while time is not None and self._repairs and self._repairs[0].at <= time:
+            repair = self._repairs.pop(0)
+            self._since[repair.actuator] = repair.at
+            for key in [key for key in self._counts if repair.actuator in (None, key[2])]:
+                del self._counts[key]
+
     def _close(self, ended: datetime) -> None:
         """Keep or drop the flights to which no recording can be added."""
         for group in [each for each in self._open if all(flight.end < ended for flight in each.flights)]:
             self._open.remove(group)
-            self._counts.update(group.shown())
+            self._counts.update(group.shown(self._since))
             self._references += group.flights if group.wanted else ()
 
 
@@ -101,11 +121,11 @@ def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
     )
 
 
-def _shown(assessment: Assessment) -> Iterator[_Key]:
-    for verdict in assessment.verdicts:
-        if is_healthy(verdict):
+def _shown(flight: PastFlight, since: Since) -> Iterator[_Key]:
+    for verdict in flight.assessment.verdicts:
+        if is_healthy(verdict) and flight.counts(verdict.actuator, since):
             for shown in verdict.indicators:
-                yield assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault
+                yield flight.assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault
 
 
 def _slim(assessment: Assessment) -> Assessment:

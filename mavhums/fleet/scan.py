@@ -17,6 +17,7 @@ from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.fleet.aircraft import hold_rule
 from mavhums.fleet.past import hold_against_past
+from mavhums.fleet.repairs import Repairs, add_repairs
 from mavhums.fleet.rows import LogFile, Row, crashed, judge_several, settings_of
 from mavhums.fleet.store import Store
 
@@ -52,12 +53,16 @@ class ScanOptions:
     scheduler
         Address of a Dask scheduler whose workers judge instead, such as ``tcp://10.0.0.1:8786``. They must
         have logs and profiles under the same paths.
+    repairs
+        Dates from which actuators' flights count. The store keeps them; a new one changes the verdicts of
+        its aircraft without opening a log.
     """
 
     judging: Options = field(default_factory=Options)
     aircraft: str | None = None
     workers: int = 1
     scheduler: str | None = None
+    repairs: Repairs = ()
 
 
 class Scanned(NamedTuple):
@@ -114,7 +119,7 @@ def scan(
     with kept.locked():
         known = kept.known()
         new = [file for file in files if known.get(file) != settings]
-        commits = _Commits(kept)
+        commits = _Commits(kept, add_repairs(kept, options.repairs))
         try:
             if new:
                 with _cluster(options) as client:
@@ -162,12 +167,12 @@ def _file(path: Path) -> LogFile:
 class _Commits:
     """Collects rows and commits them in blocks; at the end, commits the verdicts of their aircraft."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, aircraft: Iterable[str]) -> None:
         self.judged = self.failed = 0
         self._store = store
         self._rows: list[Row] = []
         self._since_s = monotonic()
-        self._aircraft: set[str] = set()
+        self._aircraft = set(aircraft)
 
     def add(self, row: Row) -> None:
         self._rows.append(row)

@@ -125,7 +125,11 @@ class Store:
         """Commit logs, in one transaction."""
         now = time.time_ns()
         told = [row._asdict() | {"scanned": now + k, "format": FORMAT} for k, row in enumerate(rows)]
-        self.settle(lambda: self._write(LOGS, told, mode="append"))
+        self.append(LOGS, told)
+
+    def append(self, table: str, rows: Sequence[dict[str, object]]) -> None:
+        """Commit rows, in one transaction."""
+        self.settle(lambda: self._write(table, rows, mode="append"))
 
     def settle(self, change: Callable[[], None]) -> None:
         """Make a change; if another scan changed the same rows meanwhile, make it again.

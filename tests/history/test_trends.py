@@ -235,7 +235,11 @@ def test_a_broken_file_is_told_and_the_rest_is_shown(run: Run, tmp_path: Path) -
         (["trend"], ExitCode.USAGE, "Missing argument 'DIR'"),
         (["trend", "/nowhere"], ExitCode.ERROR, "/nowhere: no such file"),
         (["trend", "WORN", "--actuator", "flap"], ExitCode.ERROR, "the flights show: elevator, rudder"),
-        (["trend", "WORN", "--fault", "frictoin"], ExitCode.ERROR, "the flights show: effectiveness, friction"),
+        (
+            ["trend", "WORN", "--fault", "frictoin"],
+            ExitCode.ERROR,
+            "the flights show: effectiveness, friction",
+        ),
         (
             ["trend", "WORN", "--baseline-from", "flap=2026-03-01"],
             ExitCode.ERROR,
