@@ -227,6 +227,6 @@ def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: P
         assert last.code != ExitCode.ERROR
     assert "also recorded" not in last.out
     told = run("analyse", logs[1], "--history", folder, "--airframe", "paper")
-    words = " ".join(told.out.split())
-    assert f"also recorded in {logs[2]} and {logs[0]}; {logs[0]} counts" in words
+    unwrapped = "".join(told.out.split())
+    assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in unwrapped
     assert mavhums.trend(folder, actuators=["elevator"], faults=["friction"])["start_utc"].nunique() == 2

@@ -359,9 +359,9 @@ def test_each_monitor_gets_the_baselines_of_its_own_actuator(
 def test_a_log_without_a_date_has_no_baseline(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[tuple[str, datetime | None]] = []
+    asked: list[tuple[str | None, datetime | None]] = []
 
-    def baselines(airframe: str, before: datetime | None) -> dict[tuple[int, str, str], Baseline]:
+    def baselines(airframe: str | None, before: datetime | None) -> dict[tuple[int, str, str], Baseline]:
         asked.append((airframe, before))
         return {}
 
