@@ -1,4 +1,4 @@
-"""One by one and fleet, the same verdicts byte for byte: ``python benchmarks/fleet_equality.py [--flights N]``.
+"""One by one and fleet, the same verdicts: ``python benchmarks/fleet_equality.py [--flights N]``.
 
 Flies twelve aircraft, fifty flights each: on six the elevator wears, two have two vehicles in each log, one
 is repaired half-way, one log in a hundred is broken. Every log is judged by ``analyse --history --keep``
