@@ -44,7 +44,11 @@ def fleet() -> None:
     " group (?P<aircraft>…). Default: the board's id in the log.",
 )
 @click.option(
-    "--workers", type=click.IntRange(1, 256), default=1, show_default=True, help="Processes on this machine."
+    "--workers",
+    type=click.IntRange(0, 256),
+    default=1,
+    show_default=True,
+    help="Processes on this machine; 0 judges in this one, which is soonest for the log of one landing.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tcp://….")
 @AIRFRAME

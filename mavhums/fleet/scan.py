@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from glob import glob, has_magic
@@ -18,7 +18,7 @@ from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.fleet.aircraft import hold_rule
 from mavhums.fleet.past import hold_against_past
 from mavhums.fleet.repairs import Repairs, add_repairs
-from mavhums.fleet.rows import LogFile, Row, crashed, judge_several, settings_of
+from mavhums.fleet.rows import LogFile, Row, crashed, judge, judge_several, settings_of
 from mavhums.fleet.store import Store
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class ScanOptions:
         with a group ``aircraft``. If the rule gives no name, the board's id in the log is used; a log without
         an id is compared with no other.
     workers
-        Processes on this machine.
+        Processes on this machine; with 0, this process judges, which is soonest for the log of one landing.
     scheduler
         Address of a Dask scheduler whose workers judge instead, such as ``tcp://10.0.0.1:8786``. They must
         have logs and profiles under the same paths.
@@ -122,8 +122,8 @@ def scan(
         commits = _Commits(kept, add_repairs(kept, options.repairs))
         try:
             if new:
-                with _cluster(options) as client:
-                    for done, row in enumerate(_judged(client, new, options, settings), 1):
+                with closing(_rows(new, options, settings)) as rows:
+                    for done, row in enumerate(rows, 1):
                         commits.add(row)
                         if progress:
                             progress(done, len(new))
@@ -195,6 +195,15 @@ class _Commits:
             self._aircraft |= {row.aircraft for row in self._rows if row.flight is not None}
         self._rows = []
         self._since_s = monotonic()
+
+
+def _rows(files: Sequence[LogFile], options: ScanOptions, settings: str) -> Generator[Row]:
+    """Yield the row of each log, from this process or from workers."""
+    if options.workers == 0 and options.scheduler is None:
+        yield from (judge(file, options.judging, settings, options.aircraft) for file in files)
+        return
+    with _cluster(options) as client:
+        yield from _judged(client, files, options, settings)
 
 
 @contextmanager

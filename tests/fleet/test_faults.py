@@ -102,6 +102,20 @@ def test_a_full_disk_is_told_and_the_scan_resumes(
     assert told(tmp_path / "store") == expected
 
 
+def test_one_landing_after_the_other_needs_no_workers(
+    logs: Path, expected: list[str], run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    store = tmp_path / "store"
+    for log in sorted(logs.iterdir()):
+        landed = run("fleet", "scan", log, "--to", store, "--aircraft", "folder", "--workers", "0")
+        assert landed.code == 0
+    assert told(store) == expected
+    kept = run("analyse", log, "--history", store, "--keep")
+    assert kept.code == 1
+    assert f"mavhums fleet scan LOG --to {store}" in kept.err
+
+
 @pytest.mark.slow
 def test_one_broken_log_of_a_hundred_stops_nothing(
     log: bytes, options: fleet.ScanOptions, tmp_path: Path
