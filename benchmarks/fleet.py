@@ -15,13 +15,13 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -52,17 +52,50 @@ DAY_S = 86_400.0
 @contextmanager
 def told(what: str, count: int = 1, unit: str = "") -> Iterator[None]:
     """Print how long a part took, and how many there were each second."""
-    wall_s, cpu_s = time.perf_counter(), processors_s()
-    yield
-    wall_s, cpu_s = time.perf_counter() - wall_s, processors_s() - cpu_s
+    with watched() as used:
+        wall_s = time.perf_counter()
+        yield
+        wall_s = time.perf_counter() - wall_s
+    cpu_s = used.processor_s
     rate = f", {count / wall_s:.1f} {unit}/s, {1e3 * cpu_s / count:.0f} ms of processor each" if unit else ""
     print(f"{what}: {wall_s:.2f} s, {cpu_s:.2f} s of processor{rate}", flush=True)
 
 
-def processors_s() -> float:
-    """Return the processor time of this process and of its ended children."""
-    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(used.ru_utime + used.ru_stime for used in both)
+@dataclass
+class Used:
+    """What this process and its children used; memory is the largest unshared one, MB."""
+
+    driver_mb: float = 0.0
+    worker_mb: float = 0.0
+    processor_s: float = 0.0
+
+
+@contextmanager
+def watched() -> Iterator[Used]:
+    """Look at this process and its children five times a second; workers are not always waited for."""
+    here, used, ended = psutil.Process(), Used(), threading.Event()
+    begun_s = time.process_time()
+    workers_s: dict[psutil.Process, float] = {}
+
+    def watch() -> None:
+        while not ended.wait(0.2):
+            used.driver_mb = max(used.driver_mb, here.memory_full_info().uss / 1e6)
+            for child in here.children(recursive=True):
+                try:
+                    used.worker_mb = max(used.worker_mb, child.memory_full_info().uss / 1e6)
+                    times = child.cpu_times()
+                except psutil.Error:
+                    continue
+                workers_s[child] = times.user + times.system
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    try:
+        yield used
+    finally:
+        ended.set()
+        thread.join()
+        used.processor_s = time.process_time() - begun_s + sum(workers_s.values())
 
 
 def kinds(folder: Path, duration_s: float) -> list[bytes]:
@@ -123,38 +156,12 @@ def memory(folder: Path) -> None:
             log = logs / f"D-{number % 20}" / f"{number:05}.tlog"
             log.parent.mkdir(parents=True, exist_ok=True)
             log.write_bytes(moved(made[number % 3], DAY_S * number))
-        driver, worker = peaks(
-            lambda logs=logs, count=count: fleet.scan(  # type: ignore[misc]
-                [logs], folder / f"store-{count}", fleet.ScanOptions(aircraft="folder")
-            )
+        with watched() as used:
+            fleet.scan([logs], folder / f"store-{count}", fleet.ScanOptions(aircraft="folder"))
+        print(
+            f"scan of {count} logs: driver {used.driver_mb:.0f} MB, worker {used.worker_mb:.0f} MB",
+            flush=True,
         )
-        print(f"scan of {count} logs: driver {driver:.0f} MB, worker {worker:.0f} MB", flush=True)
-
-
-def peaks(do: Callable[[], object]) -> tuple[float, float]:
-    """Return the largest unshared memory of this process and of its children while it does something, MB."""
-    most = {"driver": 0.0, "worker": 0.0}
-    ended = threading.Event()
-
-    def watch() -> None:
-        here = psutil.Process()
-        while not ended.wait(0.2):
-            for process in (here, *here.children(recursive=True)):
-                try:
-                    used = process.memory_full_info().uss / 1e6
-                except psutil.Error:
-                    continue
-                name = "driver" if process == here else "worker"
-                most[name] = max(most[name], used)
-
-    thread = threading.Thread(target=watch)
-    thread.start()
-    try:
-        do()
-    finally:
-        ended.set()
-        thread.join()
-    return most["driver"], most["worker"]
 
 
 def copies_of(alone: LoneFlight, folder: Path, aircraft: int, flights: int) -> Iterator[LoneFlight]:
