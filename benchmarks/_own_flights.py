@@ -17,6 +17,7 @@ from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.grams import packed, unpacked
 from mavhums.health.own.method import collector
 from mavhums.health.own.registry import EQUATIONS
+from mavhums.health.own.voltage import VoltageSums
 from mavhums.health.slots import SlotCutter, widen
 from mavhums.report.assessment import OwnRecord
 from mavhums_sim import FlightRecord, fly
@@ -82,7 +83,11 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What one actuator's flight left; ``rise`` is that of its friction, as a share of its healthy one."""
+    """What one actuator's flight left.
+
+    ``rise`` is that of its friction, as a share of its healthy one; ``voltage`` is what the motor side leaves
+    of the voltage equation.
+    """
 
     kind: str
     number: int
@@ -90,6 +95,7 @@ class Row:
     tier: str
     record: OwnRecord | None
     rise: float = 0.0
+    voltage: OwnRecord | None = None
 
 
 def flown(tasks: list[Task], workers: int) -> Iterator[Row]:
@@ -120,14 +126,14 @@ def _rows(task: Task) -> list[Row]:
             more = task.severity if task.fault == "friction" else 0.0
             rise = more / (float(own.motion.friction[0]) - more)
             for name in task.tiers:
-                left = _record(TIERS[name], record, own, surface, task.number)
-                rows.append(Row(task.kind, task.number, (aircraft, surface), name, left, rise))
+                left, voltage = _records(TIERS[name], record, own, surface, task.number)
+                rows.append(Row(task.kind, task.number, (aircraft, surface), name, left, rise, voltage))
     return rows
 
 
-def _record(
+def _records(
     tier: Tier, record: FlightRecord, own: ActuatorRecord, surface: str, number: int
-) -> OwnRecord | None:
+) -> tuple[OwnRecord | None, OwnRecord | None]:
     """Return what a flight leaves in a tier: V1 in pulses, V7 in whole rev/min, airspeed at 10 Hz."""
     some = slice(None, None, tier.every)
     time_s, true = own.time_s[some], own.values[some]
@@ -143,11 +149,12 @@ def _record(
         values[:, 6] = np.rint(own.esc[some, 2])
     airspeed = _airspeed(record, time_s, number) if tier.airspeed else None
     actuator = BLANK[surface].model_copy(update={"esc_side": "bus" if tier.bridge else "motor"})
-    sums, cutter = collector(tier.equation, actuator), SlotCutter()
+    sums, volts, cutter = collector(tier.equation, actuator), VoltageSums(actuator), SlotCutter()
     for slots in (cutter.feed(time_s, widen(values, np.isfinite(values), None, airspeed)), cutter.finish()):
         if slots is not None:
             sums.feed(slots)
-    return sums.record()
+            volts.feed(slots)
+    return sums.record(), volts.record()
 
 
 def _at_bus(bridge: Bridge, own: ActuatorRecord, seed: tuple[int, ...]) -> Array:

@@ -21,9 +21,10 @@ from _own_flights import BLANK, TIERS, Row, Task, flown, scattered
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from mavhums.health.own.cause import constant_lost
 from mavhums.health.own.identify import identified
 from mavhums.health.own.judge import Comparison, compare
-from mavhums.health.own.method import learned, wear
+from mavhums.health.own.method import learned, shows, wear
 from mavhums.health.own.past import PastRecord
 from mavhums.health.own.power_fit import Law
 from mavhums.health.own.record import KEPT
@@ -33,7 +34,9 @@ from mavhums.report.assessment import OwnRecord
 from mavhums_sim import FlightRecord
 
 BASELINES = (5, 10, 20)
+FLIGHTS_BEFORE = 30  # position only shows nothing in some of them
 SCATTERS = (0.0, 0.05, 0.10)
+FLOATS, STEPS = "floats (instrumented, named)", "esc-signed, 10 mV and 10 mA"
 SCATTERED = ("motor, 50 Hz", "bus, 50 Hz")
 SCANNED = ("motor, 50 Hz", "motor, 25 Hz", "bus, 50 Hz", "position, 50 Hz", "position, 25 Hz")
 FRICTIONS = (0.02, 0.05, 0.1, 0.2)
@@ -55,14 +58,17 @@ class Fleet:
 
     def __init__(self) -> None:
         self.reference: dict[tuple[tuple[int, str], str], list[OwnRecord]] = defaultdict(list)
+        self.voltages: dict[tuple[tuple[int, str], str], list[OwnRecord | None]] = defaultdict(list)
         self.counts: Counts = defaultdict(Counter)
         self.promised: Counts = defaultdict(Counter)
+        self.constant: Counter[tuple[object, ...]] = Counter()
         self._level: dict[tuple[tuple[int, str], str], tuple[float, Array]] = {}
         self._pasts: dict[tuple[tuple[int, str], str, int, float], list[PastRecord]] = {}
 
     def learn(self, row: Row) -> None:
-        if row.record is not None:
+        if row.record is not None and shows(row.record):
             self.reference[row.actuator, row.tier].append(row.record)
+            self.voltages[row.actuator, row.tier].append(row.voltage)
 
     def take(self, row: Row) -> None:
         """Compare a flight with its baselines of 5, 10 and 20 flights, with and without natural scatter."""
@@ -74,6 +80,8 @@ class Fleet:
                 found = self._compared(row, own, flights, scatter) if own else None
                 condition = found.condition if found else "undecided"
                 self.counts[(*key, row.kind)][condition] += 1
+                if found and condition == "changed" and self._by_constant(row, found, flights):
+                    self.constant[(*key, row.kind)] += 1
                 if found and found.least_rise is not None and row.rise >= found.least_rise:
                     self.promised[key][condition] += 1
 
@@ -81,6 +89,12 @@ class Fleet:
         equation = TIERS[row.tier].equation
         equation = replace(equation, min_flights=min(flights, equation.min_flights))
         return compare(equation, own, self._past(row, flights, scatter))
+
+    def _by_constant(self, row: Row, found: Comparison, flights: int) -> bool:
+        """Return whether the verdict names the torque constant as the cause."""
+        several = self.voltages[row.actuator, row.tier][:flights]
+        past = [PastRecord((record,), "2026-01-01", True) for record in several if record]
+        return row.voltage is not None and constant_lost(found, [row.voltage], past) is not None
 
     def _past(self, row: Row, flights: int, scatter: float) -> list[PastRecord]:
         key = row.actuator, row.tier, flights, scatter
@@ -114,9 +128,9 @@ class Fleet:
 
 def tasks_of(args: argparse.Namespace) -> tuple[list[Task], list[Task]]:
     aircraft = tuple(range(args.first, args.first + args.aircraft))
-    every = tuple(tier for tier in TIERS if tier.startswith(tuple(args.only.split(","))))
+    every = tuple(tier for tier in TIERS if tier.startswith(tuple(args.only or [""])))
     scanned = tuple(tier for tier in every if tier in SCANNED)
-    base = [Task("base", k, "friction", 0.0, aircraft, every) for k in range(20)]
+    base = [Task("base", k, "friction", 0.0, aircraft, every) for k in range(FLIGHTS_BEFORE)]
     worn = [
         Task(f"+{severity:g} N·m", 2000 + 100 * n + k, "friction", severity, aircraft, every)
         for n, severity in enumerate(FRICTIONS)
@@ -164,13 +178,18 @@ def _share(counter: Counter[str]) -> str:
     return f"{counter['changed'] / counter.total():.0%}" if counter.total() else "–"
 
 
-def confusion_table(counts: Counts) -> Iterator[str]:
-    tiers = [key[0] for key in counts if key[3] == next(iter(OTHERS))]
-    yield "| truth | " + " | ".join(dict.fromkeys(tiers)) + " |"
-    yield "|---" * (len(set(tiers)) + 1) + "|"
+def confusion_table(fleet: Fleet) -> Iterator[str]:
+    """Yield the share of flights said to be changed, and that in which the torque constant is named."""
+    tiers = list(dict.fromkeys(key[0] for key in fleet.counts if key[3] == next(iter(OTHERS))))
+    yield "| truth | " + " | ".join(map(str, tiers)) + " |"
+    yield "|---" * (len(tiers) + 1) + "|"
     for kind in ("healthy", "+0.1 N·m", *OTHERS):
         severity = f" {OTHERS[kind]:g}" if kind in OTHERS else ""
-        cells = [_share(counts[tier, 20, 0.0, kind]) for tier in dict.fromkeys(tiers)]
+        cells = []
+        for tier in tiers:
+            key = tier, 20, 0.0, kind
+            named = fleet.constant[key] / max(fleet.counts[key].total(), 1)
+            cells.append(_share(fleet.counts[key]) + (f" (constant {named:.0%})" if named else ""))
         yield f"| {kind}{severity} | {' | '.join(cells)} |"
 
 
@@ -211,12 +230,14 @@ def sheet_table(args: argparse.Namespace) -> Iterator[str]:
         yield f"| +{severity:g} N·m | {np.mean(said):.0%} | {len(said)} |"
 
 
-def _voltages(name: str, record: FlightRecord) -> list[tuple[str, OwnRecord | None, float]]:
+def _voltages(name: str, record: FlightRecord, *, tier: str) -> list[tuple[str, OwnRecord | None, float]]:
     """Return each actuator's record of the voltage equation, and its true back-EMF constant."""
     left = []
     for surface, own in record.actuators.items():
         sums, cutter = VoltageSums(BLANK[surface]), SlotCutter()
-        time_s, values = quantities(own, BLANK[surface], "esc-signed")
+        time_s, values = quantities(own, BLANK[surface], "without load" if tier == FLOATS else "esc-signed")
+        if tier == STEPS:
+            values[:, [3, 4]] = np.rint(values[:, [3, 4]] / 0.01) * 0.01
         for slots in (cutter.feed(time_s, widen(values)), cutter.finish()):
             if slots is not None:
                 sums.feed(slots)
@@ -225,23 +246,28 @@ def _voltages(name: str, record: FlightRecord) -> list[tuple[str, OwnRecord | No
 
 
 def identify_table(args: argparse.Namespace) -> Iterator[str]:
-    yield "| esc-signed | flights | R, error | k_e, error | drop, V | R inside 95 % | k_e inside | of |"
+    yield "| tier, rate | flights | R, error | k_e, error | drop, V | R inside 95 % | k_e inside | of |"
     yield "|---|---|---|---|---|---|---|---|"
-    for rate_hz in (100.0, 25.0):
-        records: dict[tuple[str, str], list[OwnRecord]] = defaultdict(list)
-        truth: dict[tuple[str, str], float] = {}
-        tasks = [
-            Sheet(f"{a}/{k}", flight(9500 + k, a, rate_hz=rate_hz, mode=MODES[k % len(MODES)]))
-            for a in range(args.first, args.first + args.identify)
-            for k in range(5)
-        ]
-        for name, several in fly_all(tasks, _voltages, args.workers):
-            for surface, record, constant in several:
-                key = name.split("/")[0], surface
-                truth[key] = constant
-                records[key] += [record] if record else []
-        for flights in (1, 5):
-            yield _identified_row(f"{rate_hz:g} Hz", flights, records, truth)
+    for tier in (FLOATS, "esc-signed", STEPS):
+        for rate_hz in (100.0, 25.0):
+            yield from _identified_rows(args, tier, rate_hz)
+
+
+def _identified_rows(args: argparse.Namespace, tier: str, rate_hz: float) -> Iterator[str]:
+    records: dict[tuple[str, str], list[OwnRecord]] = defaultdict(list)
+    truth: dict[tuple[str, str], float] = {}
+    tasks = [
+        Sheet(f"{a}/{k}", flight(9500 + k, a, rate_hz=rate_hz, mode=MODES[k % len(MODES)]))
+        for a in range(args.first, args.first + args.identify)
+        for k in range(5)
+    ]
+    for name, several in fly_all(tasks, partial(_voltages, tier=tier), args.workers):
+        for surface, record, constant in several:
+            key = name.split("/")[0], surface
+            truth[key] = constant
+            records[key] += [record] if record else []
+    for flights in (1, 5):
+        yield _identified_row(f"{tier}, {rate_hz:g} Hz", flights, records, truth)
 
 
 def _identified_row(
@@ -289,7 +315,7 @@ def main() -> None:
     parser.add_argument("--healthy", type=int, default=450, help="healthy flights of each aircraft")
     parser.add_argument("--sheet", type=int, default=2, help="aircraft judged with their data sheet as well")
     parser.add_argument("--identify", type=int, default=4, help="aircraft whose motors are identified")
-    parser.add_argument("--only", default="", help="tiers by their first letters, separated by commas")
+    parser.add_argument("--only", action="append", help="first letters of the tiers; may be repeated")
     parser.add_argument("--report", type=int, default=10**9, help="print the table after so many comparisons")
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
@@ -312,7 +338,7 @@ def main() -> None:
             print("\n".join([f"\n{row.kind} {row.number}:", *found_table(fleet)]), flush=True)
     sections = {
         "Found in one flight; share of actuator-flights": found_table(fleet),
-        "Said to be changed, 20 flights before": confusion_table(fleet.counts),
+        "Said to be changed, 20 flights before (the torque constant named)": confusion_table(fleet),
     }
     for title, rows in sections.items():
         print(f"\n## {title}\n")

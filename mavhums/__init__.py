@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
     from mavhums.engine.engine import Engine
     from mavhums.engine.options import EngineOptions
+    from mavhums.history.aircraft_table import AircraftTableError
+    from mavhums.history.belonging import OtherAircraftError
     from mavhums.history.flights import UndatedError
     from mavhums.history.trends import trend
     from mavhums.learn.model import ModelError
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AddressError",
+    "AircraftTableError",
     "Assessment",
     "DialectError",
     "Engine",
@@ -44,6 +47,7 @@ __all__ = [
     "MissingExtraError",
     "ModelError",
     "Options",
+    "OtherAircraftError",
     "PrecedentError",
     "ProfileError",
     "UndatedError",
@@ -62,6 +66,7 @@ __getattr__, __dir__ = lazy_exports(
     __name__,
     {
         "AddressError": "live.address",
+        "AircraftTableError": "history.aircraft_table",
         "Assessment": "report.assessment",
         "DialectError": "log.mavlink.dialect",
         "Engine": "engine.engine",
@@ -71,6 +76,7 @@ __getattr__, __dir__ = lazy_exports(
         "MissingExtraError": "core.errors",
         "ModelError": "learn.model",
         "Options": "app.options",
+        "OtherAircraftError": "history.belonging",
         "PrecedentError": "learn.precedents",
         "ProfileError": "actuator.profile",
         "UndatedError": "history.flights",

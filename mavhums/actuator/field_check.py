@@ -1,14 +1,24 @@
-"""Check that messages have the fields that a profile maps."""
+"""Check that messages have the fields that a profile maps.
+
+MAVLink's are known before a log is read. The records of an on-board log are defined in the log itself, so
+their fields are checked when the first of them arrives.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["FieldMistake", "field_mistake"]
+__all__ = ["MULTI_ID", "FieldMistake", "field_mistake", "wire_mistake"]
+
+MULTI_ID = "multi_id"
+"""Selects an instance of a ULog topic in ``where``."""
+
+_ON_BOARD = re.compile(r"[A-Z][A-Z0-9]{0,3}|[a-z][a-z0-9_]*")  # a DataFlash record, or a ULog topic
 
 
 class FieldMistake(NamedTuple):
@@ -22,6 +32,8 @@ class FieldMistake(NamedTuple):
 def field_mistake(message: str, field: str, where: Mapping[str, str | int]) -> FieldMistake | None:
     """Check a mapping against the MAVLink dialect; return its error, or None.
 
+    A message that may be a DataFlash record (``CSRV``) or a ULog topic (``esc_status``) has no error here.
+
     Examples
     --------
     >>> field_mistake("NAMED_VALUE_FLOAT", "value", {"name": "S1Pos"})
@@ -32,16 +44,34 @@ def field_mistake(message: str, field: str, where: Mapping[str, str | int]) -> F
 
     wires = {definition.name: definition.wire for definition in load_dialect().definitions.values()}
     if message not in wires:
-        return FieldMistake("message", f"no message {message}", _near(message, wires))
-    wire = wires[message]
+        if _ON_BOARD.fullmatch(message):
+            return None
+        return FieldMistake("message", f"no message {message}", _near(message.upper(), wires))
+    return wire_mistake(message, field, where, wires[message])
+
+
+def wire_mistake(
+    message: str, field: str, where: Mapping[str, str | int], wire: np.dtype[np.void]
+) -> FieldMistake | None:
+    """Check a mapping against the fields of a message; return its error, or None.
+
+    Examples
+    --------
+    >>> wire = np.dtype([("Id", "u1"), ("Pos", "f4"), ("esc[0].rpm", "f4")])
+    >>> wire_mistake("CSRV", "Pos", {"Id": 3}, wire), wire_mistake("CSRV", "esc[0].rpm", {}, wire)
+    (None, None)
+    >>> wire_mistake("CSRV", "Posn", {}, wire)
+    FieldMistake(key='field', problem='CSRV has no field Posn', remedy='did you mean Pos?')
+    """
     wanted = _field_mistake(message, field, wire)
     conditions = (_condition_mistake(message, name, value, wire) for name, value in where.items())
     return wanted or next((mistake for mistake in conditions if mistake), None)
 
 
 def _field_mistake(message: str, field: str, wire: np.dtype[np.void]) -> FieldMistake | None:
-    name, _, element = field.partition("[")
     names = wire.names or ()
+    name, _, element = (field, "", "") if field in names else field.rpartition("[")
+    name = name or field
     if name not in names:
         return FieldMistake("field", f"{message} has no field {name}", _near(name, names))
     shape = wire[name].shape
@@ -62,6 +92,8 @@ def _condition_mistake(
     message: str, name: str, value: str | int, wire: np.dtype[np.void]
 ) -> FieldMistake | None:
     names = wire.names or ()
+    if name == MULTI_ID and name not in names and isinstance(value, int):
+        return None
     if name not in names:
         return FieldMistake("where", f"{message} has no field {name}", _near(name, names))
     if wire[name].shape:

@@ -118,15 +118,16 @@ class FieldMapping(Contract):
     Attributes
     ----------
     message
-        MAVLink message, for example NAMED_VALUE_FLOAT.
+        MAVLink message, DataFlash record or ULog topic, for example NAMED_VALUE_FLOAT, CSRV or esc_status.
     field
-        Field of the message; ``rpm[2]`` is an element of an array.
+        Field of the message; ``rpm[2]`` is an element of an array, ``esc[0].esc_rpm`` a nested field.
     where
-        Values that other fields must have, for example ``{ name = "S1Pos" }``.
+        Values that other fields must have, for example ``{ name = "S1Pos" }``; ``multi_id`` is the instance
+        of a ULog topic.
     """
 
-    message: Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]*$")]
-    field: Annotated[str, Field(pattern=r"^[a-z_][a-z0-9_]*(\[\d{1,3}\])?$")]
+    message: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+    field: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\[\d{1,3}\])?(\.[A-Za-z_]\w*(\[\d{1,3}\])?)*$")]
     where: dict[str, str | int] = {}
     scale: _Finite = 1.0
     offset: _Finite = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mavhums.actuator.profile import Airframe
-from mavhums.vehicle.signals import OUTPUTS
+from mavhums.vehicle.signals import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import KINDS, Moved, Surfaces
 
 __all__ = ["of_airframe"]
@@ -15,7 +15,7 @@ def of_airframe(airframe: Airframe) -> Surfaces | None:
     for actuator in airframe.actuators:
         text = f"{actuator.surface} {actuator.name}".lower().replace("_", " ").replace("vtail", "tail")
         kind = next((kind for kind in KINDS if kind in text), None)
-        if kind is None or actuator.servo > OUTPUTS:
+        if kind is None or actuator.servo > ALL_OUTPUTS:
             continue
         side = next((side for side in ("left", "right") if side in text), "")
         low, zero, high = actuator.pwm_us

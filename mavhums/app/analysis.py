@@ -9,12 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from mavhums.app.options import Options
+from mavhums.app.own_flights import among_own, compared_with_own, latest, swapped
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
-from mavhums.history.comparison import LoneFlight, compared
-from mavhums.history.repeated import with_copies
+from mavhums.history.comparison import LoneFlight
 from mavhums.log import read_blocks
 from mavhums.report.assessment import Assessment
 
@@ -55,8 +55,10 @@ def analyse(
     ------
     UnreadableLogError
         If the file is missing or not a telemetry log.
-    ProfileError, ModelError, DialectError, KeyFileError
-        If the profile, the model, the XML or the key cannot be used.
+    ProfileError, ModelError, DialectError, KeyFileError, AircraftTableError
+        If the profile, the model, the XML, the key or the table cannot be used.
+    OtherAircraftError
+        If the history is of another aircraft.
     MavhumsError
         If there is no folder for the history.
     MissingExtraError
@@ -69,20 +71,18 @@ def analyse(
     'normal'
     """
     options = options or Options()
-    history = options.flights()
-    resolved = replace(options, history=history).resolved()
+    options = replace(options, history=options.flights(), aircraft_table=options.whose().table)
     consumers = [consume] if consume else []
     if recording is None:
-        return with_copies(_judge(path, resolved, consumers, progress), history)
+        return _judge(path, options, consumers, progress)
     if str(path) == "-":
         raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
     from mavhums.show import Recorder
 
-    identity = f"{Path(path).name}-{_sha256(path, resolved.dialect)[:16]}"
+    identity = f"{Path(path).name}-{_sha256(path, options.dialect)[:16]}"
     with Recorder(recording, recording_id=identity, position=position) as recorder:
-        shown = replace(resolved, vehicle_states=True)
+        shown = replace(options, vehicle_states=True)
         assessment = _judge(path, shown, [recorder.consume, *consumers], progress)
-        assessment = with_copies(assessment, history)
         recorder.close(assessment)
     return assessment
 
@@ -139,15 +139,16 @@ def analyse_alone(
 
 def _judge(
     path: str | os.PathLike[str],
-    options: EngineOptions,
+    options: Options,
     consumers: Sequence[Consumer],
     progress: Callable[[int], None] | None,
 ) -> Assessment:
     """Judge alone, then compare with the past; with consumers, use the past while judging."""
-    if options.baselines and not consumers:
-        return compared(analyse_alone(path, options, progress=progress), options.baselines, options.past)
-    engine, digest = _fed(path, options, consumers, progress)
-    return engine.assessment(str(path), digest)
+    if not consumers:
+        return compared_with_own(analyse_alone(path, options.resolved(), progress=progress), options)
+    since = latest(options.since, swapped(path, options))
+    engine, digest = _fed(path, replace(options, since=since).resolved(), consumers, progress)
+    return among_own(engine.assessment(str(path), digest), options)
 
 
 def _fed(

@@ -38,7 +38,7 @@ def judgeable(
     axes
         The axes that followed its flight; None if it reported nothing about its flight.
     """
-    for verdict in _axes(identity.vehicle, axes):
+    for verdict in _axes(identity, axes):
         told = {verdict.condition, verdict.worst} != {"undecided"}
         yield _said(verdict, judged=told)
     if mapper is None:
@@ -56,15 +56,15 @@ def judgeable(
         yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
 
 
-def _axes(vehicle: int, axes: VehicleAxes | None) -> Iterator[Verdict]:
+def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
     if axes is None:
         return
-    why = why_not_at_all(axes.flight)
+    why = why_not_at_all(axes.flight, identity.kind)
     if why is not None:
-        yield unjudged_axes(vehicle, *why)
+        yield unjudged_axes(identity.vehicle, *why)
         return
     for axis in AXES:
-        yield judged_axis(vehicle, axes.monitor.findings(axis), axes.surfaces, axes.flight, _UNDATED)
+        yield judged_axis(identity.vehicle, axes.monitor.findings(axis), axes.surfaces, axes.flight, _UNDATED)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

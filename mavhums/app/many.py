@@ -6,18 +6,18 @@ import os
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from mavhums.app.analysis import analyse, analyse_alone
 from mavhums.app.options import Options
+from mavhums.app.own_flights import compared_with_own
 from mavhums.app.processes import Crashed, in_processes
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
-from mavhums.history.comparison import LoneFlight, compared
+from mavhums.history.comparison import LoneFlight
 from mavhums.history.files import keep_assessment
-from mavhums.history.repeated import with_copies
 from mavhums.report.assessment import Assessment
 
 __all__ = ["Batch", "Outcome", "analyse_many"]
@@ -96,7 +96,7 @@ def analyse_many(
     flight.tlog EMERGENCY
     """
     options, batch, paths = options or Options(), batch or Batch(), [Path(log) for log in logs]
-    options = replace(options, history=options.flights())
+    options = replace(options, history=options.flights(), aircraft_table=options.whose().table)
     options.resolved()
     jobs = 1 if batch.recordings else min(batch.jobs or _jobs(paths), len(paths))
     judged = _by_processes(paths, options, jobs, batch) if jobs > 1 else _one_by_one(paths, batch)
@@ -156,12 +156,7 @@ def _by_processes(logs: Sequence[Path], options: Options, jobs: int, batch: Batc
                     raise MavhumsError(problem, "judge it alone to see why: mavhums analyse LOG --jobs 1")
                 if isinstance(flight, _Failure):
                     raise MavhumsError(*flight)
-                history = options.flights()
-                since = options.since
-                held = compared(
-                    flight, partial(history.baselines, since=since), partial(history.past, since=since)
-                )
-                return with_copies(held, history)
+                return compared_with_own(flight, options)
 
             yield judge
 

@@ -11,6 +11,8 @@ from pathlib import Path
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision import FALSE_ALARMS
+from mavhums.history.aircraft import Whose, hold_rule
+from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
 from mavhums.history.flights import FlightHistory, Since
 from mavhums.history.index import IndexedFolder
 from mavhums.learn import Model, load_model, packaged_models
@@ -36,6 +38,11 @@ class Options:
         The aircraft's earlier flights, or their folder; they provide each actuator's own baseline.
     since
         Dates from which earlier flights count, by actuator; None stands for all others.
+    aircraft
+        How a log's path names its aircraft: ``folder``, or a regular expression with a group ``aircraft``.
+    aircraft_table
+        The operator's table of installed boards and actuators, or its file: it names the aircraft of a board,
+        and the baseline of an actuator begins anew when it is swapped.
     false_alarms
         Accepted number of false alarms in 100 hours of an actuator.
     dialect
@@ -57,6 +64,8 @@ class Options:
     model: Model | Sequence[Model] | str | Path | None = None
     history: History | str | os.PathLike[str] | None = None
     since: Since | None = None
+    aircraft: str | None = None
+    aircraft_table: AircraftTable | str | os.PathLike[str] | None = None
     false_alarms: float = FALSE_ALARMS
     dialect: str | os.PathLike[str] | None = None
     key: bytes | str | os.PathLike[str] | None = None
@@ -84,6 +93,22 @@ class Options:
             key=key if isinstance(key, bytes | None) else load_key(key),
             vehicle_states=self.vehicle_states,
         )
+
+    def whose(self) -> Whose:
+        """Return the operator's knowledge of whose log it is.
+
+        Raises
+        ------
+        AircraftTableError
+            If the table cannot be used.
+        MavhumsError
+            If the rule cannot identify an aircraft.
+        """
+        hold_rule(self.aircraft)
+        table = self.aircraft_table
+        if table is None:
+            return Whose(self.aircraft)
+        return Whose(self.aircraft, table if isinstance(table, AircraftTable) else load_aircraft_table(table))
 
     def models(self) -> Sequence[Model]:
         """Return the networks that vote."""

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, JSON, KEY, PATH, REPAIRS
+from mavhums.cli.options import (
+    AIRCRAFT,
+    AIRCRAFT_TABLE,
+    AIRFRAME,
+    DIALECT,
+    FALSE_ALARMS,
+    JSON,
+    KEY,
+    PATH,
+    REPAIRS,
+)
 from mavhums.cli.output import say, say_json
 from mavhums.core.errors import ExitCode
 
@@ -37,12 +47,8 @@ def fleet() -> None:
     metavar="STORE",
     help="The store: a folder, or s3://BUCKET/NAME and the like.",
 )
-@click.option(
-    "--aircraft",
-    metavar="RULE",
-    help="Whose log it is: 'folder' for the name of its folder, or a regular expression of the path with a"
-    " group (?P<aircraft>…). Default: the board's id in the log.",
-)
+@AIRCRAFT
+@AIRCRAFT_TABLE
 @click.option(
     "--workers",
     type=click.IntRange(0, 256),
@@ -62,6 +68,7 @@ def scan(
     sources: tuple[str, ...],
     store: str,
     aircraft: str | None,
+    aircraft_table: Path | None,
     workers: int,
     scheduler: str | None,
     airframe: str | None,
@@ -89,6 +96,7 @@ def scan(
     options = ScanOptions(
         judging=judging,
         aircraft=aircraft,
+        aircraft_table=aircraft_table,
         workers=workers,
         scheduler=scheduler,
         repairs=[_repair(name, at) for name, at in dates],

@@ -14,6 +14,8 @@ from mavhums.cli.judging import TellsJson, TellsTables, Told, open_recordings, r
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
 from mavhums.cli.options import (
+    AIRCRAFT,
+    AIRCRAFT_TABLE,
     AIRFRAME,
     BASELINE_FROM,
     DIALECT,
@@ -65,6 +67,8 @@ def cli() -> None:
 @HISTORY
 @KEEP
 @BASELINE_FROM
+@AIRCRAFT
+@AIRCRAFT_TABLE
 @KEY
 @JSON
 @click.option(
@@ -85,6 +89,8 @@ def analyse(
     history: Path | None,
     keep: bool,
     dates: tuple[tuple[str | None, datetime], ...],
+    aircraft: str | None,
+    aircraft_table: Path | None,
     key: Path | None,
     as_json: bool,
     rrd: Path | None,
@@ -97,6 +103,7 @@ def analyse(
     Several logs are judged on all cores, and the results come in the order given, each with its log's name.
     With --history, each actuator is also held against its own first flights; --keep makes this flight one of
     them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
+    The flight of another aircraft than those in DIR is refused.
 
     \b
     Exit codes, the first that applies:
@@ -118,6 +125,8 @@ def analyse(
         model=(load_model(model),) if model else packaged_models(),
         history=indexed_history(history, may_be_new=keep),
         since=dict(dates),
+        aircraft=aircraft,
+        aircraft_table=aircraft_table,
         false_alarms=false_alarms,
         dialect=dialect,
         key=load_key(key) if key else None,

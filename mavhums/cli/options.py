@@ -8,6 +8,8 @@ from pathlib import Path
 import click
 
 __all__ = [
+    "AIRCRAFT",
+    "AIRCRAFT_TABLE",
     "AIRFRAME",
     "BASELINE_FROM",
     "DIALECT",
@@ -30,6 +32,19 @@ AIRFRAME = click.option(
     "--airframe",
     metavar="NAME|FILE",
     help="Airframe profile: a TOML file or a packaged name. Default: the one that the log names itself.",
+)
+AIRCRAFT = click.option(
+    "--aircraft",
+    metavar="RULE",
+    help="Whose log it is: 'folder' for the name of its folder, or a regular expression of the path with a"
+    " group (?P<aircraft>…). Default: the board's id in the log.",
+)
+AIRCRAFT_TABLE = click.option(
+    "--aircraft-table",
+    type=PATH,
+    metavar="FILE",
+    help="CSV or TOML of the boards and actuators installed in each aircraft, with dates; before --aircraft."
+    " The baseline of an actuator begins anew when it is swapped.",
 )
 DIALECT = click.option(
     "--dialect", type=PATH, metavar="FILE", help="MAVLink XML whose messages go before the ones known here."

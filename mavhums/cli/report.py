@@ -7,7 +7,18 @@ from pathlib import Path
 
 import click
 
-from mavhums.cli.options import AIRFRAME, BASELINE_FROM, DIALECT, FALSE_ALARMS, HISTORY, KEY, LOG, PATH
+from mavhums.cli.options import (
+    AIRCRAFT,
+    AIRCRAFT_TABLE,
+    AIRFRAME,
+    BASELINE_FROM,
+    DIALECT,
+    FALSE_ALARMS,
+    HISTORY,
+    KEY,
+    LOG,
+    PATH,
+)
 from mavhums.cli.output import say
 from mavhums.cli.progress import reading
 from mavhums.cli.trend import indexed_history
@@ -24,6 +35,8 @@ __all__ = ["report"]
 @FALSE_ALARMS
 @HISTORY
 @BASELINE_FROM
+@AIRCRAFT
+@AIRCRAFT_TABLE
 @KEY
 def report(
     log: Path,
@@ -34,6 +47,8 @@ def report(
     false_alarms: float,
     history: Path | None,
     dates: tuple[tuple[str | None, datetime], ...],
+    aircraft: str | None,
+    aircraft_table: Path | None,
     key: Path | None,
 ) -> None:
     """Write the verdicts on LOG with their evidence as one HTML file, to mail or to file.
@@ -51,6 +66,8 @@ def report(
         model=model,
         history=indexed_history(history),
         since=dict(dates),
+        aircraft=aircraft,
+        aircraft_table=aircraft_table,
         false_alarms=false_alarms,
         dialect=dialect,
         key=key,

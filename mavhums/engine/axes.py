@@ -15,8 +15,9 @@ from mavhums.health.axis.monitor import AxisMonitor, new_gain
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.log import Table
 from mavhums.report.axis_limits import AxisLimits
+from mavhums.vehicle.events import Followed
 from mavhums.vehicle.flight import Flight, Rows
-from mavhums.vehicle.grid import Grid, Seconds
+from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
@@ -26,7 +27,9 @@ from mavhums.vehicle.usage import Usage
 
 __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
 
+AxisEvent = ConditionChanged | Indication | Followed
 _TOLD_S: Final = 3
+_SHOWN_EVERY: Final = 5  # rows: four angles a second
 _INFER_S: Final = 45
 _RETRY_S: Final = 10
 _LATEST_S: Final = 180
@@ -50,6 +53,8 @@ class VehicleAxes:
         Surfaces from a profile; None if the log is to define them.
     limits
         Limits from a profile; the defaults if None.
+    angles
+        Whether to yield the demanded and the flown angles as well, for a recording.
 
     Attributes
     ----------
@@ -60,13 +65,19 @@ class VehicleAxes:
     """
 
     def __init__(
-        self, vehicle: int, start_us: int, surfaces: Surfaces | None, limits: AxisLimits | None = None
+        self,
+        vehicle: int,
+        start_us: int,
+        surfaces: Surfaces | None,
+        limits: AxisLimits | None = None,
+        *,
+        angles: bool = False,
     ) -> None:
         self.surfaces = surfaces
         self.monitor = AxisMonitor(vehicle, limits)
         self.flight = Flight(surfaces)
         self.usage = Usage()
-        self._vehicle = vehicle
+        self._vehicle, self._angles = vehicle, angles
         self._grid = Grid(start_us)
         self._told: list[tuple[int, Surfaces, AxisLimits | None]] = []
         self._waiting: list[Seconds] = []
@@ -79,7 +90,7 @@ class VehicleAxes:
         """
         self._told.append((second + _TOLD_S, surfaces, limits))
 
-    def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[ConditionChanged | Indication]:
+    def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
         """Take new samples; yield the changes of condition."""
         self.usage.feed(signals)
         seconds = self._grid.feed(signals, final=final)
@@ -113,19 +124,22 @@ class VehicleAxes:
         self.flight.learn(surfaces)
         self._waiting.clear()
 
-    def _known(self, seconds: Seconds) -> Iterator[ConditionChanged | Indication]:
+    def _known(self, seconds: Seconds, *, again: bool = False) -> Iterator[AxisEvent]:
+        """Follow the flight; ``again`` marks seconds whose angles were shown before."""
         for rows in self.flight.feed(seconds):
+            if self._angles and not again:
+                yield from _followed(self._vehicle, rows)
             for event in self.monitor.feed(rows):
                 yield self._named(event) if isinstance(event, ConditionChanged) else event
 
     def _named(self, event: ConditionChanged) -> ConditionChanged:
         """Add the possible surfaces to the finding of an alert."""
-        moved = self.surfaces.of_axis(event.actuator) if self.surfaces else ()
-        if not moved or not event.finding:
+        suspect = self.surfaces.brief(event.actuator) if self.surfaces else ""
+        if not suspect or not event.finding:
             return event
-        return replace(event, finding=f"{event.finding}, {moved[0].kind}?")
+        return replace(event, finding=f"{event.finding}: {suspect}?")
 
-    def _unknown(self, second: Seconds) -> Iterator[ConditionChanged | Indication]:
+    def _unknown(self, second: Seconds) -> Iterator[AxisEvent]:
         """Follow the flight without its outputs, and try to infer them from its first part."""
         self._waiting.append(second)
         del self._waiting[:-_KEPT_S]
@@ -142,7 +156,7 @@ class VehicleAxes:
             again = Flight(surfaces)
             self.flight = again
             for seconds in waiting:
-                yield from self._known(seconds)
+                yield from self._known(seconds, again=True)
 
     def _inferred(self) -> Surfaces | None:
         probe = Flight(None)
@@ -169,9 +183,12 @@ class Axes:
     ----------
     airframe
         The profile for every vehicle; None if each vehicle reports its own outputs.
+    angles
+        Whether to yield the demanded and the flown angles as well, for a recording.
     """
 
-    def __init__(self, airframe: Airframe | None = None) -> None:
+    def __init__(self, airframe: Airframe | None = None, *, angles: bool = False) -> None:
+        self._angles = angles
         self._surfaces = of_airframe(airframe) if airframe else None
         self._limits = airframe.axes if airframe else None
         self._signals = SignalReaders()
@@ -198,7 +215,7 @@ class Axes:
         *,
         admits: Callable[[int], bool] = lambda _: True,
         final: bool = False,
-    ) -> Iterator[ConditionChanged | Indication]:
+    ) -> Iterator[AxisEvent]:
         """Take tables; yield the changes of condition.
 
         ``admits`` returns whether a vehicle is judged; ``final`` marks the end of the input.
@@ -210,10 +227,13 @@ class Axes:
             by_vehicle.setdefault(signal.vehicle, []).append(signal)
         for vehicle in by_vehicle:
             if vehicle not in self._vehicles:
-                self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, self._surfaces, self._limits)
+                self._vehicles[vehicle] = self._new(vehicle, start_us, self._surfaces)
         self._hear(tables, start_us, admits)
         for vehicle, signals in by_vehicle.items():
             yield from self._vehicles[vehicle].feed(signals, final=final)
+
+    def _new(self, vehicle: int, start_us: int, surfaces: Surfaces | None) -> VehicleAxes:
+        return VehicleAxes(vehicle, start_us, surfaces, self._limits, angles=self._angles)
 
     def announce(self, vehicle: int, time_us: int, start_us: int, airframe: Airframe) -> None:
         """Apply the profile that a vehicle named."""
@@ -221,7 +241,7 @@ class Axes:
         if surfaces is None or self._surfaces is not None:
             return
         if vehicle not in self._vehicles:
-            self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None, self._limits)
+            self._vehicles[vehicle] = self._new(vehicle, start_us, None)
         self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces, airframe.axes)
 
     def _hear(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
@@ -243,7 +263,7 @@ class Axes:
             if axes is None:
                 if not admits(vehicle):
                     continue
-                axes = self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, None, self._limits)
+                axes = self._vehicles[vehicle] = self._new(vehicle, start_us, None)
             for second in np.unique(seconds[sent.system == vehicle]).tolist():
                 rows = (sent.system == vehicle) & (seconds == second)
                 self._sent.take({sent.name: sent.select(rows)})
@@ -251,6 +271,17 @@ class Axes:
                 if surfaces is not None and surfaces != self._told.get(vehicle):
                     self._told[vehicle] = surfaces
                     axes.tell(second, surfaces)
+
+
+def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:
+    """Yield the angles of roll and pitch in forward flight, where they are known."""
+    time_s = rows.second + np.arange(0, len(rows), _SHOWN_EVERY) / RATE_HZ
+    pairs = {"roll": (rows.roll_demand, rows.roll), "pitch": (rows.pitch_demand, rows.pitch)}
+    for axis, (demand, flown) in pairs.items():
+        angles = np.stack([demand, flown], axis=1)[::_SHOWN_EVERY]
+        known = np.isfinite(angles[:, 1]) & rows.flying[::_SHOWN_EVERY]
+        if known.any():
+            yield Followed(vehicle, axis, time_s[known], angles[known])
 
 
 def _part(seconds: Seconds, a: int, b: int) -> Seconds:

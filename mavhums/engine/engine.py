@@ -74,7 +74,7 @@ class Engine:
         wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         wanted |= AXIS_MESSAGES
-        self._axes = Axes(airframe)
+        self._axes = Axes(airframe, angles=options.vehicle_states)
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._identities, self._recorded = Identities(), RecordedFlights()
@@ -266,7 +266,7 @@ class Engine:
         followed = self._axes.vehicle(vehicle)
         if followed is None or not self._crowd.admits(vehicle):
             return
-        why = why_not_at_all(followed.flight)
+        why = why_not_at_all(followed.flight, self._identities.of(vehicle).kind)
         if why is not None:
             yield unjudged_axes(vehicle, *why)
             return

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from mavhums.actuator.events import AirframeNamed, Samples
 from mavhums.health.events import ConditionChanged, Indication, Window
-from mavhums.vehicle.events import Attitude, FlightMode, Position
+from mavhums.vehicle.events import Attitude, FlightMode, Followed, Position
 
 __all__ = [
     "AirframeNamed",
@@ -17,6 +17,7 @@ __all__ = [
     "ConditionChanged",
     "Event",
     "FlightMode",
+    "Followed",
     "Indication",
     "Notice",
     "Position",
@@ -42,6 +43,7 @@ Event = (
     | AirframeNamed
     | Notice
     | Attitude
+    | Followed
     | Position
     | FlightMode
 )

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from typing import Any
 
-from mavhums.fleet.repairs import Repairs
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.history.flights import FlightHistory, PastFlight, Since, is_healthy
@@ -31,23 +30,18 @@ class _Group:
     flights: list[PastFlight] = field(default_factory=list)
     wanted: bool = False
 
-    def shown(self, since: Since) -> set[_Key]:
-        """Return the indicators of which one is certain to be a reference: all recordings show them."""
-        return set.intersection(*(set(_shown(flight, since)) for flight in self.flights))
-
 
 class Known:
     """The flights so far, in time order.
 
     Parameters
     ----------
-    repairs
-        Dates from which an actuator's flights count, for those that begin on or after such a date.
+    since
+        Returns the dates from which an actuator's flights count at a time; None for none.
     """
 
-    def __init__(self, repairs: Repairs = ()) -> None:
-        self._repairs = sorted(repairs, key=lambda repair: repair.at)
-        self._since: dict[str | None, datetime] = {}
+    def __init__(self, since: Callable[[datetime], Since] | None = None) -> None:
+        self._since = since or (lambda _: {})
         self._references: list[PastFlight] = []
         self._open: list[_Group] = []
         self._counts: Counter[_Key] = Counter()
@@ -58,28 +52,26 @@ class Known:
         """Return the same as :meth:`mavhums.history.flights.FlightHistory.baselines` for all flights."""
         if before is None:
             return {}
-        self._pass(before)
+        since = self._since(before)
         recent = (flight for group in self._open if group.wanted for flight in group.flights)
         ended = tuple(flight for flight in (*self._references, *recent) if flight.end <= before)
-        key = (airframe, tuple(map(id, ended)), tuple(self._since.items()))
+        key = (airframe, tuple(map(id, ended)), tuple(since.items()))
         if key not in self._latest:  # the same for all flights after the last reference
-            self._latest = {key: FlightHistory(ended).baselines(airframe, before, self._since)}
+            self._latest = {key: FlightHistory(ended).baselines(airframe, before, since)}
         return self._latest[key]
 
     def past(
         self, airframe: str | None, before: datetime | None
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
         """Return the same as :meth:`mavhums.history.flights.FlightHistory.past` for all flights."""
-        self._pass(before)
-        return FlightHistory(tuple(self._slim)).past(airframe, before, self._since)
+        return FlightHistory(tuple(self._slim)).past(airframe, before, self._dates(before))
 
     def add(self, flown: PastFlight) -> None:
         """Take the next flight."""
         self._close(flown.start - _ENDED)
-        self._pass(flown.start)
         same = [group for group in self._open if _is_near(flown, group.flights)]
         group = _Group([flown])
-        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in _shown(flown, self._since))
+        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in self._shown(flown))
         for other in same:
             group.flights += other.flights
             group.wanted |= other.wanted
@@ -102,19 +94,24 @@ class Known:
             copies[key] = {name: row[name] for name in ("aircraft", "path", "sha256", "vehicle")} | taken
         return counted, [*copies.values()]
 
-    def _pass(self, time: datetime | None) -> None:
-        """Let the repairs before a time begin new baselines."""
-        while time is not None and self._repairs and self._repairs[0].at <= time:
-            repair = self._repairs.pop(0)
-            self._since[repair.actuator] = repair.at
-            for key in [key for key in self._counts if repair.actuator in (None, key[2])]:
-                del self._counts[key]
+    def _dates(self, moment: datetime | None) -> Since:
+        return {} if moment is None else self._since(moment)
+
+    def _shown(self, flown: PastFlight) -> Iterator[_Key]:
+        """Yield the indicators of healthy actuators, each with the date from which they count."""
+        dates = self._since(flown.start)
+        for verdict in flown.assessment.verdicts:
+            if is_healthy(verdict):
+                date = dates.get(verdict.actuator, dates.get(None))
+                for shown in verdict.indicators:
+                    yield flown.assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault, date
 
     def _close(self, ended: datetime) -> None:
         """Keep or drop the flights to which no recording can be added."""
         for group in [each for each in self._open if all(flight.end < ended for flight in each.flights)]:
             self._open.remove(group)
-            self._counts.update(group.shown(self._since))
+            # Only indicators that all recordings show are certain to be references.
+            self._counts.update(set.intersection(*(set(self._shown(flight)) for flight in group.flights)))
             self._references += group.flights if group.wanted else ()
 
 
@@ -126,13 +123,6 @@ def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
         for own in flown.recordings
         for each in other.recordings
     )
-
-
-def _shown(flight: PastFlight, since: Since) -> Iterator[_Key]:
-    for verdict in flight.assessment.verdicts:
-        if is_healthy(verdict) and flight.counts(verdict.actuator, since):
-            for shown in verdict.indicators:
-                yield flight.assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault
 
 
 def _slim(assessment: Assessment) -> Assessment:

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator
 from datetime import datetime
 
 from mavhums.core.conditions import URGENCY
-from mavhums.fleet.aircraft import UNKNOWN
 from mavhums.fleet.known import Known
-from mavhums.fleet.repairs import repairs_of
+from mavhums.fleet.repairs import since_of
 from mavhums.fleet.store import OF_THIS_FORMAT, Store
+from mavhums.history.aircraft import UNKNOWN
 from mavhums.history.comparison import LoneFlight, compared, unpacked
 from mavhums.history.flights import PastFlight
 from mavhums.report.assessment import Assessment
@@ -23,7 +23,7 @@ def hold_against_past(store: Store, aircraft: str) -> None:
     A flight that several logs record has the verdicts of the best one; the others are stored as its copies.
     """
     flights = (unpacked(data) for data in _stored(store, aircraft))
-    known = Known(repairs_of(store, aircraft))
+    known = Known(since_of(store, aircraft))
     held = (flight.assessment for flight in flights) if aircraft == UNKNOWN else in_order(flights, known)
     rows = [row for assessment in held for row in rows_of(aircraft, assessment)]
     counted, copies = known.divided(rows)

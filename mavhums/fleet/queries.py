@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from mavhums.core.collecting import no_collection
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.fleet.aircraft import UNKNOWN
+from mavhums.fleet.installed import installed_in
 from mavhums.fleet.store import Store
+from mavhums.history.aircraft import UNKNOWN
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
 from mavhums.log.losses import Losses
@@ -152,7 +153,8 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
         flown = tuple(_flights(kept, aircraft))
         if not flown:
             raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", _aircraft_in(kept))
-        return trend_report(FlightHistory(flown))
+        since = installed_in(kept, aircraft).since(aircraft, flown[-1].end)
+        return trend_report(FlightHistory(flown), since=since)
 
 
 def _flights(store: Store, aircraft: str) -> Iterator[PastFlight]:

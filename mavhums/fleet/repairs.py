@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import NamedTuple
 
+from mavhums.app.own_flights import latest
+from mavhums.fleet.installed import installed_in
 from mavhums.fleet.store import Store
 from mavhums.fleet.tables import DATES
+from mavhums.history.aircraft_table import AircraftTable
+from mavhums.history.flights import Since
 
-__all__ = ["Repair", "Repairs", "add_repairs", "repairs_of"]
+__all__ = ["Repair", "Repairs", "add_repairs", "repairs_of", "since_of"]
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -58,6 +63,20 @@ def add_repairs(store: Store, repairs: Repairs) -> set[str]:
 def repairs_of(store: Store, aircraft: str) -> Repairs:
     """Return the repairs of an aircraft."""
     return [repair for repair in _stored(store) if repair.aircraft in (None, aircraft)]
+
+
+def since_of(store: Store, aircraft: str) -> Callable[[datetime], Since]:
+    """Return what gives the dates from which an aircraft's flights count for one at a time.
+
+    They are those of the repairs and of the operator's table of installed actuators, whichever is later.
+    """
+    return partial(_since, repairs_of(store, aircraft), installed_in(store, aircraft), aircraft)
+
+
+def _since(repairs: Repairs, table: AircraftTable, aircraft: str, moment: datetime) -> Since:
+    begun = sorted((repair for repair in repairs if repair.at <= moment), key=lambda repair: repair.at)
+    repaired: Since = {repair.actuator: repair.at for repair in begun}
+    return latest(repaired, table.since(aircraft, moment))
 
 
 def _stored(store: Store) -> list[Repair]:

@@ -13,7 +13,7 @@ from mavhums.app.analysis import analyse_alone
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
-from mavhums.fleet.aircraft import aircraft_of, board_of
+from mavhums.history.aircraft import UNKNOWN, Whose, board_of
 from mavhums.history.comparison import packed
 from mavhums.history.flights import PastFlight, UndatedError
 
@@ -31,7 +31,8 @@ class LogFile(NamedTuple):
 class Row(NamedTuple):
     """The data of a log in the store.
 
-    ``settings`` is the hash of everything besides the log that a judgement depends on. ``start_us`` is UTC,
+    ``settings`` is the hash of everything besides the log that a judgement depends on. ``board`` is the id of
+    the only board that the log reports, None if it reports none or several. ``start_us`` is UTC,
     None for a log without a date. ``flight`` contains the flight judged alone; it is None if ``problem`` and
     ``remedy`` state why it could not be judged.
     """
@@ -42,6 +43,7 @@ class Row(NamedTuple):
     settings: str
     sha256: str | None
     aircraft: str
+    board: str | None
     start_us: int | None
     duration_s: float | None
     losses: bool
@@ -64,14 +66,14 @@ def settings_of(options: Options) -> str:
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def judge_several(files: tuple[LogFile, ...], options: Options, settings: str, rule: str | None) -> list[Row]:
+def judge_several(files: tuple[LogFile, ...], options: Options, settings: str, whose: Whose) -> list[Row]:
     """Judge logs one by one."""
-    return [judge(file, options, settings, rule) for file in files]
+    return [judge(file, options, settings, whose) for file in files]
 
 
-def judge(file: LogFile, options: Options, settings: str, rule: str | None) -> Row:
+def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
     """Judge a log alone; a log that cannot be judged gives a row with the reason."""
-    aircraft = aircraft_of(file.path, rule)
+    aircraft = whose.name(file.path, None, None) or UNKNOWN
     try:
         flight = analyse_alone(file.path, _resolved(options))
     except MavhumsError as error:
@@ -84,12 +86,14 @@ def judge(file: LogFile, options: Options, settings: str, rule: str | None) -> R
     except UndatedError:
         start_us = None
     log = flight.assessment.log
-    aircraft = aircraft or board_of(flight.assessment)
+    board = board_of(flight.assessment)
+    aircraft = whose.name(file.path, board, log.start_utc) or (f"board {board}" if board else UNKNOWN)
     return Row(
         *file,
         settings=settings,
         sha256=log.sha256,
         aircraft=aircraft,
+        board=board,
         start_us=start_us,
         duration_s=log.duration_s,
         losses=bool(log.losses.any),
@@ -99,11 +103,11 @@ def judge(file: LogFile, options: Options, settings: str, rule: str | None) -> R
     )
 
 
-def crashed(file: LogFile, settings: str, rule: str | None) -> Row:
+def crashed(file: LogFile, settings: str, whose: Whose) -> Row:
     """Return the row of a log on which every worker died."""
     remedy = "judge it alone to see why: mavhums analyse LOG"
     problem = f"{file.path}: crashed the worker that judged it"
-    return _failed(file, settings, aircraft_of(file.path, rule), problem, remedy)
+    return _failed(file, settings, whose.name(file.path, None, None) or UNKNOWN, problem, remedy)
 
 
 def _failed(file: LogFile, settings: str, aircraft: str, problem: str, remedy: str) -> Row:
@@ -112,6 +116,7 @@ def _failed(file: LogFile, settings: str, aircraft: str, problem: str, remedy: s
         settings=settings,
         sha256=None,
         aircraft=aircraft,
+        board=None,
         start_us=None,
         duration_s=None,
         losses=False,

@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.fleet.aircraft import hold_rule
+from mavhums.fleet.installed import reassigned
 from mavhums.fleet.past import hold_against_past
 from mavhums.fleet.repairs import Repairs, add_repairs
 from mavhums.fleet.rows import LogFile, Row, crashed, judge, judge_several, settings_of
 from mavhums.fleet.store import Store
+from mavhums.history.aircraft import Whose
+from mavhums.history.aircraft_table import AircraftTable
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -48,6 +50,9 @@ class ScanOptions:
         Rule for the aircraft's name: ``folder`` for the name of the log's folder, or a regular expression
         with a group ``aircraft``. If the rule gives no name, the board's id in the log is used; a log without
         an id is compared with no other.
+    aircraft_table
+        The operator's table of installed boards and actuators, or its file; it goes before the rule. The
+        store keeps it, and applies it to the logs that it has already.
     workers
         Processes on this machine; with 0, this process judges, which is soonest for the log of one landing.
     scheduler
@@ -60,6 +65,7 @@ class ScanOptions:
 
     judging: Options = field(default_factory=Options)
     aircraft: str | None = None
+    aircraft_table: AircraftTable | str | os.PathLike[str] | None = None
     workers: int = 1
     scheduler: str | None = None
     repairs: Repairs = ()
@@ -111,7 +117,8 @@ def scan(
     0
     """
     options = options or ScanOptions()
-    hold_rule(options.aircraft)
+    given = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
+    whose = given.whose()
     options = replace(options, judging=replace(options.judging, history=None))
     settings = settings_of(options.judging)
     kept = Store(store)
@@ -119,10 +126,10 @@ def scan(
     with kept.locked():
         known = kept.known()
         new = [file for file in files if known.get(file) != settings]
-        commits = _Commits(kept, add_repairs(kept, options.repairs))
+        commits = _Commits(kept, reassigned(kept, whose.table) | add_repairs(kept, options.repairs))
         try:
             if new:
-                with closing(_rows(new, options, settings)) as rows:
+                with closing(_rows(new, options, settings, whose)) as rows:
                     for done, row in enumerate(rows, 1):
                         commits.add(row)
                         if progress:
@@ -167,12 +174,12 @@ def _file(path: Path) -> LogFile:
 class _Commits:
     """Collects rows and commits them in blocks; at the end, commits the verdicts of their aircraft."""
 
-    def __init__(self, store: Store, aircraft: Iterable[str]) -> None:
+    def __init__(self, store: Store, aircraft: set[str]) -> None:
         self.judged = self.failed = 0
         self._store = store
         self._rows: list[Row] = []
         self._since_s = monotonic()
-        self._aircraft = set(aircraft)
+        self._aircraft = aircraft
 
     def add(self, row: Row) -> None:
         self._rows.append(row)
@@ -197,13 +204,13 @@ class _Commits:
         self._since_s = monotonic()
 
 
-def _rows(files: Sequence[LogFile], options: ScanOptions, settings: str) -> Generator[Row]:
+def _rows(files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose) -> Generator[Row]:
     """Yield the row of each log, from this process or from workers."""
     if options.workers == 0 and options.scheduler is None:
-        yield from (judge(file, options.judging, settings, options.aircraft) for file in files)
+        yield from (judge(file, options.judging, settings, whose) for file in files)
         return
     with _cluster(options) as client:
-        yield from _judged(client, files, options, settings)
+        yield from _judged(client, files, options, settings, whose)
 
 
 @contextmanager
@@ -230,7 +237,9 @@ def _cluster(options: ScanOptions) -> Iterator[Client]:
         yield client
 
 
-def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str) -> Iterator[Row]:
+def _judged(
+    client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose
+) -> Iterator[Row]:
     """Yield the row of each log as it is judged.
 
     A worker that dies loses its waiting batches. So the logs of a batch that no worker completes are tried
@@ -244,9 +253,7 @@ def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, sett
     suspects: list[LogFile] = []
 
     def submit(several: tuple[LogFile, ...]) -> None:
-        future = client.submit(
-            judge_several, several, options.judging, settings, options.aircraft, pure=False
-        )
+        future = client.submit(judge_several, several, options.judging, settings, whose, pure=False)
         pending[future.key] = several
         running.add(future)
 
@@ -263,11 +270,9 @@ def _judged(client: Client, files: Sequence[LogFile], options: ScanOptions, sett
             submit(following)
             break
     for file in suspects:
-        future = client.submit(
-            judge_several, (file,), options.judging, settings, options.aircraft, pure=False
-        )
+        future = client.submit(judge_several, (file,), options.judging, settings, whose, pure=False)
         wait([future])
         if future.status == "finished":
             yield from future.result()
         else:
-            yield crashed(file, settings, options.aircraft)
+            yield crashed(file, settings, whose)

@@ -10,14 +10,14 @@ import os
 import random
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.fleet.rows import LogFile, Row
-from mavhums.fleet.tables import COPIES, LOGS, VERDICTS, Tables, schemas
+from mavhums.fleet.tables import COPIES, INSTALLED, LOGS, VERDICTS, Tables, schemas
 
 __all__ = ["FORMAT", "OF_THIS_FORMAT", "Store"]
 
@@ -26,6 +26,8 @@ FORMAT: Final = 1
 
 OF_THIS_FORMAT: Final = f"coalesce(format, 1) = {FORMAT}"
 """Holds of the logs whose flights this version reads; the first version stored none."""
+
+Result = TypeVar("Result")
 
 _COMPACT_FILES: Final = 64
 _ATTEMPTS: Final = 12
@@ -158,6 +160,15 @@ class Store:
         if rows or self._has(COPIES):
             self._replace(COPIES, aircraft, rows)
 
+    def replace_installed(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
+        """Replace the actuators of an aircraft, in one transaction."""
+        self._replace(INSTALLED, aircraft, rows)
+
+    def rename(self, names: Mapping[str, str]) -> None:
+        """Give the logs with these hashes to other aircraft, in one transaction."""
+        if names:
+            self.settle(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
+
     def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         if self._has(table):
             predicate = f"aircraft = '{aircraft.replace(chr(39), chr(39) * 2)}'"
@@ -182,14 +193,9 @@ class Store:
 
     def compact(self) -> None:
         """Compact the tables that have many files."""
-        from deltalake.exceptions import DeltaError
-
-        try:
-            for name in schemas():
-                if self._has(name) and len(self._tables.opened(name).file_uris()) > _COMPACT_FILES:
-                    self.settle(lambda name=name: self._tables.compact(name))  # type: ignore[misc]
-        except (DeltaError, OSError) as error:
-            raise self._unwritable(error) from error
+        for name in schemas():
+            if self._has(name) and self._changed(lambda name=name: self._tables.files(name)) > _COMPACT_FILES:  # type: ignore[misc]
+                self.settle(lambda name=name: self._changed(lambda: self._tables.compact(name)))  # type: ignore[misc]
 
     def _has(self, table: str) -> bool:
         try:
@@ -198,10 +204,13 @@ class Store:
             raise self._unreadable(error) from error
 
     def _write(self, table: str, rows: Sequence[dict[str, object]], **how: Any) -> None:
+        self._changed(lambda: self._tables.write(table, rows, **how))
+
+    def _changed(self, change: Callable[[], Result]) -> Result:
         from deltalake.exceptions import CommitFailedError, DeltaError
 
         try:
-            self._tables.write(table, rows, **how)
+            return change()
         except CommitFailedError:
             raise
         except (DeltaError, OSError) as error:

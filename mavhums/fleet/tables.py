@@ -7,7 +7,7 @@ NULL; the first write adds them.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     from deltalake import DeltaTable, WriterProperties
     from duckdb import DuckDBPyConnection
 
-__all__ = ["COPIES", "DATES", "LOGS", "VERDICTS", "Tables", "schemas"]
+__all__ = ["COPIES", "DATES", "INSTALLED", "LOGS", "VERDICTS", "Tables", "schemas"]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
 COPIES: Final = "copies"
 DATES: Final = "dates"
+INSTALLED: Final = "installed"
 _ROW_GROUP: Final = 2_000
 _PATIENCE: Final = {"max_retries": "4", "retry_timeout": "30s", "connect_timeout": "5s"}
 
@@ -91,6 +92,19 @@ class Tables:
             **how,
         )
 
+    def rename(self, table: str, names: Mapping[str, str]) -> None:
+        """Give the rows of some logs, by their hashes, to other aircraft, in one transaction."""
+        import pyarrow as pa
+
+        source = pa.table({"sha256": [*names], "aircraft": [*names.values()]})
+        self.opened(table).merge(
+            source, "old.sha256 = new.sha256", source_alias="new", target_alias="old"
+        ).when_matched_update({"aircraft": "new.aircraft"}).execute()
+
+    def files(self, table: str) -> int:
+        """Return the number of files of a table."""
+        return len(self.opened(table).file_uris())
+
     def compact(self, table: str) -> None:
         """Join small files, and remove files that no version of the last week needs."""
         content = self.opened(table)
@@ -107,7 +121,8 @@ def schemas() -> dict[str, pa.Schema]:
 
     text, whole, number = pa.string(), pa.int64(), pa.float64()
     log = [("path", text), ("size", whole), ("time_ns", whole), ("settings", text), ("sha256", text)]
-    log += [("aircraft", text), ("start_us", whole), ("duration_s", number), ("losses", pa.bool_())]
+    log += [("aircraft", text), ("board", text), ("start_us", whole), ("duration_s", number)]
+    log += [("losses", pa.bool_())]
     log += [("flight", pa.binary()), ("problem", text), ("remedy", text)]
     log += [("scanned", whole), ("format", whole)]
     verdict = [("aircraft", text), ("path", text), ("sha256", text), ("start_us", whole), ("vehicle", whole)]
@@ -115,12 +130,9 @@ def schemas() -> dict[str, pa.Schema]:
     verdict += [("friction_nm", number), ("airframe", text), ("verdict", text)]
     copy = [("aircraft", text), ("path", text), ("sha256", text), ("vehicle", whole), ("counted", text)]
     date = [("aircraft", text), ("actuator", text), ("since_us", whole)]
-    return {
-        LOGS: pa.schema(log),
-        VERDICTS: pa.schema(verdict),
-        COPIES: pa.schema(copy),
-        DATES: pa.schema(date),
-    }
+    installed = [("aircraft", text), ("entry", text)]
+    columns = {LOGS: log, VERDICTS: verdict, COPIES: copy, DATES: date, INSTALLED: installed}
+    return {table: pa.schema(of) for table, of in columns.items()}
 
 
 def _written() -> WriterProperties:

@@ -1,8 +1,9 @@
 """Division of an actuator's samples into slots of equal length, independent of block boundaries.
 
-A sample belongs to the slot in which it is confirmed, that is, in which the first sample arrives that
-is at least :data:`GUARD_S` later. Its neighbours are then known, and the content of a slot depends
-only on the samples and their order, not on the division of the log into blocks.
+A sample belongs to the slot in which it is confirmed, that is, in which the sample after the first one
+that is at least :data:`GUARD_S` later arrives. The speeds of its neighbours are then known, also where they
+are differences of angles, and the content of a slot depends only on the samples and their order, not on
+the division of the log into blocks.
 """
 
 from __future__ import annotations
@@ -173,7 +174,7 @@ class SlotCutter:
         self._times, self._values = [time_s[done:]], [values[done:]]
         time_s = np.concatenate([self._pending[0], time_s[:done]])
         values = np.concatenate([self._pending[1], values[:done]])
-        confirmed_by = np.searchsorted(time_s, time_s + GUARD_S)
+        confirmed_by = np.searchsorted(time_s, time_s + GUARD_S) + 1
         ready = int(np.searchsorted(confirmed_by, time_s.size))
         self._pending = time_s[ready:], values[ready:]
         if not ready:
@@ -184,7 +185,7 @@ class SlotCutter:
         slots = np.floor(time_s[confirmed_by[:ready]] / self._slot_s).astype(np.int64)
         start = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
         next_s = time_s[ready] if ready < time_s.size else np.inf
-        keep = max(int(np.searchsorted(whole_t, next_s - GUARD_S, side="right")) - 1, 0)
-        keep = min(keep, lead + ready - 1)
+        keep = int(np.searchsorted(whole_t, next_s - GUARD_S, side="right")) - 1
+        keep = max(min(keep, lead + ready - 1) - 1, 0)
         self._before = whole_t[keep : lead + ready], whole_v[keep : lead + ready]
         return Slots(slots[start], start, slice(lead, lead + ready), whole_t, whole_v)

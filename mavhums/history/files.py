@@ -100,7 +100,7 @@ def read_history(
     for log, taken in sorted({(log, taken) for (_, log, _), taken in history.untaken().items()}):
         told = f"{paths_of[log]} and {paths_of[taken]} are of the same flight; {paths_of[taken]} counts"
         notices.append(told)
-    return FlightHistory(history.flights, history.errors, tuple(notices))
+    return FlightHistory(history.flights, history.errors, tuple(notices), str(folder))
 
 
 class _ForeignError(MavhumsError):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baseline, Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.history.belonging import Owner, owners_of
 from mavhums.history.copies import Recording, copies, recordings_of
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
@@ -110,11 +111,14 @@ class FlightHistory:
         Files of the folder that could not be read.
     notices
         Files that were ignored without loss of data.
+    name
+        What it is called in messages.
     """
 
     flights: tuple[PastFlight, ...] = ()
     errors: tuple[MavhumsError, ...] = ()
     notices: tuple[str, ...] = ()
+    name: str = "the history"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "flights", _once(self.flights))
@@ -186,6 +190,15 @@ class FlightHistory:
             for (log, vehicle), (taken, _) in untaken(flights).items()
         }
 
+    def owners(self) -> list[Owner]:
+        """Return what is known of the aircraft of the flights."""
+        known: dict[tuple[int, str | None, str | None], Owner] = {}
+        for flight in self.flights:
+            for owner in owners_of(flight.assessment, flight.start):
+                first = known.get(owner[:3], owner)
+                known[owner[:3]] = owner._replace(starts=(first.starts[0], flight.start))
+        return [*known.values()]
+
     def count(self) -> int:
         """Return the number of flights; one that several logs record is one."""
         left_out = self.untaken()
@@ -211,7 +224,7 @@ class FlightHistory:
     def with_flight(self, assessment: Assessment) -> FlightHistory:
         """Return the history with one more flight, if its log has a date."""
         try:
-            return FlightHistory((*self.flights, PastFlight.of(assessment)), self.errors, self.notices)
+            return replace(self, flights=(*self.flights, PastFlight.of(assessment)))
         except UndatedError:
             return self
 

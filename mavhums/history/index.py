@@ -23,6 +23,7 @@ from pydantic import TypeAdapter
 from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import PastRecord
+from mavhums.history.belonging import Owner, owners_of
 from mavhums.history.copies import Recording, copies
 from mavhums.history.files import UnusedError, assessment_files, read_file, read_history
 from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight, Since, is_healthy
@@ -48,6 +49,9 @@ CREATE TABLE series (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT,
 CREATE TABLE recording (airframe TEXT, vehicle INTEGER, board TEXT, boot REAL, start INTEGER, name TEXT,
     place INTEGER, stop INTEGER, content TEXT,
     PRIMARY KEY (airframe, vehicle, board, boot, start, name, place)) WITHOUT ROWID;
+CREATE TABLE owner (vehicle INTEGER, board TEXT, aircraft TEXT, start INTEGER, name TEXT, place INTEGER);
+CREATE INDEX owner_all ON owner (vehicle, board, aircraft, start);
+CREATE INDEX owner_name ON owner (name);
 CREATE INDEX recording_name ON recording (name, place);
 CREATE INDEX flight_log ON flight (log);
 CREATE INDEX flight_same ON flight (same);
@@ -150,6 +154,22 @@ class IndexedFolder:
         """Return the same as :meth:`FlightHistory.past`; this reads the whole folder."""
         return read_history(self._folder).past(airframe, before, since)
 
+    @property
+    def name(self) -> str:
+        """What the history is called in messages."""
+        return str(self._folder)
+
+    def owners(self) -> list[Owner]:
+        """Return the same as :meth:`FlightHistory.owners` for the whole folder."""
+        rows = self._base.execute(
+            "SELECT vehicle, board, aircraft, MIN(start), MAX(start) FROM owner"
+            " GROUP BY vehicle, board, aircraft"
+        )
+        return [
+            Owner(vehicle, board, aircraft, (_moment(first), _moment(last)))
+            for vehicle, board, aircraft, first, last in rows
+        ]
+
     def near(self, flight: PastFlight) -> list[PastFlight]:
         """Return the flights in other logs that may be the same flight; only their files are read."""
         named = flight.assessment.airframe or ""
@@ -220,7 +240,7 @@ class IndexedFolder:
         new = sorted(there - known)
         with self._base:
             for file in known - there:
-                for table in ("file", "told", "flight", "shown", "recording"):
+                for table in ("file", "told", "flight", "shown", "recording", "owner"):
                     self._base.execute(f"DELETE FROM {table} WHERE name = ?", (file.name,))
             for number, file in enumerate(new, 1):
                 if progress:
@@ -239,6 +259,10 @@ class IndexedFolder:
         self._base.execute("INSERT INTO flight VALUES (?, ?, ?, ?)", (name, place, same, outcome.log))
         times = _microseconds(outcome.start), name, place, _microseconds(outcome.end)
         recordings = [(each, _CONTENT.dump_json(each).decode()) for each in outcome.recordings]
+        self._base.executemany(
+            "INSERT INTO owner VALUES (?, ?, ?, ?, ?, ?)",
+            [(*owner[:3], times[0], name, place) for owner in owners_of(outcome.assessment, outcome.start)],
+        )
         for airframe in {judged, *judged.split(", ")}:
             series = [
                 (airframe, verdict.vehicle, verdict.actuator, shown.fault)
@@ -289,6 +313,10 @@ def _files(folder: Path) -> Iterator[_File]:
 
 def _recording(content: str) -> Recording:
     return _CONTENT.validate_json(content)
+
+
+def _moment(microseconds: int) -> datetime:
+    return _EPOCH + timedelta(microseconds=microseconds)
 
 
 def _microseconds(time: datetime) -> int:

@@ -16,6 +16,7 @@ from mavhums.engine.events import ConditionChanged, Event
 from mavhums.live.watch import utc
 from mavhums.log.mavlink.signing import signing_ticks
 from mavhums.report.live import ActuatorStatus, AlertObject
+from mavhums.vehicle.surfaces import AXES
 
 __all__ = ["COMPONENT", "Alerts", "health_name", "text_of"]
 
@@ -43,17 +44,22 @@ _HEALTH: Final[dict[Condition, float]] = {
 def text_of(actuator: str, condition: Condition, fault: str) -> str:
     """Return actuator, finding and action in at most fifty characters of ASCII.
 
+    A finding about an axis says by itself how grave it is.
+
     Examples
     --------
     >>> text_of("elevator", "emergency", "friction")
     'elevator EMERGENCY: friction, land now'
     >>> text_of("rudder", "degraded", "backlash")
     'rudder DEGRADED: backlash, inspect after landing'
+    >>> text_of("roll", "emergency", "control 50%: aileron L/R?")
+    'ROLL control 50%: aileron L/R?, land now'
     """
     name = actuator.encode("ascii", "replace").decode()
     finding = fault.replace("_", " ").encode("ascii", "replace").decode()
+    lead = f"{name.upper()} " if actuator in AXES and "?" in finding else f"{name} {condition.upper()}: "
     for action in _ACTIONS[condition]:
-        text = f"{name} {condition.upper()}: {finding}, {action}"
+        text = f"{lead}{finding}, {action}"
         if len(text) <= TEXT_LENGTH:
             return text
     rest = f" {condition.upper()}: , {_ACTIONS[condition][-1]}"

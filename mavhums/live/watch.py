@@ -43,6 +43,8 @@ class _Heard:
 class Watch:
     """Keeps the time of the latest data of each actuator, for at most as many as the profile has.
 
+    An axis is as old as the latest data of any link.
+
     Parameters
     ----------
     stamper, links, recorder
@@ -167,7 +169,10 @@ class Watch:
     def _actuator(self, verdict: Verdict, now_us: int, elapsed_s: float) -> ActuatorStatus:
         heard = self._heard.get((verdict.vehicle or 0, verdict.actuator))
         silent = self._latest_us is None or (now_us - self._latest_us) / 1e6 > STALE_S
-        stale = heard.stale if heard else silent and verdict.actuator == ALL
+        stale = heard.stale if heard else silent and (verdict.actuator == ALL or verdict.subject == "axis")
+        latest_us = heard.latest_us if heard else None
+        if verdict.subject == "axis":
+            latest_us = self._latest_us
         return ActuatorStatus(
             vehicle=verdict.vehicle,
             actuator=verdict.actuator,
@@ -175,7 +180,7 @@ class Watch:
             held=verdict.condition,
             worst=verdict.worst,
             stale=stale,
-            age_s=None if heard is None else round((now_us - heard.latest_us) / 1e6, 3),
+            age_s=None if latest_us is None else round((now_us - latest_us) / 1e6, 3),
             rate_hz=0.0 if heard is None else round(heard.samples / elapsed_s, 1),
             friction_nm=verdict.friction_nm,
             p_emergency=verdict.p_emergency,

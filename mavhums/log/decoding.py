@@ -1,4 +1,4 @@
-"""The interface of all formats' decoders, and the choice of a decoder by a log's first bytes.
+"""The interface of all formats' decoders, and the choice of a decoder by the beginning of a log.
 
 A new format is a package of its own and a line in `FORMATS`.
 """
@@ -6,9 +6,11 @@ A new format is a package of its own and a line in `FORMATS`.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import islice
 from typing import Final, NamedTuple, Protocol, cast
 
 from mavhums.core.errors import MavhumsError
@@ -105,6 +107,8 @@ class Format:
         Name in error messages: "this is …".
     signature
         The first bytes of every such log.
+    clue
+        What occurs several times near the beginning, by which a log with damaged first bytes is recognised.
     package
         Package of its decoder; imported with the first such log.
     """
@@ -112,6 +116,7 @@ class Format:
     name: str
     title: str
     signature: bytes
+    clue: re.Pattern[bytes]
     package: str
 
     def load(self) -> _Package:
@@ -119,22 +124,52 @@ class Format:
         return cast(_Package, import_module(self.package))
 
 
+_FMT_BEFORE_FMT = re.compile(rb"\xa3\x95\x80(?=.{86}\xa3\x95\x80)", re.DOTALL)
+_TOPIC = re.compile(rb"\w:uint64_t timestamp;")
+
 FORMATS: Final[tuple[Format, ...]] = (
-    Format("dataflash", "an ArduPilot DataFlash log (.BIN)", b"\xa3\x95", "mavhums.log.dataflash"),
-    Format("ulog", "a PX4 ULog (.ulg)", b"ULog\x01\x12\x35", "mavhums.log.ulog"),
+    Format(
+        "dataflash",
+        "an ArduPilot DataFlash log (.BIN)",
+        b"\xa3\x95",
+        _FMT_BEFORE_FMT,
+        "mavhums.log.dataflash",
+    ),
+    Format("ulog", "a PX4 ULog (.ulg)", b"ULog\x01\x12\x35", _TOPIC, "mavhums.log.ulog"),
 )
-_LONGEST: Final = max(len(known.signature) for known in FORMATS)
+_CLUES: Final = 3
+_SEARCHED: Final = 1 << 16
+_MAVLINK_AT: Final = (0, 8)  # a frame comes first, or after a time stamp
+_MAVLINK: Final = (0xFD, 0xFE)
+_LONGEST: Final = max(*_MAVLINK_AT, *(len(known.signature) for known in FORMATS)) + 1
 
 
 def format_of(head: bytes) -> Format | None:
-    """Return the format whose signature begins ``head``; None for a MAVLink log.
+    """Return the format of a log that begins with ``head``; None for a MAVLink log.
+
+    If the log begins neither with a signature nor with a MAVLink frame, its first 64 KB are searched.
 
     Examples
     --------
     >>> format_of(b"\\xa3\\x95\\x80\\x80").name
     'dataflash'
     """
-    return next((known for known in FORMATS if head.startswith(known.signature)), None)
+    signed = next((known for known in FORMATS if head.startswith(known.signature)), None)
+    if signed is not None or _begins_with_frame(head):
+        return signed
+    searched = head[:_SEARCHED]
+    clues = ((known, sum(1 for _ in islice(known.clue.finditer(searched), _CLUES))) for known in FORMATS)
+    return next((known for known, count in clues if count == _CLUES), None)
+
+
+def _begins_with_frame(head: bytes) -> bool:
+    return any(len(head) > at and head[at] in _MAVLINK for at in _MAVLINK_AT)
+
+
+def _is_settled(head: bytes) -> bool:
+    """Return whether later bytes do not change the format."""
+    signed = any(head.startswith(known.signature) for known in FORMATS)
+    return len(head) >= _LONGEST and (len(head) >= _SEARCHED or signed or _begins_with_frame(head))
 
 
 class Decoder:
@@ -224,7 +259,7 @@ class Decoder:
         """
         if self._head is not None:
             block = self._head = self._head + block
-            if len(block) < _LONGEST and not final:
+            if not (final or _is_settled(block)):
                 return {}
             self._choose(block)
         return self._chosen.feed(block, final=final)

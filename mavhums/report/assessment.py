@@ -225,7 +225,8 @@ class LogSummary(Contract):
     """The log that was judged.
 
     ``format`` is ``tlog``, ``dataflash`` or ``ulog``; ``flight`` says of each vehicle which flight it was,
-    ``copies`` which other logs of the history are of the same flight; one of them counts.
+    ``copies`` which other logs of the history are of the same flight; one of them counts. ``notices`` say
+    what could not be checked.
     """
 
     path: str | None
@@ -237,6 +238,7 @@ class LogSummary(Contract):
     format: str = "tlog"
     flight: tuple[FlightIdentity, ...] = ()
     copies: tuple[FlightCopy, ...] = ()
+    notices: tuple[str, ...] = ()
 
 
 class Assessment(Contract):

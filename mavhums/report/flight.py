@@ -25,6 +25,8 @@ class FlightIdentity(Contract):
         When the autopilot was switched on; None if the log tells no date.
     start_utc, end_utc
         Of the log; None if it tells no date.
+    aircraft
+        Name of the aircraft by the operator's table or rule; None if they name none.
 
     Examples
     --------
@@ -39,6 +41,7 @@ class FlightIdentity(Contract):
     boot_utc: str | None = None
     start_utc: str | None = None
     end_utc: str | None = None
+    aircraft: str | None = None
 
     def is_same(self, other: FlightIdentity) -> bool:
         """Return whether both are recordings of one flight.

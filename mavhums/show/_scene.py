@@ -17,6 +17,7 @@ from mavhums.engine.events import (
     ConditionChanged,
     Event,
     FlightMode,
+    Followed,
     Indication,
     Notice,
     Position,
@@ -75,15 +76,11 @@ class Scene:
         """Process the engine's events, in order."""
         for event in events:
             match event:
-                case Samples():
-                    self._track(event.vehicle, event.actuator).samples(event)
-                case Window():
-                    self._track(event.vehicle, event.actuator).window(event)
+                case Samples() | Window() | Indication() | Followed():
+                    self._track(event.vehicle, event.actuator).take(event)
                 case ConditionChanged():
                     self._track(event.vehicle, event.actuator).changed(event)
                     self._say(event.time_s, _LEVELS.get(event.after, "INFO"), _change(event))
-                case Indication():
-                    self._track(event.vehicle, event.actuator).indication(event)
                 case AirframeNamed():
                     self._name_airframe(event)
                 case Attitude():
@@ -152,7 +149,8 @@ class Scene:
     def shape(self) -> object:
         """Return the data that determine the layout; if they are unchanged, so is the layout."""
         shown = [
-            (track.root, track.held, track.present, len(track.faults), track.cause) for track in self.ranked()
+            (track.root, track.held, track.present, len(track.faults), track.cause, track.angles)
+            for track in self.ranked()
         ]
         return shown, self._surroundings()
 
@@ -164,7 +162,8 @@ class Scene:
         faults = tuple(
             Fault(fault, _unit(track, fault), track.faults[fault]) for fault in sorted(track.faults)
         )
-        return Lane(track.root, self._title(track), condition, worst, track.present, faults, track.cause)
+        title = self._title(track)
+        return Lane(track.root, title, condition, worst, track.present, faults, track.cause, track.angles)
 
     def _title(self, track: Track) -> str:
         several = len({vehicle for vehicle, _ in self._tracks}) > 1

@@ -10,13 +10,13 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.engine.events import ConditionChanged, Indication, Samples, Window
+from mavhums.engine.events import ConditionChanged, Followed, Indication, Samples, Window
 from mavhums.health.detector import Detector
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
-from mavhums.show._words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR
+from mavhums.show._words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
 
 __all__ = ["STALE_S", "Track", "actuator_path"]
 
@@ -27,6 +27,7 @@ _EFFECTIVENESS: Final = "effectiveness"
 _FAULTY: Final[tuple[Condition, ...]] = ("degraded", "emergency")
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
+_ANGLE_STYLE: Final = rr.SeriesLines(names=["demanded", "flown"], colors=[YELLOW, BLUE], widths=[1.5, 2.0])
 _ROWS_PER_CHUNK: Final = 4096
 _BEFORE_S, _AFTER_S = 10.0, 10.0
 _HALF_WINDOW_S: Final = 5.0
@@ -62,6 +63,8 @@ class Track:
         Detectors by fault, with quantity and limits; empty without a profile.
     axis_limits
         Limits of an axis.
+    angles
+        Entity path of an axis's demanded and flown angles; None without any.
     known_s
         Flight time from which the profile is known.
     held, worst
@@ -87,6 +90,7 @@ class Track:
         self.moved: list[Surface] = []
         self.detectors: Mapping[str, Detector] = {}
         self.axis_limits = AxisLimits()
+        self.angles: str | None = None
         self.known_s = 0.0
         self.held: Condition = "undecided"
         self.worst: Condition = "undecided"
@@ -115,6 +119,18 @@ class Track:
     def present(self) -> frozenset[str]:
         """Quantities with data in the log, and ``friction`` and ``network`` if they are estimated."""
         return frozenset(self._signals.present | self._drawn)
+
+    def take(self, event: Samples | Window | Indication | Followed) -> None:
+        """Add data of any kind."""
+        match event:
+            case Samples():
+                self.samples(event)
+            case Window():
+                self.window(event)
+            case Indication():
+                self.indication(event)
+            case Followed():
+                self.followed(event)
 
     def samples(self, event: Samples) -> None:
         """Add samples."""
@@ -155,6 +171,14 @@ class Track:
         if event.fault == _EFFECTIVENESS:  # nothing else says from when to when an axis is followed
             self._seen(0.0, float(event.end_s[-1]))
         send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
+
+    def followed(self, event: Followed) -> None:
+        """Add the demanded and the flown angles of an axis, in degrees."""
+        if self.angles is None:
+            self.angles = rr.new_entity_path([*self.root.strip("/").split("/"), "angle"])
+            self._stream.log(self.angles, _ANGLE_STYLE, static=True)
+        rows = np.degrees(event.angles_rad)
+        send(self._stream, self.angles, event.time_s, rr.Scalars.columns(scalars=rows))
 
     def changed(self, event: ConditionChanged) -> None:
         """Add a change of condition, drawn at its onset, not at the time of the decision."""

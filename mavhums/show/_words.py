@@ -20,6 +20,7 @@ __all__ = [
     "SERIES",
     "STALE",
     "STALE_COLOUR",
+    "YELLOW",
     "advice",
     "clock",
     "effectiveness",
@@ -34,9 +35,9 @@ __all__ = [
     "name",
     "percent",
     "printable",
-    "recorded_twice",
     "undecided",
     "unmonitored",
+    "whose",
 ]
 
 COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
@@ -55,7 +56,8 @@ STALE: Final = "stale"
 STALE_COLOUR: Final = (60, 60, 66)
 BLUE: Final = (86, 180, 233)
 PALE_BLUE: Final = (60, 110, 145)
-SERIES: Final = (BLUE, (240, 228, 66), (204, 121, 167), (0, 158, 115))
+YELLOW: Final = (240, 228, 66)
+SERIES: Final = (BLUE, YELLOW, (204, 121, 167), (0, 158, 115))
 
 ADVICE: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log for the trend over flights",
@@ -273,13 +275,14 @@ def _by_reason(assessment: Assessment, condition: Condition) -> dict[tuple[str, 
     return groups
 
 
-def recorded_twice(log: LogSummary) -> str | None:
-    """Return which other logs are of the same flight and which one counts; None if there is none."""
-    if not log.copies:
-        return None
-    others = join(sorted({copy.log or "a live link" for copy in log.copies}))
-    best = next((copy.log or "a live link" for copy in log.copies if copy.counts), None)
-    return f"The flight is also recorded in {others}; {best or 'this log'} counts"
+def whose(log: LogSummary) -> list[str]:
+    """Return sentences on whose flight it is: other recordings of it, and what could not be checked."""
+    said = [f"{notice[:1].upper()}{notice[1:]}" for notice in log.notices]
+    if log.copies:
+        others = join(sorted({copy.log or "a live link" for copy in log.copies}))
+        best = next((copy.log or "a live link" for copy in log.copies if copy.counts), None)
+        said.append(f"The flight is also recorded in {others}; {best or 'this log'} counts")
+    return said
 
 
 def losses(lost: Losses) -> str:

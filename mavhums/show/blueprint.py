@@ -61,6 +61,8 @@ class Lane(NamedTuple):
         Indicators of other faults.
     cause
         The fault that caused the worst condition; its plot is in front.
+    angles
+        Entity path of an axis's demanded and flown angles.
     """
 
     root: str
@@ -70,6 +72,7 @@ class Lane(NamedTuple):
     present: frozenset[str]
     faults: tuple[Fault, ...] = ()
     cause: str = "friction"
+    angles: str | None = None
 
 
 class _Axes(NamedTuple):
@@ -115,7 +118,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     axes = (
         _Axes(_latest(_LIVE_SIGNALS_S), _latest(_LIVE_EVIDENCE_S)) if live else _Axes(*[whole_flight()] * 2)
     )
-    tabs = [_actuator(lane, axes) for lane in lanes if lane.present or lane.faults]
+    tabs = [_actuator(lane, axes) for lane in lanes if lane.present or lane.faults or lane.angles]
     around = around or Surroundings()
     middle = _vehicle(around)
     below = rrb.Horizontal(rrb.Tabs(*tabs, active_tab=0), middle, column_shares=[5, 3]) if tabs else middle
@@ -200,12 +203,16 @@ def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
         answer.append(_plot(title, [f"{root}/network"], axes.evidence, legend=False, span=(-0.05, 1.05)))
     groups = [(subject, [key for key in members if key in keys]) for subject, members in _PLOTS]
     signals = [_signals(root, subject, found, axes.signals) for subject, found in groups if found]
+    if lane.angles:
+        signals.append(_plot("Angle, °: demanded and flown", [lane.angles], axes.evidence))
     rows: list[rrb.Container] = []
     if answer:
         rows.append(rrb.Horizontal(*answer, column_shares=[2, 1][: len(answer)]))
     if signals:
         rows.append(rrb.Grid(*signals, grid_columns=min(3, len(signals))))
-    return rrb.Vertical(*rows, row_shares=[1, 2] if len(rows) == 2 else None, name=_tab(lane))
+    return rrb.Vertical(
+        *rows, row_shares=[1, 1 if lane.angles else 2] if len(rows) == 2 else None, name=_tab(lane)
+    )
 
 
 def _faults(lane: Lane, axis: rrb.TimeAxis) -> list[rrb.View]:

@@ -25,7 +25,7 @@ from mavhums.show._words import (
     losses,
     name,
     printable,
-    recorded_twice,
+    whose,
 )
 from mavhums.show.html_craft import Part, outline
 from mavhums.show.html_curves import Gathered, Key
@@ -112,7 +112,7 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
             headline=headline(assessment),
             file=PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
             losses=losses(log.losses),
-            twice=recorded_twice(log),
+            whose=whose(log),
             aircraft=list(_aircraft(assessment)),
             plots=list(_plots(assessment, gathered)),
             notices=gathered.notices(),

@@ -25,9 +25,9 @@ from mavhums.show._words import (
     name,
     percent,
     printable,
-    recorded_twice,
     undecided,
     unmonitored,
+    whose,
 )
 
 __all__ = ["markdown", "so_far"]
@@ -256,8 +256,7 @@ def _log(assessment: Assessment) -> str:
         f"Airframe: {_literal(assessment.airframe or 'none named')}; "
         f"network: {_literal(assessment.model.name) if assessment.model else 'none'}",
     ]
-    if twice := recorded_twice(log):
-        facts.append(_literal(twice))
+    facts += map(_literal, whose(log))
     return "## The log\n\n" + "\n".join(f"- {fact}" for fact in facts)
 
 

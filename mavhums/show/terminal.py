@@ -28,9 +28,9 @@ from mavhums.show._words import (
     name,
     percent,
     printable,
-    recorded_twice,
     undecided,
     unmonitored,
+    whose,
 )
 
 __all__ = ["render"]
@@ -55,8 +55,8 @@ def render(assessment: Assessment, console: Console) -> None:
         console.print(Text(title, style="bold"))
         for line in lines:
             console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
-    if twice := recorded_twice(assessment.log):
-        console.print(Text(printable(f"{twice}.")))
+    for said in whose(assessment.log):
+        console.print(Text(printable(f"{said}.")))
     console.print(Text(printable(f"Log losses: {losses(assessment.log.losses)}."), style="dim"))
     console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
 

@@ -12,7 +12,8 @@ from mavhums.log import Table
 
 __all__ = ["AIRSPEED_MESSAGES", "Airspeeds"]
 
-AIRSPEED_MESSAGES: Final = frozenset({"VFR_HUD"})
+_FIELDS: Final = {"VFR_HUD": "airspeed", "ARSP": "Airspeed", "airspeed": "indicated_airspeed_m_s"}
+AIRSPEED_MESSAGES: Final = frozenset(_FIELDS)
 
 _FIRST: Final = (np.array([-(1 << 62)], dtype=np.int64), np.array([np.nan]))
 _STALE_US: Final = 3_000_000
@@ -36,11 +37,15 @@ class Airspeeds:
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         """Take the reports in these messages."""
-        table = tables.get("VFR_HUD")
-        if table is None:
-            return
-        speed = table["airspeed"].astype(np.float64)
+        for message, field in _FIELDS.items():
+            table = tables.get(message)
+            if table is not None and field in (table.fields.dtype.names or ()):
+                self._take(table, table[field].astype(np.float64))
+
+    def _take(self, table: Table, speed: Array) -> None:
         sound = np.isfinite(speed) & (speed >= 0.0)
+        if "I" in (table.fields.dtype.names or ()):
+            sound &= table["I"] == 0  # of several sensors, the first
         for vehicle in np.unique(table.system[sound]).tolist():
             rows = sound & (table.system == vehicle)
             before_us, before = self._known.get(vehicle, _FIRST)

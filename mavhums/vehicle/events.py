@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Attitude", "FlightMode", "Position"]
+__all__ = ["Attitude", "FlightMode", "Followed", "Position"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,6 +20,20 @@ class Attitude:
     vehicle: int
     time_s: NDArray[np.float64]
     roll_pitch_yaw_rad: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """The demanded and the flown angle about an axis: ``time_s`` of shape (n,), increasing.
+
+    ``actuator`` is the axis, ``roll`` or ``pitch``; ``angles_rad`` has shape (n, 2), the demand first, NaN
+    where it is not known.
+    """
+
+    vehicle: int
+    actuator: str
+    time_s: NDArray[np.float64]
+    angles_rad: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

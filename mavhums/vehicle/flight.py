@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.surfaces import AXES, Demands, Surfaces
 from mavhums.vehicle.wind import WindTriangle
 
@@ -151,6 +152,8 @@ class Flight:
     def _rows(self, first: int, fresh: bool, signals: dict[str, Array]) -> Rows:
         flat = {name: values.reshape(-1, values.shape[-1]) for name, values in signals.items()}
         self.heard |= {name for name in flat.keys() - self.heard if np.isfinite(flat[name]).any()}
+        if self.heard & {"outputs_2", "outputs_3"}:
+            self.heard.add("outputs")
         rates = np.where(np.isfinite(flat["rates"]), flat["rates"], flat["slow_rates"])
         speed = self._speed(signals, flat)
         autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
@@ -172,7 +175,7 @@ class Flight:
             speed=speed,
             flying=self._flying(flat, speed, fresh),
             spacing=_spacing(flat),
-            outputs=self._demands.feed(flat["outputs"]) if self._demands else unknown,
+            outputs=self._demands.feed(all_outputs(flat)) if self._demands else unknown,
         )
 
     def _speed(self, signals: dict[str, Array], flat: dict[str, Array]) -> Array:
@@ -221,5 +224,6 @@ def _spacing(flat: dict[str, Array]) -> Array:
     """Return the longer spacing, of the outputs or of the rates in use, (n,)."""
     fast = np.isfinite(flat["rates"]).all(axis=1)
     rates = np.where(fast, flat["rates_spacing"][:, 0], flat["slow_rates_spacing"][:, 0])
-    longer: Array = np.fmax(rates, flat["outputs_spacing"][:, 0])
+    first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
+    longer: Array = np.fmax(rates, np.where(np.isfinite(first), first, second))
     return longer

@@ -22,7 +22,7 @@ GAP_S: Final = 1.2
 LATE_S: Final = 0.5
 SETTLED_S: Final = LATE_S + GAP_S
 _HELD_S: Final = 5.0
-_SPACED: Final = ("outputs", "rates", "slow_rates")
+_SPACED: Final = ("outputs", "outputs_2", "rates", "slow_rates")
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -103,7 +103,9 @@ class Grid:
 
     def _heard(self, reach: float) -> Times:
         """Return the settled seconds that contain or adjoin a sample of the attitude or of an output."""
-        heard = [np.floor(self._times[name]) for name in ("outputs", "attitude", "rates", "state")]
+        heard = [
+            np.floor(self._times[name]) for name in ("outputs", "outputs_2", "attitude", "rates", "state")
+        ]
         seconds = np.unique(np.concatenate(heard)).astype(np.int64)
         return seconds[(seconds >= self._settled) & (seconds + 1 <= reach)]
 

@@ -2,8 +2,9 @@
 
 The board's unique id is in AUTOPILOT_VERSION and in a text that ArduPilot sends and logs, as the same
 hexadecimal digits: 12 bytes for ArduPilot, 18 for PX4, whose ULog contains them as sys_uuid. If there is no
-id, the operator's serial number (BRD_SERIAL_NUM) replaces it. The boot time is the difference between the
-log's dates and the vehicle's own clock.
+id, the operator's serial number (BRD_SERIAL_NUM) replaces it. ArduPilot's simulator (SITL) sends the id of
+its machine, with the number of the simulated vehicle in the first byte. The boot time is the difference
+between the log's dates and the vehicle's own clock.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ RECORDED_MESSAGES: Final = frozenset(
 """Messages that tell."""
 
 _BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})")
+_SIMULATED: Final = re.compile(r"(.?)([0-9a-f]{31})", re.DOTALL)
 _UID_BYTES: Final = 12
 _PX4_BOARD: Final = b"sys_uuid"
 _SERIAL: Final = b"BRD_SERIAL_NUM"
@@ -60,15 +62,18 @@ class RecordedFlights:
     def feed(self, tables: Mapping[str, Table]) -> None:
         """Take tables of messages."""
         for said in texts(tables):
-            match = _BOARD.fullmatch(said.text.strip())
-            if match:
-                self._boards.setdefault(said.vehicle, "".join(match.groups()))
+            board = _board_in(said.text)
+            if board is not None:
+                self._boards.setdefault(said.vehicle, board)
         version = tables.get("AUTOPILOT_VERSION")
         if version is not None:
-            for system, uid in zip(version.system.tolist(), version["uid2"], strict=True):
-                if uid.any():
-                    own = uid if uid[_UID_BYTES:].any() else uid[:_UID_BYTES]
+            ids = zip(version.system.tolist(), version["uid2"], version["uid"].tolist(), strict=True)
+            for system, uid2, uid in ids:
+                if uid2.any():
+                    own = uid2 if uid2[_UID_BYTES:].any() else uid2[:_UID_BYTES]
                     self._boards.setdefault(system, own.tobytes().hex().upper())
+                elif uid:
+                    self._boards.setdefault(system, f"{uid:016X}")
         info = tables.get("info")
         if info is not None and info.holds_text("name") and info.holds_text("value"):
             told = info.select(info["name"] == _PX4_BOARD)
@@ -99,6 +104,21 @@ class RecordedFlights:
             if table is not None and table.holds({field: 1}):
                 boots = table.time_us - table[field].astype(np.int64) * scale
                 _keep_first(self._rough_boots, table, boots)
+
+
+def _board_in(text: str) -> str | None:
+    """Return the unique id of a board in a text of the autopilot; None if it has none.
+
+    Examples
+    --------
+    >>> _board_in("CubeOrange 00112233 44556677 8899AABB"), _board_in("Vd1219c7c4c5404aaa1f6d2a48adfda4")
+    ('00112233445566778899AABB', 'SITL 56 D1219C7C4C5404AAA1F6D2A48ADFDA4')
+    """
+    match = _BOARD.fullmatch(text.strip())
+    if match:
+        return "".join(match.groups())
+    match = _SIMULATED.fullmatch(text)
+    return f"SITL {ord(match[1] or ' '):02X} {match[2].upper()}" if match else None
 
 
 def _keep_first(

@@ -12,13 +12,18 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CONTINUOUS", "NAMES", "OUTPUTS", "STEPPED", "Signal"]
+__all__ = ["ALL_OUTPUTS", "CONTINUOUS", "NAMES", "OUTPUTS", "STEPPED", "Signal", "all_outputs", "placed"]
 
 OUTPUTS: Final = 16
-"""Servo outputs that are followed."""
+"""Servo outputs of the first message, whose use is followed."""
+
+ALL_OUTPUTS: Final = 32
+"""Servo outputs that can move a surface."""
 
 CONTINUOUS: Final[Mapping[str, int]] = {
     "outputs": OUTPUTS,  # pulses, µs, NaN where an output is off
+    "outputs_2": ALL_OUTPUTS,  # those that a second and a third message carry, NaN for the others
+    "outputs_3": ALL_OUTPUTS,
     "rates": 3,  # roll, pitch, yaw rate of the fastest gyro, rad/s
     "slow_rates": 3,  # the same from the attitude estimate
     "force": 3,  # specific force, forward, right, down, m/s²
@@ -62,3 +67,25 @@ class Signal(NamedTuple):
     frame: NDArray[np.int64]
     time_us: NDArray[np.int64]
     values: NDArray[np.float64]
+
+
+def all_outputs(signals: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the pulses of all outputs, (n, ALL_OUTPUTS), from the signals on a common grid."""
+    first = signals["outputs"]
+    pulses = placed(first, 0)
+    for name in ("outputs_2", "outputs_3"):
+        np.copyto(pulses, signals[name], where=np.isfinite(signals[name]))
+    return pulses
+
+
+def placed(pulses: NDArray[np.float64], first: int) -> NDArray[np.float64]:
+    """Return pulses as columns from ``first`` of an array of all outputs, which is NaN elsewhere.
+
+    Examples
+    --------
+    >>> placed(np.array([[1500.0]]), 16)[0, 15:18]
+    array([  nan, 1500.,   nan])
+    """
+    wide = np.full((len(pulses), ALL_OUTPUTS), np.nan)
+    wide[:, first : first + pulses.shape[1]] = pulses
+    return wide

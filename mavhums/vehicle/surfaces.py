@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.signals import OUTPUTS
+from mavhums.vehicle.signals import ALL_OUTPUTS, OUTPUTS
 
 __all__ = ["AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
 
@@ -79,6 +79,21 @@ class Surfaces:
                 return found
         return ()
 
+    def brief(self, axis: str) -> str:
+        """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
+
+        Examples
+        --------
+        >>> ailerons = Moved(1, "left aileron", 1500, 500), Moved(2, "right aileron", 1500, 500)
+        >>> Surfaces(ailerons, "profile").brief("roll")
+        'aileron L/R'
+        """
+        moved = self.of_axis(axis)
+        if len(moved) < 2:
+            return moved[0].kind if moved else ""
+        marks = [one.side[:1].upper() or str(one.servo) for one in moved]
+        return f"{moved[0].kind} {'/'.join(marks)}"
+
     def names(self, axis: str) -> tuple[str, ...]:
         """Return the surfaces of an axis, each with its servo."""
         return tuple(f"{moved.surface} (servo {moved.servo})" for moved in self.of_axis(axis))
@@ -90,7 +105,7 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
     found = []
     for output in control_surfaces(parameters):
         surface = output.surface.replace("v-tail", "tail").replace("a-tail", "tail")
-        if output.servo > OUTPUTS or not any(kind in surface for kind in KINDS):
+        if output.servo > ALL_OUTPUTS or not any(kind in surface for kind in KINDS):
             continue
         low, zero, high = output.pwm_us
         sign = _px4_sign(output.because, surface, values) if parameters.is_px4 else 1.0
@@ -133,7 +148,7 @@ class Demands:
         self._changed = {name: np.zeros(len(group), dtype=np.int64) for name, group in self._groups.items()}
 
     def feed(self, pulses: Array) -> Array:
-        """Return the demand about roll, pitch and yaw, (n, 3), from pulses (n, OUTPUTS); NaN if unknown."""
+        """Return the demand about roll, pitch and yaw, (n, 3), from all outputs' pulses; NaN if unknown."""
         known = {name: self._demand(name, group, pulses) for name, group in self._groups.items()}
         self._row += len(pulses)
         none = np.full(len(pulses), np.nan)

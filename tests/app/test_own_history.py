@@ -13,6 +13,7 @@ from mavhums.history.files import keep_assessment
 from mavhums.report.assessment import Assessment
 from mavhums_sim import Flight, Gearbox, fly
 from mavhums_sim.conditions import Condition
+from mavhums_sim.dataflash import write_dataflash
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.link import Link
 from mavhums_sim.telemetry import write_tlog
@@ -113,3 +114,17 @@ def test_an_esc_at_the_supply_bus_is_learning_by_its_power(run: Run, tmp_path: P
     assert [indicator.fault for indicator in verdict.indicators] == ["friction_power"]
     assert {record.equation for record in verdict.own} == {"own_power"}
     assert run("analyse", path, "--airframe", profile).code == 12
+
+
+def test_a_servo_on_the_autopilots_bus_is_learning_by_its_power(tmp_path: Path) -> None:
+    profile, path = tmp_path / "bus.toml", tmp_path / "bus.BIN"
+    profile.write_text(PROFILE.replace("esc = 2", 'esc_side = "bus"'), encoding="utf-8")
+    flight = Flight(
+        seed=8851, duration_s=60.0, rate_hz=50.0, parameters=PARAMETERS, esc_side="bus", tiers=("csrv", "pwm")
+    )
+    write_dataflash(fly(flight), path)
+    assessment = mavhums.analyse(path, mavhums.Options(airframe=profile))
+    [verdict] = [verdict for verdict in assessment.verdicts if verdict.subject == "actuator"]
+    assert verdict.condition == "learning"
+    assert "own_power" in {record.equation for record in verdict.own}
+    assert [indicator.fault for indicator in verdict.indicators] == ["friction_power"]

@@ -38,8 +38,9 @@ def flown(
     day: int = 0,
     gain: float = 2.2,
     trim: float = 0.0,
+    lost_s: int = 90,
 ) -> bytes:
-    """A tlog of ordinary messages at 10 Hz: a roll rate that answers to servo 1, less from 90 s on.
+    """A tlog of ordinary messages at 10 Hz: a roll rate that answers to servo 1, less from ``lost_s`` on.
 
     ``gain`` and ``trim`` are those of the whole flight, which begins ``day`` days later; each day is another
     flight.
@@ -47,7 +48,7 @@ def flown(
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
     demand = excited(seconds, seed=1 + day)[::2]
     rates = np.zeros_like(demand)
-    gains = gain * np.where(np.arange(demand.size) < 900, 1.0, left)
+    gains = gain * np.where(np.arange(demand.size) < 10 * lost_s, 1.0, left)
     rates[2:] = (gains * (demand - trim))[:-2]
     rates += 0.02 * np.random.default_rng(3 + day).normal(size=demand.size)
     start_us = START_US + day * 86_400_000_000
@@ -183,3 +184,10 @@ def test_a_jam_is_seen_as_half_the_aileron_from_ordinary_messages() -> None:
     roll = of(assessment, "roll")
     assert (roll.condition, roll.worst) == ("normal", "emergency") or roll.worst == "emergency"
     assert any(60 <= e.start_s <= 125 for e in roll.evidence)
+
+
+@pytest.mark.skipif(not (REAL_LOGS / "onboard").is_dir(), reason="the real logs are absent")
+def test_an_onboard_log_of_a_copter_is_told_why_not() -> None:
+    assessment = mavhums.analyse(REAL_LOGS / "onboard" / "lrs17.BIN")
+    [axes] = [v for v in assessment.verdicts if v.subject == "axis"]
+    assert "multirotor: control effectiveness is judged for fixed-wing aircraft" in str(axes.reason)

@@ -484,7 +484,7 @@ def test_a_bus_side_esc_is_undecided_with_its_reason() -> None:
     airframe = paper.model_copy(update={"actuators": tuple(sides)})
     elevator = of(judge_records((data for _, data in packed(fly(flight))), airframe=airframe), "elevator")
     assert elevator.condition == "undecided"
-    assert "supply bus" in str(elevator.reason)
+    assert "the supply's power" in str(elevator.reason)
     assert "V6" in elevator.provenance
     assert "V5" not in elevator.provenance
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import Attitude, Event, Indication, Notice, Position, Samples
+from mavhums.engine.events import Attitude, Event, Followed, Indication, Notice, Position, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
@@ -69,6 +69,7 @@ def _joined(events: list[Any]) -> Any:
     fields = {
         Samples: ("time_s", "values"),
         Indication: ("end_s", "value", "low", "high"),
+        Followed: ("time_s", "angles_rad"),
         Attitude: ("time_s", "roll_pitch_yaw_rad"),
         Position: ("time_s", "latitude_longitude_deg", "altitude_m"),
     }.get(type(events[0]))
@@ -96,6 +97,7 @@ def test_the_log_brings_about_every_kind_of_event(whole: dict[Any, Any]) -> None
         "Indication",
         "Notice",
         "Attitude",
+        "Followed",
         "FlightMode",
     }
     assert ("AirframeNamed", 1, None, None) in whole

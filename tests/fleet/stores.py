@@ -25,6 +25,7 @@ def row_of(assessment: Assessment, aircraft: str, flight: LoneFlight | None = No
         settings="",
         sha256=log.sha256,
         aircraft=aircraft,
+        board=None,
         start_us=round(start.timestamp() * 1e6) if start else None,
         duration_s=log.duration_s,
         losses=False,

@@ -19,7 +19,7 @@ pytest.importorskip("distributed")
 
 from mavhums import fleet
 from mavhums.fleet.known import Known
-from mavhums.fleet.repairs import Repair, add_repairs, repairs_of
+from mavhums.fleet.repairs import Repair, add_repairs, repairs_of, since_of
 from mavhums.fleet.store import Store
 from mavhums.history.files import read_history
 from mavhums.history.flights import PastFlight
@@ -42,14 +42,16 @@ def flights() -> list[Assessment]:
 
 
 def test_each_flight_is_held_against_those_since_the_last_repair(tmp_path: Path) -> None:
-    known = Known([repair for repair in DATES if repair.aircraft in (None, "D-A")])
+    write_store(tmp_path / "store", {"D-A": flights()[:1]})
+    add_repairs(Store(tmp_path / "store"), DATES)
+    known = Known(since_of(Store(tmp_path / "store"), "D-A"))
     for day, flight in enumerate(flights()):
         start = START + timedelta(days=day)
         given = {repair.actuator: repair.at for repair in DATES[:3] if repair.at <= start}
-        expected = read_history(tmp_path).baselines("paper", start, given) if day else {}
+        expected = read_history(tmp_path / "kept").baselines("paper", start, given) if day else {}
         assert known.baselines("paper", start) == expected
         known.add(PastFlight.of(flight))
-        keep_assessment(flight, tmp_path)
+        keep_assessment(flight, tmp_path / "kept")
 
 
 def test_a_store_keeps_repairs_and_names_the_aircraft_that_they_concern(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
@@ -58,6 +59,16 @@ def test_effectiveness_is_drawn_against_reference_and_limit(recorded: tuple[Path
     assert limits[0].tolist() == [1.0, 0.85, 0.7]
     names = ["reference", "degraded below 0.85", "emergency up to 0.7"]
     assert static(recorded[0], f"{root}/limits")["SeriesLines:names"] == names
+
+
+def test_the_demanded_and_the_flown_angle_are_drawn(recorded: tuple[Path, Any]) -> None:
+    times, angles = scalars(recorded[0], "/vehicle_1/roll/angle")
+    assert static(recorded[0], "/vehicle_1/roll/angle")["SeriesLines:names"] == ["demanded", "flown"]
+    assert np.diff(times).max() == pytest.approx(0.25, abs=1e-6)
+    assert angles.shape[1] == 2
+    flown = angles[np.isfinite(angles[:, 1]), 1]
+    assert flown.size
+    assert np.abs(flown).max() < 1e-3, "level, as the log says"
 
 
 def test_surfaces_without_telemetry_have_the_colour_of_their_axis(recorded: tuple[Path, Any]) -> None:

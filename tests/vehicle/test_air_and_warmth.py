@@ -35,6 +35,23 @@ def test_the_airspeed_is_held_until_the_next_and_not_for_ever(tmp_path: Path) ->
     assert np.isnan(airspeeds.at(2, asked)).all()
 
 
+@pytest.mark.parametrize(
+    ("message", "field"), [("ARSP", "Airspeed"), ("airspeed", "indicated_airspeed_m_s")], ids=["BIN", "ulg"]
+)
+def test_on_board_logs_tell_the_airspeed_too(message: str, field: str) -> None:
+    fields = np.array([(0, 20.0), (1, 99.0), (0, 25.0)], dtype=[("I", "u1"), (field, "f4")])
+    if message == "airspeed":
+        fields = fields[[0, 2]][[field]]
+    count = len(fields)
+    number, byte = np.arange(count), np.zeros(count, dtype=np.uint8)
+    table = Table(message, number, number * SECOND, byte + 1, byte, byte, byte, fields)
+    airspeeds = Airspeeds()
+    airspeeds.feed({message: table})
+    last_us = np.array([(count - 1) * SECOND])
+    np.testing.assert_array_equal(airspeeds.at(1, np.array([0])), [20.0])
+    np.testing.assert_array_equal(airspeeds.at(1, last_us), [25.0])
+
+
 def test_the_temperature_is_the_median_of_what_an_esc_tells(tmp_path: Path) -> None:
     readings = [[31, 0, 40, 5]] * 14 + [[90, 0, 41, 5]] * 6
     heard = tables(

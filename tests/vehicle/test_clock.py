@@ -9,9 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mavhums.log import Table
 from mavhums.vehicle.clock import SenderClock
+from mavhums.vehicle.clocks import Clocks
 
 Times = NDArray[np.int64]
+START_US = 1_700_000_000_000_000
 
 
 def array(values: list[int]) -> Times:
@@ -74,3 +77,26 @@ def test_a_clock_set_ahead_does_not_stand_before_what_follows() -> None:
         )
         assert np.array_equal(utc, received)
         assert clock.segments == 2
+
+
+def message_table(sent_ms: Times, received: Times, first: int) -> Table:
+    count = len(sent_ms)
+    ones = np.ones(count, dtype=np.uint8)
+    fields = np.array([(int(ms),) for ms in sent_ms], dtype=[("time_boot_ms", "u4")])
+    frames = np.arange(first, first + count, dtype=np.int64)
+    return Table("NAMED_VALUE_FLOAT", frames, received, ones, ones, ones, ones, fields)
+
+
+@given(st.lists(st.integers(1, 79), max_size=6), st.sampled_from([1.0, 2.0, 5.0]))
+def test_readers_of_the_same_messages_do_not_disturb_each_other(cuts: list[int], squeezed: float) -> None:
+    """A clock that runs off, as in a replay faster than it was flown, jumps again and again."""
+    sent_ms = np.arange(80, dtype=np.int64) * 150
+    received = START_US + (sent_ms * 1000 / squeezed).astype(np.int64)
+    expected = SenderClock().to_utc_us(sent_ms * 1000, received)
+    clocks, found = Clocks(), []
+    for a, b in itertools.pairwise(sorted({0, *cuts, 80})):
+        table = message_table(sent_ms[a:b], received[a:b], a)
+        one, other = (clocks.utc_us(table, 1000, "time_boot_ms") for _ in range(2))
+        assert np.array_equal(one, other)
+        found.append(one)
+    assert np.array_equal(np.concatenate(found), expected)

@@ -45,6 +45,19 @@ def test_px4s_board_is_the_same_in_a_message_and_in_a_ulog() -> None:
     assert identities.of(7).board == heard(version).of(1).board == bytes(uid).hex().upper()
 
 
+def test_older_ids_and_simulated_boards_are_known() -> None:
+    older = v2.MAVLink_autopilot_version_message(
+        0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0x1234, [0] * 18
+    )
+    assert heard(older).of(1).board == "0000000000001234"
+    ids = {
+        heard(v2.MAVLink_statustext_message(6, first + b"d1219c7c4c5404aaa1f6d2a48adfda4")).of(1).board
+        for first in (b"4", b"V", b";")
+    }
+    assert len(ids) == 3
+    assert all(str(board).endswith(" D1219C7C4C5404AAA1F6D2A48ADFDA4") for board in ids)
+
+
 def test_a_serial_number_stands_for_a_board_that_is_not_told() -> None:
     serial = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 17.0, 9, 1, 0)
     unset = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 0.0, 9, 1, 0)

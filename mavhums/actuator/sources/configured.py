@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.profile import Actuator, FieldMapping
+from mavhums.actuator.field_check import MULTI_ID, wire_mistake
+from mavhums.actuator.profile import Actuator, FieldMapping, ProfileError
 from mavhums.actuator.readings import Reading, blank
 from mavhums.core.quantities import column
 from mavhums.log import Table
@@ -30,9 +31,19 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
             table = tables.get(message)
             if table is None:
                 continue
+            _hold_fields(table, actuator, mappings)
             if message not in utc_us:
                 utc_us[message] = _times(table, clocks)
             yield from _mapped(table, actuator, mappings, utc_us[message])
+
+
+def _hold_fields(table: Table, actuator: Actuator, mappings: Mapping[str, FieldMapping]) -> None:
+    """Refuse a mapping to what the log's own definition of the message does not have."""
+    for key, mapping in mappings.items():
+        mistake = wire_mistake(mapping.message, mapping.field, mapping.where, table.fields.dtype)
+        if mistake is not None:
+            problem = f"actuator {actuator.name}: fields.{key}.{mistake.key}: {mistake.problem} in this log"
+            raise ProfileError(problem, mistake.remedy)
 
 
 def _by_message(actuator: Actuator) -> list[dict[str, FieldMapping]]:
@@ -45,9 +56,13 @@ def _by_message(actuator: Actuator) -> list[dict[str, FieldMapping]]:
 
 def _column(table: Table, field: str) -> NDArray[Any]:
     """Return a field, or one element of an array field: ``rpm[2]``."""
-    name, _, element = field.partition("[")
+    if field in (table.fields.dtype.names or ()):
+        return table[field]
+    if field == MULTI_ID:
+        return table.component
+    name, _, element = field.rpartition("[")
     values: NDArray[Any] = table[name]
-    return values[:, int(element.rstrip("]"))] if element else values
+    return values[:, int(element.rstrip("]"))]
 
 
 def _times(table: Table, clocks: Clocks) -> NDArray[np.int64]:

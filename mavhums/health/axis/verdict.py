@@ -27,6 +27,9 @@ _KINDS: Final = {
     15: "a tricopter",
     29: "a dodecarotor",
 }
+_WINGED: Final = ("fixed wing", "VTOL")
+_FIXED_WINGS_ONLY: Final = "control effectiveness is judged for fixed-wing aircraft in forward flight only"
+_BY_TELEMETRY: Final = "judge its actuators by telemetry of their own"
 _NEEDED: Final = {
     "outputs": "the servo outputs (SERVO_OUTPUT_RAW, RCOU, actuator_outputs)",
     "attitude": "the attitude (ATTITUDE, ATT)",
@@ -37,23 +40,28 @@ PROFILE_LINE: Final = (
 )
 
 
-def why_not_at_all(flight: Flight) -> tuple[str, str] | None:
+def why_not_at_all(flight: Flight, kind: str | None = None) -> tuple[str, str] | None:
     """Return the reason why no axis of a vehicle can be judged, and the remedy; None if some may be.
+
+    ``kind`` is the type of vehicle in words, if something other than its flight tells it.
 
     Examples
     --------
     >>> from mavhums.vehicle.flight import Flight
     >>> why_not_at_all(Flight(None))[0]
     'no HEARTBEAT of the autopilot tells what kind of vehicle this is'
+    >>> why_not_at_all(Flight(None), "multirotor")[0].partition(":")[0]
+    'multirotor'
     """
     kinds = flight.kinds
+    if not kinds and kind and not kind.startswith(_WINGED):
+        return f"{kind}: {_FIXED_WINGS_ONLY}", _BY_TELEMETRY
     if not kinds:
         reason = "no HEARTBEAT of the autopilot tells what kind of vehicle this is"
         return reason, "record the autopilot's heartbeats as well"
     if not kinds & {1, *range(19, 26)}:
         what = " and ".join(_KINDS.get(kind, f"a vehicle of MAV_TYPE {kind}") for kind in sorted(kinds))
-        reason = f"{what}: control effectiveness is judged for fixed-wing aircraft in forward flight only"
-        return reason, "judge its actuators by telemetry of their own"
+        return f"{what}: {_FIXED_WINGS_ONLY}", _BY_TELEMETRY
     missing = [text for name, text in _NEEDED.items() if name not in flight.heard]
     if missing:
         return f"the log lacks {' and '.join(missing)}", "record these streams at 3 Hz or more"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import column
 from mavhums.health.motion import lasting
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.slots import AIRSPEED, SENSED, SHAFT, Slots
@@ -16,6 +18,7 @@ __all__ = ["LOAD", "ONE", "PRESSURE", "TERMS", "Terms", "Turned", "terms"]
 
 TERMS = ("sign", "speed", "acceleration", "load", "angle", "pressure", "one")
 LOAD, ANGLE, PRESSURE, ONE = 3, 4, 5, 6
+_V7, _V10 = column("V7"), column("V10")
 _HALF_DENSITY = 0.5 * 1.225
 _LONGEST_STEP_S = 0.5
 _PERIODS = 2.5
@@ -46,18 +49,28 @@ class Turned:
     Attributes
     ----------
     source
-        ``V3``, or ``speed`` where it is integrated; decided by the first samples that have either.
+        ``V3``, or ``speed`` where it is integrated; decided by the first slot that has either.
     """
 
     def __init__(self) -> None:
         self.source: str | None = None
+        self._shaft: str | None = None
         self._time_s, self._rad_s, self._angle = np.nan, 0.0, 0.0
 
-    def feed(self, time_s: Array, rad_s: Array, shaft_deg: Array, sensed: Array) -> Array:
+    def one_shaft(self, slots: Slots) -> Slots:
+        """Return the slots with the speed of one shaft only: the rotor's if the first slot has it."""
+        rotor, output = (np.isfinite(slots.values[slots.judged, key]) for key in (_V7, _V10))
+        self._shaft = self._shaft or _first(slots.start, V7=rotor, V10=output)
+        values = slots.values.copy()
+        values[:, _V7 if self._shaft == "V10" else _V10] = np.nan
+        return replace(slots, values=values)
+
+    def feed(self, slots: Slots, rad_s: Array) -> Array:
         """Return the angle, rad, shape (n,): the output shaft's, or that of the shaft whose speed it is."""
-        measured = np.isfinite(shaft_deg) & (sensed > 0)
-        if self.source is None and (measured.any() or np.isfinite(rad_s).any()):
-            self.source = "V3" if measured.any() else "speed"
+        time_s, values = slots.time_s[slots.judged], slots.values[slots.judged]
+        shaft_deg = values[:, SHAFT]
+        measured = np.isfinite(shaft_deg) & (values[:, SENSED] > 0)
+        self.source = self.source or _first(slots.start, V3=measured, speed=np.isfinite(rad_s))
         if self.source == "V3":
             return np.where(measured, np.radians(shaft_deg), np.nan)
         speed = np.nan_to_num(rad_s)
@@ -69,8 +82,16 @@ class Turned:
         return angle
 
 
+def _first(start: NDArray[np.int64], **known: NDArray[np.bool_]) -> str | None:
+    """Return which is known in the first slot that knows any of them, the earlier one if it knows several."""
+    there = {name: np.logical_or.reduceat(mask, start) for name, mask in known.items()}
+    slots = np.flatnonzero(np.logical_or.reduce([*there.values()]))
+    return next(name for name, mask in there.items() if mask[slots[0]]) if slots.size else None
+
+
 def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Turned) -> Terms | None:
     """Return the terms at the samples that the slots judge; None if the profile rules the equation out."""
+    slots = turned.one_shaft(slots)
     speed = equation.speed(actuator, slots)
     if speed is None:
         return None
@@ -83,7 +104,7 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Turne
     moving = lasting(time_s, speed.rad_s, speed.moving_rad_s, _PERIODS * longest_s)
     moving &= span < 2 * _PERIODS * longest_s
     values = slots.values
-    angle = turned.feed(time_s[own], speed.rad_s[own], values[own, SHAFT], values[own, SENSED])
+    angle = turned.feed(slots, speed.rad_s[own])
     pressure = _HALF_DENSITY * np.nan_to_num(values[own, AIRSPEED]) ** 2
     X = np.empty((angle.size, len(TERMS)))
     X[:, 0] = np.sign(speed.rad_s[own])

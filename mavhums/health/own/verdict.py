@@ -9,6 +9,7 @@ from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.own.cause import constant_lost
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.judge import Comparison, compare
+from mavhums.health.own.motor import MOTOR_FAULTS, motor_indicators
 from mavhums.health.own.past import PastRecord, record_of
 from mavhums.health.own.registry import EQUATIONS
 from mavhums.health.own.words import remedy_of, told, told_of_constant
@@ -52,12 +53,14 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
     lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
     fault = equation.fault if lost is None else _CONSTANT
     text = told(equation, found) if lost is None else told_of_constant(equation, found, lost)
-    indicators = [shown for shown in verdict.indicators if shown.fault != equation.fault]
+    replaced = (equation.fault, *MOTOR_FAULTS)
+    indicators = [shown for shown in verdict.indicators if shown.fault not in replaced]
     evidence = [known for known in verdict.evidence if known.kind != _kind(equation)]
     suspects = [suspect for suspect in verdict.suspects if suspect.fault not in (equation.fault, _CONSTANT)]
     if found.value is not None:
         indicators.append(_indicator(equation, record, found, found.value))
         evidence.append(_evidence(equation, record, found, found.value, text))
+    indicators.extend(motor_indicators(verdict.own, past))
     if found.condition == "changed":
         suspects.append(Suspect(fault=fault, confidence=_SURE))
     return verdict.model_copy(
@@ -75,7 +78,7 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
 
 def without_own(verdict: Verdict) -> Verdict:
     """Return a verdict without the indicators and the evidence of own-scale equations."""
-    faults = {equation.fault for equation in EQUATIONS}
+    faults = {*(equation.fault for equation in EQUATIONS), *MOTOR_FAULTS}
     kinds = {_kind(equation) for equation in EQUATIONS}
     return verdict.model_copy(
         update={

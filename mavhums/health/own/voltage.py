@@ -58,9 +58,10 @@ class VoltageSums:
         usable = np.isfinite(X).all(axis=1) & np.isfinite(volts) & self._motor_side
         if not usable.any():
             return
-        self._samples += int(np.count_nonzero(usable))
-        self._first_s = float(np.nanmin([self._first_s, time_s[0]]))
-        self._last_s = float(time_s[-1])
+        used_s = time_s[usable]
+        self._samples += used_s.size
+        self._first_s = float(np.nanmin([self._first_s, used_s[0]]))
+        self._last_s = float(used_s[-1])
         rows = sums_of_slots(X, volts, usable, slots.start)
         for row, index in zip(rows, slots.index.tolist(), strict=True):
             if index // WINDOW_SLOTS != self._window:

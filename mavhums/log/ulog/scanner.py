@@ -18,11 +18,12 @@ from mavhums.log.ulog._headers import BODY
 from mavhums.log.ulog.messages import flag_bits
 from mavhums.log.ulog.topics import Topics
 
-__all__ = ["HEADER", "SPARE", "Batch", "Totals", "UlogScanner"]
+__all__ = ["HEADER", "SIGNATURE", "SPARE", "Batch", "Totals", "UlogScanner"]
 
 HEADER = 16
 """Bytes of a file's header: seven of signature, the version, the u64 time in microseconds since boot."""
 
+SIGNATURE = b"ULog\x01\x12\x35"
 SPARE = 8
 _FLAGS_BODY = 40
 _LONGEST_FLAGS = 1000
@@ -137,6 +138,11 @@ class UlogScanner:
         if len(head) < end + size * flagged and not final:
             return 0
         self._open = True
+        damaged = not SIGNATURE.startswith(head[: len(SIGNATURE)])
+        if damaged and not flagged:  # whatever is left of the header is skipped as damage
+            return 0
+        if damaged:
+            self._keep(np.array([(0, HEADER)], dtype=_kernel.REGION))
         self._carried["time_us"] = np.frombuffer(head[8:HEADER].ljust(8, b"\0"), dtype="<i8")
         place = min(HEADER, len(head))
         if place < HEADER:

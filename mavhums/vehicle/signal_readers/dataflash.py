@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mavhums.log import Table
 from mavhums.vehicle.modes import kind_of
-from mavhums.vehicle.signals import OUTPUTS, Signal
+from mavhums.vehicle.signals import ALL_OUTPUTS, OUTPUTS, Signal
 from mavhums.vehicle.texts import texts
 
 __all__ = ["MESSAGES", "DataFlashSignals"]
@@ -31,12 +31,16 @@ def _columns(table: Table, *fields: str) -> Array:
     return np.stack([table[field].astype(np.float64) for field in fields], axis=1)
 
 
-def _outputs(table: Table) -> Array:
-    pulses = np.full((len(table), OUTPUTS), np.nan)
-    for k in range(OUTPUTS):
+def _outputs(table: Table, count: int = OUTPUTS) -> Array:
+    pulses = np.full((len(table), count), np.nan)
+    for k in range(count):
         if f"C{k + 1}" in (table.fields.dtype.names or ()):
             pulses[:, k] = table[f"C{k + 1}"]
     return np.where((pulses < _PULSES_US[0]) | (pulses > _PULSES_US[1]), np.nan, pulses)
+
+
+def _all_outputs(table: Table) -> Array:
+    return _outputs(table, ALL_OUTPUTS)
 
 
 def _velocity(table: Table) -> Array:
@@ -64,6 +68,8 @@ def _degrees(message: str, signal: str, *fields: str) -> _Source:
 
 _SOURCES: Final = (
     _Source("RCOU", "outputs", ("C1",), _outputs),
+    _Source("RCO2", "outputs_2", (), _all_outputs),
+    _Source("RCO3", "outputs_3", (), _all_outputs),
     _plain("IMU", "rates", "GyrX", "GyrY", "GyrZ"),
     _plain("IMU", "force", "AccX", "AccY", "AccZ"),
     _degrees("ATT", "attitude", "Roll", "Pitch", "Yaw"),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mavhums.log import Table
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.signals import OUTPUTS, Signal
+from mavhums.vehicle.signals import OUTPUTS, Signal, placed
 
 __all__ = ["MESSAGES", "MavlinkSignals"]
 
@@ -19,6 +19,8 @@ _NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID
 _ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _PULSES_US: Final = (800.0, 2200.0)
 _NO_ATTITUDE: Final = 1 << 7  # ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
+
+_PORTS: Final = {"outputs": 0, "outputs_2": 1}
 
 Array = NDArray[np.float64]
 
@@ -41,10 +43,12 @@ def _columns(table: Table, *fields: str, scale: float = 1.0) -> Array:
 
 
 def _outputs(table: Table) -> Array:
-    first = [f"servo{n}_raw" for n in range(1, OUTPUTS + 1)]
-    pulses = _columns(table, *first)
-    off = (pulses < _PULSES_US[0]) | (pulses > _PULSES_US[1]) | (table["port"] != 0)[:, None]
-    return np.where(off, np.nan, pulses)
+    pulses = _columns(table, *(f"servo{n}_raw" for n in range(1, OUTPUTS + 1)))
+    return np.where((pulses < _PULSES_US[0]) | (pulses > _PULSES_US[1]), np.nan, pulses)
+
+
+def _second_outputs(table: Table) -> Array:
+    return placed(_outputs(table), OUTPUTS)
 
 
 def _milli_rates(table: Table) -> Array:
@@ -74,6 +78,7 @@ class _Source(NamedTuple):
 
 _SOURCES: Final = (
     _Source("SERVO_OUTPUT_RAW", "outputs", _SHORT, _outputs),
+    _Source("SERVO_OUTPUT_RAW", "outputs_2", _SHORT, _second_outputs),
     _Source("HIGHRES_IMU", "rates", _USEC, lambda t: _columns(t, "xgyro", "ygyro", "zgyro")),
     _Source("RAW_IMU", "rates", _USEC, _milli_rates),
     _Source("SCALED_IMU", "rates", _BOOT, _milli_rates),
@@ -126,7 +131,10 @@ class MavlinkSignals:
                 taken = self._taken.get((vehicle, signal))
                 if taken is None or taken[0] != message:
                     continue
-                rows = np.flatnonzero((table.system == vehicle) & (table.component == taken[1]))
+                own = (table.system == vehicle) & (table.component == taken[1])
+                if signal in _PORTS:
+                    own &= table["port"] == _PORTS[signal]
+                rows = np.flatnonzero(own)
                 if rows.size:
                     part = table.select(rows)
                     yield Signal(vehicle, signal, message, part.frame, times[message][rows], values(part))

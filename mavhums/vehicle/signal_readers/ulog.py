@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.signals import OUTPUTS, Signal
+from mavhums.vehicle.signals import OUTPUTS, Signal, placed
 
 __all__ = ["MESSAGES", "UlogSignals"]
 
@@ -27,8 +27,11 @@ def _columns(table: Table, *fields: str) -> Array:
 
 def _outputs(table: Table) -> Array:
     pulses = table["output"].astype(np.float64)
-    off = (pulses < _PULSES_US[0]) | (pulses > _PULSES_US[1]) | (table.component != 0)[:, None]
-    return np.where(off, np.nan, pulses)
+    return np.where((pulses < _PULSES_US[0]) | (pulses > _PULSES_US[1]), np.nan, pulses)
+
+
+def _second_outputs(table: Table) -> Array:
+    return placed(_outputs(table), OUTPUTS)
 
 
 def _angles(q: NDArray[np.float32]) -> Array:
@@ -64,8 +67,11 @@ def _plain(topic: str, signal: str, *fields: str) -> _Source:
     return _Source(topic, signal, dict.fromkeys(fields, 1), lambda t: _columns(t, *fields))
 
 
+_INSTANCES: Final = {"outputs": 0, "outputs_2": 1}  # PX4's MAIN and AUX outputs
+
 _SOURCES: Final = (
     _Source("actuator_outputs", "outputs", {"output": OUTPUTS}, _outputs),
+    _Source("actuator_outputs", "outputs_2", {"output": OUTPUTS}, _second_outputs),
     _Source("sensor_combined", "rates", {"gyro_rad": 3}, lambda t: t["gyro_rad"].astype(np.float64)),
     _Source("vehicle_angular_velocity", "rates", {"xyz": 3}, lambda t: t["xyz"].astype(np.float64)),
     _Source(
@@ -135,7 +141,7 @@ class UlogSignals:
                 key = (vehicle, source.signal)
                 if key not in self._taken:
                     row = int(np.argmax(table.system == vehicle))
-                    instance = 0 if source.signal == "outputs" else int(table.component[row])
+                    instance = _INSTANCES.get(source.signal, int(table.component[row]))
                     first = (int(table.frame[row]), place, instance)
                     firsts[key] = min(first, firsts.get(key, first))
         for key, (_, place, instance) in firsts.items():

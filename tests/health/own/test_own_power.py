@@ -28,13 +28,21 @@ def at_bus() -> Actuator:
 
 
 def flown(
-    seed: int, friction_nm: float = FRICTION_NM, *, noise_w: float = 0.02, burns: bool = False, **given: float
+    seed: int,
+    friction_nm: float = FRICTION_NM,
+    *,
+    noise_w: float = 0.02,
+    burns: bool = False,
+    slow_nm: float = 1e-4,
+    **given: float,
 ) -> Flight:
     """Return a flight whose power follows the law, from the motion of the motor-side servo."""
     motor = Servo(friction_a=friction_nm, drag=DRAG, inertia=INERTIA, hinge=HINGE)
     time_s, values, airspeed = motor.flown(seed, **{"noise_a": 0.0, "seconds": 60.0} | given)
     speed = values[:, column("V7")] * np.pi / 30
-    torque = values[:, column("V5")] - 0.02 + 1e-4 * np.sin(0.01 * time_s)  # a slow load beside the hinge's
+    torque = (
+        values[:, column("V5")] - 0.02 + slow_nm * np.sin(0.02 * time_s)
+    )  # a slow load beside the hinge's
     power = HEAT * torque**2 + speed * torque
     power = (np.maximum(power, 0.0) if burns else power) + STANDING_W
     power += noise_w * np.random.default_rng([seed, 2]).standard_normal(power.size)
@@ -119,9 +127,14 @@ def test_a_long_flight_leaves_as_little_and_shows_the_same_friction() -> None:
     assert len(long.groups) <= 17  # sixteen, and the open window
     assert {len(group) for group in long.groups} == {1 + COLUMNS * (COLUMNS + 1) // 2}
     assert len(long.model_dump_json()) < 25_000
-    found = wear(long, learned([record for flight in HEALTHY for record in flight.records]))
+    law = learned([record for flight in HEALTHY for record in flight.records])
+    found = wear(long, law)
     assert found is not None
     assert found.value == pytest.approx(FRICTION_NM * SCALE, rel=0.05)
+    unsteady = wear(left(71, seconds=900.0, rate_hz=25.0, noise_w=0.1, slow_nm=3e-3), law)
+    assert unsteady is not None
+    assert unsteady.value == pytest.approx(FRICTION_NM * SCALE, rel=0.05)
+    assert unsteady.error < 4.0 * found.error
 
 
 def test_the_motor_side_is_not_taken_for_the_supply() -> None:
@@ -149,3 +162,7 @@ def test_a_flight_that_hardly_moves_shows_nothing() -> None:
     values[150:, column("V7")] = 0.0
     record = collected(collector(EQUATION, at_bus()), (time_s, values, airspeed))
     assert record is None or not shows(record)
+    brief = left(75)
+    assert shows(brief)
+    few = tuple((10.0, *numbers) for _, *numbers in brief.groups)
+    assert not shows(brief.model_copy(update={"groups": few}))

@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavhums.core.quantities import column
+from mavhums.health.equations import own_current, own_tracking
 from mavhums.health.own.fit import learned, shows, wear
 from mavhums.health.own.record import KEPT, OwnSums
+from mavhums.health.own.voltage import VoltageSums
 from tests.health.own.servo import EQUATION, Servo, blank, collected, left
 
 SERVO = Servo()
@@ -62,6 +64,31 @@ def test_a_record_does_not_depend_on_how_the_flight_was_cut(cuts: list[int]) -> 
     flight = SERVO.flown(9, seconds=40.0)
     whole = collected(OwnSums(EQUATION, blank()), flight)
     assert collected(OwnSums(EQUATION, blank()), flight, tuple(cuts)) == whole
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    cuts=st.lists(st.integers(0, 600), max_size=8),
+    gaps=st.lists(st.tuples(st.integers(1, 599), st.sampled_from([0.05, 0.08, 0.3, 1.7])), max_size=6),
+    late=st.dictionaries(st.sampled_from(["V1", "V3", "V4", "V5", "V7", "V10"]), st.integers(0, 500)),
+    rate_hz=st.sampled_from([21.0, 30.0]),
+)
+def test_rate_and_sums_do_not_depend_on_the_cuts_of_a_patchy_flight(
+    cuts: list[int], gaps: list[tuple[int, float]], late: dict[str, int], rate_hz: float
+) -> None:
+    """Quantities begin late, samples jitter, and some are far apart: what is known of a block changes."""
+    time_s, values, airspeed = SERVO.flown(9, seconds=600 / rate_hz, rate_hz=rate_hz)
+    time_s = time_s + sum((gap * (np.arange(600) >= at) for at, gap in gaps), start=np.zeros(600))
+    values[:, column("V3")] = 20.0 * np.sin(time_s)
+    values[:, column("V10")] = values[:, column("V7")] / 60.0
+    for key, begin in late.items():
+        values[:begin, column(key)] = np.nan
+    flight = time_s, values, airspeed
+    for equation in (own_current.EQUATION, own_tracking.EQUATION):
+        whole, pieces = OwnSums(equation, blank()), OwnSums(equation, blank())
+        assert collected(pieces, flight, tuple(cuts)) == collected(whole, flight)
+        assert (pieces.rate_hz, pieces.gap) == (whole.rate_hz, whole.gap)
+    assert collected(VoltageSums(blank()), flight, tuple(cuts)) == collected(VoltageSums(blank()), flight)
 
 
 def test_a_long_flight_leaves_no_more_than_sixteen_parts() -> None:

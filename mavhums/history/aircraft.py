@@ -1,0 +1,112 @@
+"""Identifies the aircraft of a log: by the operator's table, a rule from its path, or the board's id."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+
+from mavhums.core.errors import MavhumsError
+from mavhums.history.aircraft_table import AircraftTable
+from mavhums.report.assessment import Assessment
+
+__all__ = ["FOLDER", "UNKNOWN", "Whose", "aircraft_of", "board_of", "hold_rule"]
+
+FOLDER = "folder"
+"""The rule that the log's folder is named after the aircraft."""
+
+UNKNOWN = ""
+"""Stands for an aircraft that nothing names; two such logs are never taken for one aircraft's."""
+
+
+def hold_rule(rule: str | None) -> None:
+    """Refuse a rule that cannot identify an aircraft.
+
+    Raises
+    ------
+    MavhumsError
+        If it is neither ``folder`` nor a regular expression with a group ``aircraft``.
+    """
+    if rule is None or rule == FOLDER:
+        return
+    remedy = f"name {FOLDER!r}, or an expression such as '(?P<aircraft>D-[A-Z]+)'"
+    try:
+        if "aircraft" in re.compile(rule).groupindex:
+            return
+    except re.error as error:
+        raise MavhumsError(f"--aircraft {rule}: is no regular expression: {error}", remedy) from error
+    raise MavhumsError(f"--aircraft {rule}: has no group named aircraft", remedy)
+
+
+def aircraft_of(path: str, rule: str | None) -> str:
+    """Return the aircraft's name by the rule, or :data:`UNKNOWN`.
+
+    Examples
+    --------
+    >>> aircraft_of("logs/D-EABC/0007.tlog", "folder")
+    'D-EABC'
+    >>> aircraft_of("logs/D-EABC_0007.tlog", r"(?P<aircraft>D-[A-Z]+)_")
+    'D-EABC'
+    >>> aircraft_of("logs/0007.tlog", None)
+    ''
+    """
+    if rule is None:
+        return UNKNOWN
+    if rule == FOLDER:
+        return Path(path).resolve().parent.name
+    match = _compiled(rule).search(path)
+    return UNKNOWN if match is None else match["aircraft"] or UNKNOWN
+
+
+def board_of(assessment: Assessment) -> str | None:
+    """Return the id of the only board that a log reports; None if it reports none or several."""
+    boards = {flight.board for flight in assessment.log.flight}
+    return boards.pop() if len(boards) == 1 else None
+
+
+@dataclass(frozen=True, slots=True)
+class Whose:
+    """The operator's knowledge of whose log it is; the table takes precedence over the rule.
+
+    Attributes
+    ----------
+    rule
+        How the path of a log names the aircraft, as for :func:`aircraft_of`; None if it does not.
+    table
+        Where boards and actuators are installed.
+    """
+
+    rule: str | None = None
+    table: AircraftTable = field(default_factory=AircraftTable)
+
+    def name(self, path: str | None, board: str | None, start_utc: str | None) -> str | None:
+        """Return the operator's name for the aircraft; None if neither table nor rule gives one."""
+        named = None
+        if start_utc is not None:
+            named = self.table.aircraft_of(board, datetime.fromisoformat(start_utc))
+        return named or aircraft_of(path or "", self.rule) or None
+
+    def named(self, assessment: Assessment) -> Assessment:
+        """Return the assessment with the operator's names for the aircraft in its log."""
+        log = assessment.log
+        flights = tuple(
+            each.model_copy(update={"aircraft": self.name(log.path, each.board, log.start_utc)})
+            for each in log.flight
+        )
+        return assessment.model_copy(update={"log": log.model_copy(update={"flight": flights})})
+
+    def since(self, assessment: Assessment) -> Mapping[str | None, datetime]:
+        """Return when each actuator of the log's aircraft was last swapped, before the log's start."""
+        if assessment.log.start_utc is None:
+            return {}
+        start = datetime.fromisoformat(assessment.log.start_utc)
+        names = {each.aircraft for each in assessment.log.flight}
+        return self.table.since(names.pop(), start) if len(names) == 1 else {}
+
+
+@cache
+def _compiled(rule: str) -> re.Pattern[str]:
+    return re.compile(rule)

@@ -1,0 +1,91 @@
+"""The operator's table in a fleet names aircraft, also of logs that are there already; it dates actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from mavhums.app.analysis import analyse
+from mavhums.app.options import Options
+from mavhums.history.files import keep_assessment
+from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.link import Link
+from tests.conftest import Run
+
+pytest.importorskip("deltalake")
+pytest.importorskip("duckdb")
+distributed = pytest.importorskip("distributed")
+
+from mavhums import fleet  # noqa: E402
+
+FLIGHTS = 14
+SWAPPED = "2026-01-03"
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("installed")
+    paths = [folder / f"{day:02}.tlog" for day in range(FLIGHTS)]
+    for day, path in enumerate(paths):
+        worn = {"rudder": (0.25, 0.25)} if day == FLIGHTS - 1 else {}
+        flight = Flight(day % 3, 21.0, worn, rate_hz=25.0, tiers=("instrumented",))
+        write_tlog(fly(flight), path, Link(day=float(day)))
+    return paths
+
+
+@pytest.fixture
+def table(logs: list[Path], tmp_path: Path) -> Path:
+    board = analyse(logs[0]).log.flight[0].board
+    path = tmp_path / "table.csv"
+    lines = (f"D-A,{board},,,,2026-01-14", f"D-B,{board},,,2026-01-14,", f"D-A,,rudder,R2,{SWAPPED},")
+    path.write_text("\n".join(("aircraft,board,actuator,serial,from,to", *lines)))
+    return path
+
+
+def told(store: Path, aircraft: str) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for log, verdict in fleet.verdicts(store, aircraft):
+        found.setdefault(log, []).append(verdict.model_dump_json())
+    return {log: sorted(several) for log, several in found.items()}
+
+
+def test_a_fleet_with_a_table_says_what_single_commands_say(
+    logs: list[Path], table: Path, scheduler: str, run: Run, tmp_path: Path
+) -> None:
+    expected = {}
+    for log in logs:
+        folder = tmp_path / ("a" if log != logs[-1] else "b")
+        folder.mkdir(exist_ok=True)
+        assessment = analyse(log, Options(history=folder, aircraft_table=table))
+        keep_assessment(assessment, folder)
+        expected[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
+    store = tmp_path / "store"
+    plain = fleet.ScanOptions(scheduler=scheduler)
+    given = fleet.ScanOptions(scheduler=scheduler, aircraft_table=table)
+    fleet.scan(logs[4:9], store, plain)
+    assert {one.aircraft[:5] for one in fleet.worst(store)} == {"board"}
+    fleet.scan([*logs[:4], *logs[9:]], store, given)
+    assert {one.aircraft for one in fleet.worst(store)} == {"D-A", "D-B"}
+    assert told(store, "D-A") | told(store, "D-B") == expected
+    assert fleet.status(store).judged == FLIGHTS
+    assert fleet.scan(logs, store, plain) == (0, 0, FLIGHTS)
+    assert told(store, "D-A") | told(store, "D-B") == expected
+    swapped = table.read_text().replace(SWAPPED, "2026-01-08")
+    table.write_text(swapped)
+    assert fleet.scan(logs, store, given) == (0, 0, FLIGHTS)
+    assert told(store, "D-B") == {str(logs[-1]): expected[str(logs[-1])]}
+    assert told(store, "D-A")[str(logs[12])] != expected[str(logs[12])]
+    trend = fleet.trend(store, "D-A").trends
+    assert {one.actuator: one.flights for one in trend if one.fault == "friction"}["rudder"] == 6
+    refused = run("fleet", "scan", logs[0], "--to", store, "--aircraft-table", tmp_path / "none.csv")
+    assert refused.code == 1

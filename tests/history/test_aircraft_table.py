@@ -1,0 +1,107 @@
+"""The operator's table: what it says, and what it refuses."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavhums.history.aircraft_table import AircraftTableError, load_aircraft_table
+
+CSV = """\
+aircraft, board, actuator, serial, from, to
+D-EABC,0a1b,,,,2026-03-01
+D-EXYZ,0A1B,,,2026-03-01,
+
+D-EABC,,elevator,EMA-1,,2026-02-10
+D-EABC,,elevator,EMA-2,2026-02-10T12:00:00+02:00,
+D-EABC,,rudder,EMA-3,2026-01-05,2026-04-01
+"""
+TOML = """\
+installed = [
+    {aircraft = "D-EABC", board = "0a1b", to = 2026-03-01},
+    {aircraft = "D-EXYZ", board = "0A1B", from = 2026-03-01},
+    {aircraft = "D-EABC", actuator = "elevator", serial = "EMA-1", to = 2026-02-10},
+    {aircraft = "D-EABC", actuator = "elevator", serial = "EMA-2", from = 2026-02-10T12:00:00+02:00},
+    {aircraft = "D-EABC", actuator = "rudder", serial = "EMA-3", from = "2026-01-05", to = "2026-04-01"},
+]
+"""
+
+
+def day(month: int, number: int, hour: int = 0) -> datetime:
+    return datetime(2026, month, number, hour, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(("name", "text"), [("t.csv", CSV), ("t.toml", TOML), ("t.csv", f"\ufeff{CSV}")])
+def test_the_table_dates_boards_and_actuators(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    table = load_aircraft_table(tmp_path / name)
+    assert table.aircraft_of("0A1B", day(2, 28)) == "D-EABC"
+    assert table.aircraft_of("0A1B", day(3, 1)) == "D-EXYZ"
+    assert table.aircraft_of("0C", day(3, 1)) is table.aircraft_of(None, day(3, 1)) is None
+    assert table.since("D-EABC", day(1, 1)) == {}
+    assert table.since("D-EABC", day(2, 10, 11)) == {"elevator": day(2, 10, 10), "rudder": day(1, 5)}
+    assert table.since("D-EABC", day(5, 1))["rudder"] == day(4, 1)  # taken out: what came is unknown
+    assert table.since("D-EXYZ", day(5, 1)) == table.since(None, day(5, 1)) == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "aircraft"),
+        ("aircraft,bord\nA,1\n", "'bord'"),
+        ("aircraft,board\nA,1,2\n", ":2: has more fields"),
+        ("aircraft,board\n,1\n", ":2: aircraft"),
+        ("aircraft,board\nA,\n", ":2: name a board, or an actuator"),
+        ("aircraft,board,actuator,serial\nA,1,rudder,2\n", ":2: name a board, or an actuator"),
+        ("aircraft,actuator\nA,rudder\n", ":2: name a board, or an actuator"),
+        ("aircraft,board,from\nA,1,yesterday\n", ":2: from"),
+        ("aircraft,board,from,to\nA,1,2026-02-01,2026-01-01\n", ":2: the date 'to' must be after"),
+        ("aircraft,board\nA,1\nB,2\nC,1\n", ":4: the board is also installed by"),
+        ("aircraft,board,from,to\nA,1,,2026-02-01\nB,1,2026-01-31,\n", ":3: the board is also"),
+        (
+            "aircraft,actuator,serial\nA,rudder,1\nA,rudder,2\n",
+            ":3: the actuator is also installed by",
+        ),
+        ("aircraft,actuator,serial\nA,rudder,1\nB,rudder,1\n", ":3: the serial number is also"),
+        ('aircraft,board\n"A,1', "is no CSV"),
+    ],
+)
+def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(AircraftTableError) as error:
+        load_aircraft_table(path)
+    assert str(path) in error.value.problem
+    assert told in error.value.problem
+    assert error.value.remedy
+
+
+@pytest.mark.parametrize(
+    "text", ["[", "installed = 3", "[[aircraft]]\nname = 'x'", "[[installed]]\nboard = 1"]
+)
+def test_wrong_toml_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "table.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(AircraftTableError, match=r"table\.toml"):
+        load_aircraft_table(path)
+
+
+@given(data=st.binary(max_size=200) | st.text(alphabet='aircrftbod,\n"1-2026', max_size=200).map(str.encode))
+@pytest.mark.parametrize("suffix", ["csv", "toml"])
+def test_any_file_is_a_table_or_refused(
+    suffix: str, data: bytes, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.getbasetemp() / f"any.{suffix}"
+    path.write_bytes(data)
+    with suppress(AircraftTableError):
+        assert load_aircraft_table(path).installed is not None
+
+
+def test_a_missing_table_is_named(tmp_path: Path) -> None:
+    with pytest.raises(AircraftTableError, match=r"none\.csv: no such file"):
+        load_aircraft_table(tmp_path / "none.csv")
