@@ -9,6 +9,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from glob import glob, has_magic
+from itertools import islice
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -257,7 +258,7 @@ def _judged(
         pending[future.key] = several
         running.add(future)
 
-    for several, _ in zip(waiting, range(_IN_FLIGHT * max(options.workers, 1)), strict=False):
+    for several in islice(waiting, _IN_FLIGHT * max(options.workers, 1)):
         submit(several)
     for future in running:
         several = pending.pop(future.key)

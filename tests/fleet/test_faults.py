@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import psutil
@@ -100,6 +101,20 @@ def test_a_full_disk_is_told_and_the_scan_resumes(
     done = fleet.scan([logs], tmp_path / "store", options)
     assert done.judged + done.known == FLIGHTS
     assert told(tmp_path / "store") == expected
+
+
+def test_more_batches_than_are_in_flight_are_all_judged(
+    logs: Path,
+    options: fleet.ScanOptions,
+    expected: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    module = import_module("mavhums.fleet.scan")
+    monkeypatch.setattr(module, "_BATCH", 1)
+    monkeypatch.setattr(module, "_IN_FLIGHT", 2)
+    assert fleet.scan([logs], tmp_path, options) == (FLIGHTS, 0, 0)
+    assert told(tmp_path) == expected
 
 
 def test_one_landing_after_the_other_needs_no_workers(
