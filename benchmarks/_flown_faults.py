@@ -6,6 +6,7 @@ import csv
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 
 from mavhums import Engine, load_airframe
 from mavhums.engine.events import ConditionChanged, Event
@@ -165,13 +166,12 @@ def summary(outcomes: Sequence[Outcome]) -> list[str]:
                 right += any(a.actuator in fault.axes for a in found)
     hours = sum(outcome.fault_free_s() for outcome in outcomes) / 3600
     false = [alarm for outcome in outcomes for alarm in outcome.false_alarms()]
-    seconds = sorted(delay for delay, _ in delays)
-    median = seconds[len(seconds) // 2] if seconds else float("nan")
+    seconds = [delay for delay, _ in delays] or [float("nan")]
     long_found = sum(long for _, long in delays)
     return [
         f"surface faults that leave 20 s or more: {long_found} of {lasting} found; shorter: "
         f"{len(delays) - long_found} of {short}",
-        f"delay: median {median:.1f} s, worst {max(seconds, default=float('nan')):.1f} s",
+        f"delay: median {median(seconds):.1f} s, worst {max(seconds):.1f} s",
         f"the axis named is one that the surface moves: {right} of {len(delays)}",
         f"false alarms: {len(false)} in {hours:.2f} h of fault-free flight "
         f"({len(false) / hours if hours else float('nan'):.2f} per hour)",

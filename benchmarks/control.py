@@ -1,131 +1,118 @@
 """Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
-    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J]
+    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J] [--keep FILE]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
-bytes alone: the detectors know nothing of that model. Seeds 0 and 1 were used to choose the gates against
-gusts. ``--share S`` uses every S-th faulty flight. The rate of false alarms is given with its
-95 % upper bound (Poisson).
+bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000 on
+for a test. ``--share S`` uses every S-th faulty flight, none with 0. ``--keep FILE`` writes each flight's
+result to a file as it comes, and takes from it what a former run with the same seed has done. The rate of
+false alarms is given with its 95 % upper bound (Poisson), the share of flights with one with that of Clopper
+and Pearson.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from statistics import median
 
-from _closed_loop import Labelled, Planned, confounders, healthy, jams, losses, others
-from _flown_faults import CONFOUNDERS, Fault, Flight, Outcome, judge_bytes
-from scipy.stats import chi2
+from _closed_loop import confounders, healthy, jams, losses, others
+from _flown_results import Result, results
+from scipy.stats import beta, chi2
 
-from mavhums.log import Decoder
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A flight as it was planned, and what was found in it."""
-
-    label: dict[str, str]
-    outcome: Outcome
+_SURE = 0.95
 
 
-def fly(flights: Iterable[Planned], jobs: int) -> Iterator[Row]:
-    """Fly, judge, compare; in so many processes."""
-    with ProcessPoolExecutor(jobs) as pool:
-        yield from pool.map(_fly, flights)
-
-
-def _fly(planned: Planned) -> Row:
-    labelled = planned.fly()
-    flight = Flight(Path(labelled.name), [*_faults(labelled)])
-    return Row(labelled.labels[0], judge_bytes(flight, [labelled.tlog], None))
-
-
-def _faults(labelled: Labelled) -> Iterator[Fault]:
-    offset = _boot_offset(labelled.tlog)
-    for label in labelled.labels:
-        if label["kind"] == "none":
-            continue
-        end = float(label.get("t_clear_boot_s") or label["t_end_boot_s"])
-        surface = label["kind"] if label["kind"] in CONFOUNDERS else label["surface"]
-        yield Fault(surface, label["kind"], float(label["t_fault_boot_s"]) + offset, end + offset)
-
-
-def _boot_offset(tlog: bytes) -> float:
-    """Return the flight time at the autopilot's boot."""
-    decoder = Decoder({"ATTITUDE"})
-    tables = [decoder.feed(tlog), decoder.feed(b"", final=True)]
-    table = next(found["ATTITUDE"] for found in tables if "ATTITUDE" in found)
-    first = decoder.first_time_us or 0
-    return (int(table.time_us[0]) - first) / 1e6 - float(table["time_boot_ms"][0]) / 1e3
-
-
-def false_alarms(rows: Sequence[Row]) -> None:
+def false_alarms(rows: Sequence[Result]) -> None:
     """Print the false alarms per 100 hours of healthy flight, and how much of it could be judged."""
-    hours = sum(row.outcome.flown_s for row in rows) / 3600
-    alarms = [alarm for row in rows for alarm in row.outcome.alarms]
-    flights = sum(bool(row.outcome.alarms) for row in rows)
-    bound = chi2.ppf(0.95, 2 * (len(alarms) + 1)) / 2
-    print(f"healthy: {len(rows)} flights, {hours:.1f} h; {len(alarms)} alarms in {flights} flights: ", end="")
-    print(f"{100 * len(alarms) / hours:.1f} per 100 h, at 95 % below {100 * bound / hours:.1f}")
+    hours = sum(row.flown_s for row in rows) / 3600
+    alarms = sum(len(row.alarms) for row in rows)
+    flights = sum(bool(row.alarms) for row in rows)
+    bound = chi2.ppf(_SURE, 2 * (alarms + 1)) / 2
+    share = beta.ppf(_SURE, flights + 1, len(rows) - flights) if flights < len(rows) else 1.0
+    print(f"healthy: {len(rows)} flights, {hours:.1f} h; {alarms} alarms in {flights} flights")
+    print(f"    {100 * alarms / hours:.2f} per 100 h, at 95 % below {100 * bound / hours:.2f} (Poisson)")
+    print(f"    {100 * flights / len(rows):.2f} % of the flights, at 95 % below {100 * share:.2f} %")
     for row in rows:
-        for alarm in row.outcome.alarms:
-            what = f"{alarm.actuator} {alarm.fault} {alarm.after} at {alarm.time_s:.0f} s"
-            print(f"    {row.outcome.flight.path}: {what} ({row.label['streams_hz']} Hz)")
-    for axis in ("roll", "pitch", "yaw"):
-        judged = sum(row.outcome.judged.get(axis, (0, 0))[0] for row in rows)
-        normal = sum(row.outcome.conditions.get(axis) == "normal" for row in rows)
-        share = 100 * judged / (3600 * hours)
-        print(f"    {axis}: {share:.0f} % of the seconds judged, {normal} of {len(rows)} flights normal")
+        for alarm in row.alarms:
+            what = f"{alarm.axis} {alarm.fault} {alarm.condition} at {alarm.time_s:.0f} s"
+            how = f"{row.label['streams_hz']} Hz, turbulence {row.label['turb']}"
+            print(f"    {row.name}: {what} ({how}, {row.label['model']}, {row.label['autopilot']})")
+    _judged(rows)
 
 
-def found(title: str, rows: Sequence[Row], keys: Sequence[str]) -> None:
-    """Print how many faults are found and how fast, by each of some columns of the labels."""
+def _judged(rows: Sequence[Result]) -> None:
+    for rate in sorted({float(row.label["streams_hz"]) for row in rows}):
+        some = [row for row in rows if float(row.label["streams_hz"]) == rate]
+        total = sum(row.flown_s for row in some)
+        shares = [
+            f"{axis} {100 * sum(row.judged.get(axis, 0) for row in some) / total:.0f} % of the seconds, "
+            f"{sum(row.conditions.get(axis) == 'normal' for row in some)} of {len(some)} flights normal"
+            for axis in ("roll", "pitch", "yaw")
+        ]
+        print(f"    judged at {rate:g} Hz: {'; '.join(shares)}")
+
+
+def found(title: str, rows: Sequence[Result], keys: Sequence[str]) -> None:
+    """Print how many faults are found and how fast, by some columns of the labels."""
+    early = [alarm for row in rows for alarm in row.early]
+    hours = sum(row.start_s or 0.0 for row in rows) / 3600
+    print(f"\n{title}: {len(rows)} flights; before the fault {len(early)} alarms in at most {hours:.1f} h")
     for key in keys:
-        groups: dict[str, list[Row]] = defaultdict(list)
+        groups: dict[str, list[Result]] = defaultdict(list)
         for row in rows:
-            groups[row.label.get(key) or "—"].append(row)
-        print(f"\n{title} by {key}")
+            groups[", ".join(_size(row.label.get(part) or "in place") for part in key.split("+"))].append(row)
+        print(f"  by {key}")
         for value, group in sorted(groups.items(), key=lambda item: _order(item[0])):
-            delays, named = [], 0
-            for row in group:
-                fault = row.outcome.flight.faults[0]
-                alarms = row.outcome.found(fault)
-                if alarms:
-                    delays.append(alarms[0].time_s - fault.start_s)
-                    named += any(alarm.actuator in fault.axes for alarm in alarms)
-            middle = f"{sorted(delays)[len(delays) // 2]:.0f} s" if delays else "—"
-            print(f"    {value}: {len(delays)} of {len(group)}, median {middle}, right axis {named}")
+            print(f"    {value}: {_found(group)}")
 
 
-def _order(value: str) -> tuple[float, str]:
+def _found(group: Sequence[Result]) -> str:
+    delays = [row.alarms[0].time_s - row.start_s for row in group if row.alarms and row.start_s is not None]
+    named = sum(any(alarm.axis in row.axes for alarm in row.alarms) for row in group)
+    middle = f"{median(delays):.0f} s" if delays else "—"
+    return f"{len(delays)} of {len(group)}, median {middle}, right axis {named}"
+
+
+def _size(value: str) -> str:
+    """Return a deflection without its sign."""
+    return value.removeprefix("-")
+
+
+def _order(value: str) -> tuple[str, float]:
+    first, _, last = value.rpartition(", ")
     try:
-        return float(value), ""
+        return first, float(last)
     except ValueError:
-        return float("inf"), value
+        return value, -1.0
 
 
 def main() -> None:
     """Fly and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--healthy-hours", type=float, default=300.0)
-    parser.add_argument("--share", type=int, default=1, help="every so-manieth of the faulty flights")
+    parser.add_argument("--share", type=int, default=1, help="fly every such of the faulty flights; 0: none")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--keep", type=Path, default=None, help="file of the results so far")
     arguments = parser.parse_args()
-    jobs = arguments.jobs
-    false_alarms([*fly(healthy(arguments.healthy_hours, arguments.seed), jobs)])
-    columns = ("surface", "value", "streams_hz", "turb", "phase")
-    for title, plan, keys in (
-        ("frozen", jams, columns),
-        ("reduced", losses, columns),
-        ("other", others, ("kind", "surface", "streams_hz")),
-        ("confounders", confounders, ("kind", "streams_hz")),
-    ):
-        found(title, [*fly([*plan(arguments.seed)][:: arguments.share], jobs)], keys)
+    columns = ("surface", "surface+value", "surface+streams_hz", "turb", "phase")
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        fly = partial(results, pool=pool, keep=arguments.keep, jobs=arguments.jobs)
+        for title, plan, keys in (
+            ("frozen", jams, columns),
+            ("reduced", losses, columns),
+            ("other", others, ("kind+surface", "streams_hz")),
+            ("confounders", confounders, ("kind+value", "streams_hz")),
+        ):
+            if arguments.share:
+                found(title, [*fly([*plan(arguments.seed)][:: arguments.share])], keys)
+        if arguments.healthy_hours:
+            false_alarms([*fly(healthy(arguments.healthy_hours, arguments.seed))])
 
 
 if __name__ == "__main__":

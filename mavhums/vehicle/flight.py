@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.signals import all_outputs
+from mavhums.vehicle.speed import Speed
 from mavhums.vehicle.surfaces import AXES, Demands, Surfaces
-from mavhums.vehicle.wind import WindTriangle
 
 __all__ = ["Flight", "Rows"]
 
@@ -31,7 +31,6 @@ _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control t
 _LIFTING_US: Final = 1050.0
 _LEAST_SPEED: Final = 8.0
 _LEAST_GROUND_SPEED: Final = 5.0
-_SENSOR_ALIVE: Final = 5.0
 _AIRBORNE_S: Final = 3
 
 Array = NDArray[np.float64]
@@ -58,6 +57,8 @@ class Rows:
         Airspeed from the sensor or from the wind triangle, m/s.
     flying
         Whether the vehicle is a fixed wing in forward flight.
+    trusted
+        Whether the airspeed can be relied on.
     spacing
         Spacing of the samples around each row, s: the longer one of the outputs and the rates.
     outputs
@@ -77,6 +78,7 @@ class Rows:
     pitch_demand: Array
     speed: Array
     flying: Flags
+    trusted: Flags
     spacing: Array
     outputs: Array
 
@@ -117,6 +119,8 @@ class Flight:
     ----------
     flown_s, fastest
         Seconds of forward flight so far, and the highest airspeed, m/s.
+    doubted_s
+        Seconds of these in which the airspeed sensor contradicted ground speed and wind.
     kinds
         MAV_TYPEs that the vehicle reported.
     heard
@@ -126,10 +130,11 @@ class Flight:
     def __init__(self, surfaces: Surfaces | None) -> None:
         self._lift = [servo - 1 for servo in surfaces.lift] if surfaces else []
         self._demands = Demands(surfaces) if surfaces else None
-        self._wind = WindTriangle()
+        self._speed = Speed()
         self._next: int | None = None
         self._run = 0
         self.flown_s = 0
+        self.doubted_s = 0
         self.fastest = 0.0
         self.kinds: set[int] = set()
         self.heard: set[str] = set()
@@ -155,7 +160,9 @@ class Flight:
         if self.heard & {"outputs_2", "outputs_3"}:
             self.heard.add("outputs")
         rates = np.where(np.isfinite(flat["rates"]), flat["rates"], flat["slow_rates"])
-        speed = self._speed(signals, flat)
+        speed, trusted = self._speed.feed(signals)
+        flying = self._flying(flat, speed, fresh)
+        self.doubted_s += int((flying & ~trusted).reshape(-1, RATE_HZ).all(axis=1).sum())
         autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
         unled = (autopilot == _ARDUPILOT) & np.isin(mode, _UNLED_MODES)
         demand = np.where(unled[:, None], np.nan, flat["demand"])
@@ -173,23 +180,11 @@ class Flight:
             roll_demand=demand[:, 0],
             pitch_demand=demand[:, 1],
             speed=speed,
-            flying=self._flying(flat, speed, fresh),
+            flying=flying,
+            trusted=trusted,
             spacing=_spacing(flat),
             outputs=self._demands.feed(all_outputs(flat)) if self._demands else unknown,
         )
-
-    def _speed(self, signals: dict[str, Array], flat: dict[str, Array]) -> Array:
-        """Return the airspeed: from a working sensor, else from the wind triangle, else the ground speed."""
-        winds = []
-        for velocity, attitude in zip(signals["velocity"][:, 0], signals["attitude"][:, 0], strict=True):
-            self._wind.step(velocity, float(attitude[2]))
-            winds.append(self._wind.wind)
-        wind = np.repeat(np.array(winds), RATE_HZ, axis=0)
-        relative = flat["velocity"] - wind
-        triangle = np.hypot(relative[:, 0], relative[:, 1])
-        sensed, ground = flat["airspeed"][:, 0], flat["groundspeed"][:, 0]
-        speed = np.where(sensed > _SENSOR_ALIVE, sensed, triangle)
-        return np.where(np.isfinite(speed), speed, ground)
 
     def _flying(self, flat: dict[str, Array], speed: Array, fresh: bool) -> Flags:
         kind, autopilot, armed, mode = flat["state"].T

@@ -54,7 +54,11 @@ def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
     if best is None or rolls[best] < _ROLL:
         return None
     alike = {k: float(np.corrcoef(centred[k][flying], centred[best][flying])[0, 1]) for k in moving}
-    found = [_moved(k, "aileron", pulses, flying, alike[k]) for k in moving if abs(alike[k]) >= _ALIKE]
+    found = [
+        _moved(k, "aileron", pulses, flying, _slope(centred[k][flying], centred[best][flying]))
+        for k in moving
+        if abs(alike[k]) >= _ALIKE
+    ]
     rest = {k: explains("pitch", centred[k] / _HALF_US) for k in moving if abs(alike[k]) < _ALIKE}
     order = sorted(rest, key=rest.__getitem__, reverse=True)
     if order and rest[order[0]] >= _PITCH and (len(order) < 2 or rest[order[0]] > _APART * rest[order[1]]):
@@ -66,5 +70,13 @@ def _moves(pulses: Array) -> bool:
     return bool(np.isfinite(pulses).mean() > 0.9) and float(np.nanstd(pulses)) > _MOVES_US
 
 
-def _moved(k: int, surface: str, pulses: Array, flying: NDArray[np.bool_], sign: float) -> Moved:
-    return Moved(k + 1, surface, float(np.median(pulses[flying, k])), _HALF_US if sign > 0 else -_HALF_US)
+def _slope(pulses: Array, best: Array) -> float:
+    """Return how far an output moves for each microsecond of the best one, signed.
+
+    Outputs that move together then give the same demand, so that one of them that stops changes nothing.
+    """
+    return float(pulses @ best) / float(best @ best)
+
+
+def _moved(k: int, surface: str, pulses: Array, flying: NDArray[np.bool_], slope: float) -> Moved:
+    return Moved(k + 1, surface, float(np.median(pulses[flying, k])), slope * _HALF_US)

@@ -161,7 +161,7 @@ class Demands:
         return np.stack([roll, pitch, yaw], axis=1)
 
     def _demand(self, name: str, group: Sequence[Moved], pulses: Array) -> Array:
-        """Return the mean of a group's outputs that still change, as a fraction of half the travel."""
+        """Return the median of a group's outputs that still change, as a fraction of half the travel."""
         columns = [moved.servo - 1 for moved in group]
         zero, half = (np.array([moved[k] for moved in group]) for k in (2, 3))
         share = (pulses[:, columns] - zero) / half
@@ -173,10 +173,16 @@ class Demands:
         self._before[name], self._changed[name] = share[-1], changed[-1]
         if "elevon" in name or "tail" in name or len(group) == 1:
             stands[:] = False
-        counts = np.isfinite(share) & ~stands
-        total = np.where(counts, share, 0.0).sum(axis=1)
-        number = counts.sum(axis=1)
-        return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+        return _median(np.where(stands, np.nan, share))
+
+
+def _median(values: Array) -> Array:
+    """Return the median of each row without NaN: of three outputs, one that jumps alone does not count."""
+    ordered = np.sort(values, axis=1)  # NaN last
+    number = np.isfinite(values).sum(axis=1)
+    rows, last = np.arange(len(values)), np.maximum(number, 1)
+    middle: Array = (ordered[rows, (last - 1) // 2] + ordered[rows, last // 2]) / 2
+    return middle
 
 
 def _first(known: Mapping[str, Array], *names: str, other: Array) -> Array:

@@ -13,6 +13,7 @@ _MEMORY_S: Final = 60.0
 _LEAST_SPEED: Final = 5.0  # over ground, m/s: the heading of a slow aircraft does not show the wind
 _GUESS: Final = (15.0, 0.0, 0.0)  # airspeed and wind to the north and east, m/s
 _MOST: Final = 1e4
+_SETTLED: Final = 0.06  # variance of the airspeed, in that of one ground velocity: after turns by 90°
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,11 @@ class WindTriangle:
     def __init__(self) -> None:
         self._state = np.array(_GUESS)
         self._spread = np.diag([2500.0, 900.0, 900.0])
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the headings so far have told airspeed from wind."""
+        return bool(self._spread[0, 0] <= _SETTLED)
 
     @property
     def wind(self) -> Array:

@@ -65,11 +65,11 @@ class Columns(NamedTuple):
 
 
 def judgeable(rows: Rows, reference_speed: float) -> Flags:
-    """Return the mask of forward flight that is fast enough, and neither inverted nor diving."""
+    """Return the mask of forward flight at a known, sufficient speed, neither inverted nor diving."""
     slow = rows.speed < _SLOWEST * reference_speed
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
     gap = rows.spacing > _LONGEST_GAP_S
-    good: Flags = rows.flying & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
+    good: Flags = rows.flying & rows.trusted & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
     return good
 
 

@@ -13,6 +13,7 @@ from mavhums.report.axis_limits import AxisLimits
 __all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]
 
 _SURE_S: Final = 10
+_LEAST_S: Final = 7
 _SHORT: Final = 2.0  # the gain differs between manoeuvres: a single one needs twice the evidence
 _SHIFTED: Final = 4.0
 SHIFT_FLOOR: Final = 0.045  # rad/s: least deviation of a roll reference
@@ -43,12 +44,12 @@ class EffectivenessDetector:
     def _certain(self, second: Second, seen: Seen) -> bool:
         """Return whether a loss is certain, and not an artefact of a sudden shift of the trim."""
         reference = seen.gains[self.axis].reference
-        limit = self.limit * (_SHORT if second.lost_s < _SURE_S else 1.0)
+        limit = self.limit * (_SHORT if second.lost_s < _LEAST_S else 1.0)
         if second.level <= limit or reference is None:
             return False
         if second.slow_s is not None and second.slow_s < self._limits.lag_s:
             return False
-        if self.axis != "roll" or second.shift is None or second.lost_s >= _SURE_S:
+        if self.axis != "roll" or second.shift is None or second.lost_s >= _LEAST_S:
             return True
         return abs(second.shift) <= _SHIFTED * max(reference.deviation, SHIFT_FLOOR)
 

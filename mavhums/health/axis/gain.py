@@ -24,11 +24,12 @@ from numpy.typing import NDArray
 
 from mavhums.health.axis.chain import Chain, Columns, Form, Shape, judgeable
 from mavhums.health.axis.scores import Scores, Sums
+from mavhums.health.axis.slowness import EXTRA_S, Slowness
 from mavhums.health.axis.standing import Constant, constants
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["FULL_S", "JUDGED_ERROR", "SLOWEST_STREAM_S", "Gain", "Reference", "Second", "Standards"]
+__all__ = ["FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
 
 JUDGED_ERROR: Final = 0.2
 FULL_S: Final = 20
@@ -40,16 +41,11 @@ _MANOEUVRES: Final = 0.2  # relative deviation of the gain of one second
 _WINDOWS: Final = 0.10  # relative deviation of the gain of ten seconds
 _WINDOW_S: Final = 10
 _LEAST_ROWS: Final = 14
-_EXTRA_S: Final = (0.3, 0.6, 1.0, 1.5)
 _SLOW_S: Final = 20
-_SLOW_LEAST_S: Final = 10
-_MUCH_BETTER: Final = 0.15  # share of the response that an additional lag explains beyond a loss
-_BETTER: Final = 0.05
-_WHOLE: Final = 0.75  # neighbouring tested lags differ by a third of the gain
 _SHIFT_S: Final = 3
 _MOST: Final = 40.0
 _AS_DRIVEN: Final = 0.5
-SLOWEST_STREAM_S: Final = 0.42  # between samples: 3 Hz with jitter passes, 2 Hz does not
+_TAIL: Final = 0.07  # share of the last manoeuvre's drive below which the slow filter's tail dominates
 _FORGET: Final = exp(-1.0 / 60.0)  # per second: a small deficit over minutes is the reference's error
 
 Array = NDArray[np.float64]
@@ -72,6 +68,10 @@ class Standards:
         seconds that may count for a loss.
     delays_s, taus_s
         Candidates for the axis's own delay and lag.
+    spacing_s
+        Longest time between samples of the outputs and the rates from which the gain can be determined.
+    memory_s
+        Memory of the filter that removes trim and other slow parts from drive and response.
     loss
         Loss to detect, as a share; the gain of a whole flight may deviate by half of it.
     """
@@ -82,6 +82,8 @@ class Standards:
     noise: float
     delays_s: tuple[float, ...]
     taus_s: tuple[float, ...]
+    spacing_s: float
+    memory_s: float
     loss: float = 0.4
 
     @property
@@ -140,10 +142,11 @@ class Second:
     later
         Whether an additional lag explains the response slightly better, so that the kind of fault is open.
     shift
-        Mean of the unexplained response over the last three seconds; None if it is not known.
+        Mean of the unexplained response over the last three seconds, at the additional lag that explained
+        more since ``since_s``; None if it is not known.
     left_over, left_error, lost_s
-        Effectiveness since ``since_s``, over at most 20 judged seconds, its standard error, and the number
-        of these seconds.
+        Effectiveness since ``since_s``, at the additional lag that explained more since then, over at most 20
+        judged seconds, its standard error, and the number of these seconds.
     """
 
     end_s: int
@@ -182,7 +185,7 @@ class Gain:
     @property
     def too_slow(self) -> bool:
         """Whether the outputs or the rates are sampled too slowly to determine a gain."""
-        return self.spacing_s > SLOWEST_STREAM_S
+        return self.spacing_s > self._standards.spacing_s
 
     def feed(self, rows: Rows) -> list[Second]:
         """Process rows; return the results of their seconds, from the first second with a reference on."""
@@ -242,7 +245,7 @@ class Gain:
         beta, left = _least_squares(design, answer)
         _, without = _least_squares(design[:, 1:], answer)
         explained = 1.0 - left / without if without > 0 else 0.0
-        sums = Scores(beta[1:]).feed(columns)
+        sums = Scores(beta[1:], self._standards.memory_s).feed(columns)
         inside = np.unique(at // RATE_HZ)
         drive2, cross = sums.drive2[inside], sums.cross[inside]
         total = float(drive2.sum())
@@ -262,14 +265,15 @@ class Gain:
     def _begin(self, rows: Rows) -> None:
         reference = self.reference
         assert reference is not None
-        extras = (0.0, *_EXTRA_S)
+        extras = (0.0, *EXTRA_S)
         self._chains = [Chain(self._form, reference.speed, reference.shape, extra) for extra in extras]
-        self._scores = [Scores(reference.others) for _ in extras]
-        self._level, self._full = 0.0, 0
+        self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
+        self._level, self._full, self._strongest = 0.0, 0, 0.0
         self._since = reference.end_s
         self._window: deque[Array] = deque(maxlen=_WINDOW_S)
         self._recent: deque[Array] = deque(maxlen=_SLOW_S)
-        self._left: deque[tuple[float, int]] = deque(maxlen=_SHIFT_S)
+        self._slowness = Slowness()
+        self._left: deque[tuple[Array, int]] = deque(maxlen=_SHIFT_S)
         self._sums(rows)
         self._waiting.clear()
 
@@ -282,13 +286,13 @@ class Gain:
         sums = self._sums(rows)
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
-        left = sums[0].raw - self.reference.gain * sums[0].driven
+        left = np.array([s.raw - self.reference.gain * s.driven for s in sums])
         return [
-            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), float(left[k]))
+            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, k])
             for k in range(rows.seconds)
         ]
 
-    def _second(self, end_s: int, sums: Array, count: int, left: float) -> Second:
+    def _second(self, end_s: int, sums: Array, count: int, left: Array) -> Second:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
@@ -296,6 +300,7 @@ class Gain:
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
             self._window.append(sums)
+            self._strongest = max(drive2, exp(-2.0 / self._standards.memory_s) * self._strongest)
             ratio = _ratio(score, drive2, reference, self._standards.loss)
             if ratio < 0.0 or self._informs(reference):
                 self._level = min(_MOST, max(0.0, _FORGET * self._level + ratio))
@@ -308,14 +313,18 @@ class Gain:
         if self._level == 0.0:
             self._since = end_s
             self._recent.clear()
-        left_over, left_error = _measured(self._recent, reference)
+            self._slowness = Slowness()
+        slow_s, later = self._slowness.feed(self._recent, reference.gain)
+        at_lag = [sums[self._slowness.lag] for sums in self._recent]
+        left_over, left_error = _measured(at_lag, reference)
         return Second(
             end_s,
             value,
             error,
             self._level,
             self._since,
-            *self._slower(reference),
+            slow_s,
+            later,
             self._shifted(),
             left_over,
             left_error,
@@ -323,45 +332,38 @@ class Gain:
         )
 
     def _shifted(self) -> float | None:
-        left, count = np.array(self._left).sum(axis=0)
-        return float(left / count) if count >= _SHIFT_S * _LEAST_ROWS else None
+        count = sum(rows for _, rows in self._left)
+        if count < _SHIFT_S * _LEAST_ROWS:
+            return None
+        return float(sum(left[self._slowness.lag] for left, _ in self._left)) / count
 
     def _estimate(self, reference: Reference) -> tuple[float | None, float]:
         """Return the effectiveness of the last ten judged seconds and its standard error."""
-        return _measured(self._window, reference) if len(self._window) == _WINDOW_S else (None, np.inf)
+        lagless = [sums[0] for sums in self._window]
+        return _measured(lagless, reference) if len(lagless) == _WINDOW_S else (None, np.inf)
 
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.
 
         Gusts move the aircraft and, through the autopilot, the surfaces against it: without other drive, the
         gain is underestimated. The drive must therefore be nearly that of the reference, and some gain, with
-        some lag, must explain most of the response.
+        some lag, must explain most of the response. After a strong manoeuvre the tail of the slow filter
+        would repeat that manoeuvre's score for seconds.
         """
         drive2, cross, answer2 = np.sum(self._window, axis=0).T
         if drive2[0] < _AS_DRIVEN * reference.power * len(self._window):
+            return False
+        if self._window[-1][0, 0] < _TAIL * self._strongest:
             return False
         driven = drive2 > 0
         unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]
         return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
 
-    def _slower(self, reference: Reference) -> tuple[float | None, bool]:
-        """Return the lag that explains much more than a loss, and whether any lag explains more."""
-        if len(self._recent) < _SLOW_LEAST_S:
-            return None, False
-        drive2, cross, answer2 = np.sum(list(self._recent), axis=0).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            gain = cross / drive2
-            share = cross**2 / (drive2 * answer2)
-        best = int(np.argmax(np.nan_to_num(share)))
-        better = float(share[best] - share[0])
-        slower = better >= _MUCH_BETTER and gain[best] / reference.gain >= _WHOLE
-        return (_EXTRA_S[best - 1] if slower else None), better >= _BETTER
-
 
 def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float | None, float]:
     """Return the effectiveness over some seconds and its standard error; None if they do not tell it."""
     n = len(seconds)
-    drive2, cross, _ = np.array(seconds)[:, 0].T if n else np.zeros((3, 1))
+    drive2, cross, _ = np.array(seconds).T if n else np.zeros((3, 1))
     total = float(drive2.sum())
     if n < 2 or total <= 0.0:
         return None, np.inf

@@ -26,10 +26,43 @@ _WINDOW_S: Final = 10
 _MASKED_S: Final = 20
 _MOST_EPISODES: Final = 100
 
+_SLOWEST_S: Final = 0.42  # 3 Hz with jitter passes, 2 Hz does not
+_SLOWEST_PITCH_S: Final = 0.15  # 10 Hz: slower samples miss most of the short period
+
+_MEMORY_S: Final = 8.0
+_SHORT_PERIOD_S: Final = 2.0  # a step of thrust or speed changes the elevator's trim for good
+
 _STANDARDS: Final = {
-    "roll": Standards(0.75, 0.10, 0.002, 0.3, (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3), (0.0, 0.1, 0.2)),
-    "pitch": Standards(0.35, 0.06, 0.004, 0.5, (0.0, 0.05, 0.1), (0.0, 0.1)),
-    "yaw": Standards(0.5, 0.06, 0.004, 0.5, (0.1, 0.2, 0.3), (0.0, 0.2)),
+    "roll": Standards(
+        explained=0.75,
+        error=0.10,
+        scatter=0.002,
+        noise=0.25,
+        delays_s=(0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
+        taus_s=(0.0, 0.1, 0.2),
+        spacing_s=_SLOWEST_S,
+        memory_s=_MEMORY_S,
+    ),
+    "pitch": Standards(
+        explained=0.35,
+        error=0.06,
+        scatter=0.004,
+        noise=0.5,
+        delays_s=(0.0, 0.05, 0.1),
+        taus_s=(0.0, 0.1),
+        spacing_s=_SLOWEST_PITCH_S,
+        memory_s=_SHORT_PERIOD_S,
+    ),
+    "yaw": Standards(
+        explained=0.5,
+        error=0.06,
+        scatter=0.004,
+        noise=0.5,
+        delays_s=(0.1, 0.2, 0.3),
+        taus_s=(0.0, 0.2),
+        spacing_s=_SLOWEST_S,
+        memory_s=_MEMORY_S,
+    ),
 }
 
 
@@ -84,8 +117,9 @@ class AxisFindings:
     effectiveness, windows
         The mean since the last change of the condition, or of a loss the value since its onset, with its
         95 % interval; and the number of windows in the mean, 0 for a loss.
-    spacing_s
-        Time between samples of the outputs or the rates, where a reference was sought.
+    spacing_s, slowest_s
+        Time between samples of the outputs or the rates, where a reference was sought, and the longest that
+        is sufficient.
     limits
         Limits by which the axis was judged.
     """
@@ -103,6 +137,7 @@ class AxisFindings:
     best: Reference | None
     usable_s: int
     spacing_s: float
+    slowest_s: float
     limits: AxisLimits
 
 
@@ -239,6 +274,10 @@ class AxisMonitor:
     def _extend(self, held: _Axis, one: Shown) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
         episodes = held.episodes
+        for earlier in episodes[-3:]:
+            kinds = (one.fault, earlier.fault, earlier.condition)
+            if kinds == ("slow", "effectiveness", "degraded") and earlier.start_s == one.since_s:
+                earlier.fault = one.fault
         same = next((e for e in reversed(episodes[-3:]) if e.fault == one.fault), None)
         if same is not None and same.end_s >= one.end_s - 2 * _MASKED_S:
             graver = SEVERITY[one.condition] >= SEVERITY[same.condition]
@@ -291,5 +330,6 @@ class AxisMonitor:
             best=gain.best,
             usable_s=gain.usable_s,
             spacing_s=gain.spacing_s,
+            slowest_s=_STANDARDS[axis].spacing_s,
             limits=self.limits,
         )

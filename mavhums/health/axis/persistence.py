@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from mavhums.health.axis.residual import Left
-
 __all__ = ["Persistent"]
 
 
@@ -24,7 +22,3 @@ class Persistent:
             self._since_s = end_s - 1
         self._run += 1
         return self._since_s if self._run >= 2 else None
-
-    def left(self, left: Left) -> int | None:
-        """Return the same for a residual."""
-        return self.feed(left.end_s, left.deviations)

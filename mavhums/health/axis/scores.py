@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,6 @@ from mavhums.health.axis.filters import HighPass
 from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = ["Scores", "Sums"]
-
-_MEMORY_S: Final = 8.0
 
 Array = NDArray[np.float64]
 
@@ -32,11 +29,19 @@ class Sums:
 
 
 class Scores:
-    """Removes the nuisances and the slow parts, and sums products over each second."""
+    """Removes the nuisances and the slow parts, and sums products over each second.
 
-    def __init__(self, others: Array) -> None:
+    Parameters
+    ----------
+    others
+        Weights of the nuisances.
+    memory_s
+        Memory of the filter that removes the slow parts.
+    """
+
+    def __init__(self, others: Array, memory_s: float) -> None:
         self._others = others
-        self._drive, self._answer = HighPass(_MEMORY_S), HighPass(_MEMORY_S)
+        self._drive, self._answer = HighPass(memory_s), HighPass(memory_s)
 
     def feed(self, columns: Columns) -> Sums:
         """Return the sums of each new second."""

@@ -7,14 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import degrees
-from typing import ClassVar
+from typing import ClassVar, Final
+
+import numpy as np
 
 from mavhums.health.axis.detector import Seen, Shown
 from mavhums.health.axis.persistence import Persistent
 from mavhums.health.axis.residual import Residual
 from mavhums.health.axis.tracking import PitchTracking, RollTracking
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = ["TrackingDetector"]
+
+_SLOW_S: Final = 0.42  # between samples: 2 Hz
+_COARSE: Final = 1.5  # times the limit there: a turn begins and ends between two samples
 
 
 class TrackingDetector:
@@ -43,8 +50,10 @@ class TrackingDetector:
     def feed(self, seen: Seen) -> list[Shown]:
         """Return the seconds in which the attitude is away for certain."""
         shown = []
+        coarse = _coarse(seen.rows)
         for left in self._residual.feed(seen.rows):
-            since_s = self._persistent.left(left)
+            limit = self._limit * (_COARSE if coarse[left.end_s - seen.rows.second - 1] else 1.0)
+            since_s = self._persistent.feed(left.end_s, left.deviations * self._limit / limit)
             if since_s is not None:
                 rule = (
                     f"emergency: {self._axis} {degrees(left.value):.0f}° away from the demanded one for 3 s"
@@ -57,9 +66,15 @@ class TrackingDetector:
                         "emergency",
                         since_s,
                         left.deviations,
-                        self._limit,
+                        limit,
                         rule,
                         0.99,
                     )
                 )
         return shown
+
+
+def _coarse(rows: Rows) -> list[bool]:
+    """Return of each second whether its samples lie too far apart to follow a turn."""
+    spacing = np.nan_to_num(rows.spacing).reshape(-1, RATE_HZ).mean(axis=1)
+    return [bool(coarse) for coarse in spacing > _SLOW_S]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from mavhums.health.axis.gain import SLOWEST_STREAM_S
 from mavhums.health.axis.indicators import indicators
 from mavhums.health.axis.monitor import AxisFindings
 from mavhums.report.assessment import Interval, Since, Suspect, Verdict
@@ -15,6 +14,7 @@ from mavhums.vehicle.surfaces import Surfaces
 __all__ = ["judged_axis", "unjudged_axes", "why_not_at_all"]
 
 _REFERENCE_S: Final = 45
+_DOUBTED_S: Final = 10
 _KINDS: Final = {
     2: "a quadrotor",
     3: "a coaxial helicopter",
@@ -127,6 +127,9 @@ def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Fl
         return f"{reason}, and the flight's beginning does not tell it clearly", PROFILE_LINE
     if not surfaces.of_axis(axis):
         return f"no output of this vehicle is known to move it in {axis}", PROFILE_LINE
+    if flight.doubted_s >= _DOUBTED_S:
+        reason = f"for {flight.doubted_s} s the airspeed sensor contradicts ground speed and wind"
+        return f"{reason}, so that the rest is too little", "inspect the pitot tube, then fly again"
     if findings.reference is None:
         return _no_reference(findings, flight)
     coverage = findings.coverage
@@ -142,10 +145,11 @@ def _no_reference(findings: AxisFindings, flight: Flight) -> tuple[str, str]:
     if findings.usable_s < _REFERENCE_S:
         reason = f"{findings.usable_s} s of forward flight with known outputs, {_REFERENCE_S} are needed"
         return reason, "analyse a longer flight"
-    if findings.spacing_s > SLOWEST_STREAM_S:
+    if findings.spacing_s > findings.slowest_s:
+        needed = 10 if axis == "pitch" else 3
         reason = f"the servo outputs or the rates come {1 / findings.spacing_s:.1f} times a second"
         return (
-            f"{reason}, 3 are needed",
+            f"{reason}, {needed} are needed to judge {axis}",
             "record the servo outputs, the gyro and the attitude at 10 Hz or more",
         )
     missing = {"pitch": "force", "yaw": "force"}.get(axis)

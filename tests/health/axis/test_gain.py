@@ -61,30 +61,27 @@ def test_an_axis_recovers() -> None:
     assert monitor.findings("roll").worst == "emergency"
 
 
-def test_a_slow_servo_is_told_from_a_lost_surface() -> None:
-    flight = rolling(200, lost(999, 1.0), noise=0.01)
-    demand, rate = flight.outputs[:, 0], flight.roll_rate.copy()
-    slow, value, share = np.zeros_like(demand), 0.0, 1 - np.exp(-0.05 / 0.8)
-    for k, wanted in enumerate(demand):
-        value += share * (wanted - value)
-        slow[k] = value
-    late = np.concatenate([np.zeros(4), slow[:-4]])
-    rate[2000:] = 2.2 * late[2000:]
-    slowed = steady(200)
-    slowed["outputs"][:, 0], slowed["roll_rate"] = demand, rate
-    monitor = AxisMonitor(1)
-    list(monitor.feed(rows(slowed)))
-    assert "slow" in {suspect.fault for suspect in monitor.findings("roll").suspects}
-
-
-def test_a_slow_servo_is_no_emergency() -> None:
-    flight = rolling(200, lost(999, 1.0), noise=0.01)
-    value, share = 0.0, 1 - np.exp(-0.05 / 0.5)
+def slowed(flight: Rows, tau_s: float, from_s: int) -> Rows:
+    """The same flight with a servo that follows its demand through a lag from then on."""
+    value, share = 0.0, 1 - np.exp(-0.05 / tau_s)
     slow = np.zeros(len(flight))
     for k, wanted in enumerate(flight.outputs[:, 0]):
         value += share * (wanted - value)
         slow[k] = value
-    flight.roll_rate[2000:] = 2.2 * np.concatenate([np.zeros(4), slow[:-4]])[2000:]
+    late = np.concatenate([np.zeros(4), slow[:-4]])
+    flight.roll_rate[from_s * 20 :] = 2.2 * late[from_s * 20 :]
+    return flight
+
+
+def test_a_slow_servo_is_told_from_a_lost_surface() -> None:
+    flight = slowed(rolling(200, lost(999, 1.0), noise=0.01), 0.8, 100)
+    monitor = AxisMonitor(1)
+    list(monitor.feed(flight))
+    assert "slow" in {suspect.fault for suspect in monitor.findings("roll").suspects}
+
+
+def test_a_slow_servo_is_no_emergency() -> None:
+    flight = slowed(rolling(200, lost(999, 1.0), noise=0.01), 0.5, 100)
     monitor = AxisMonitor(1)
     alarms = [c for c in changes_of(monitor, flight) if c.actuator == "roll" and c.after != "normal"]
     assert alarms
@@ -97,6 +94,42 @@ def test_streams_below_three_hertz_give_no_reference(spacing: float, told: bool)
     gain.feed(replace(rolling(80, lost(99, 1.0)), spacing=np.full(80 * 20, spacing)))
     assert (gain.reference is not None) is told
     assert gain.too_slow is not told
+
+
+def test_pitch_needs_ten_hertz() -> None:
+    flight = rolling(80, lost(99, 1.0))
+    for spacing, refused in ((0.1, False), (0.25, True)):
+        gain = new_gain("pitch")
+        gain.feed(replace(flight, spacing=np.full(80 * 20, spacing)))
+        assert gain.too_slow is refused
+
+
+def test_a_doubted_airspeed_gives_no_effectiveness() -> None:
+    flight = rolling(200, lost(100, 0.4))
+    flight.trusted[95 * 20 :] = False
+    monitor = AxisMonitor(1)
+    assert not [c for c in changes_of(monitor, flight) if c.after in ("degraded", "emergency")]
+
+
+def test_the_tail_of_one_manoeuvre_is_no_evidence() -> None:
+    """One strong manoeuvre whose answer is cut short, as by slow samples, in an otherwise quiet flight."""
+    flight = rolling(150, lost(999, 1.0), noise=0.005, size=0.04)
+    spike = slice(100 * 20, 101 * 20)
+    flight.outputs[spike, 0] += 0.6
+    flight.roll_rate[100 * 20 + 4 : 101 * 20 + 4] += 0.45 * 2.2 * 0.6
+    levels = {second.end_s: second.level for second in new_gain("roll").feed(flight)}
+    assert levels[110] <= levels[103] + 1.0
+
+
+def test_a_slow_servo_stays_slow_through_the_flight() -> None:
+    flight = slowed(rolling(500, lost(999, 1.0), noise=0.01), 0.5, 100)
+    monitor = AxisMonitor(1)
+    list(monitor.feed(flight))
+    found = monitor.findings("roll")
+    assert (found.condition, found.worst) == ("degraded", "degraded")
+    assert {suspect.fault for suspect in found.suspects} == {"slow"}
+    assert found.evidence[-1].end_s > 480
+    assert found.evidence[-1].value == pytest.approx(0.5, abs=0.16)
 
 
 def test_gusts_that_the_autopilot_fights_are_no_loss() -> None:

@@ -1,6 +1,6 @@
 """Pitch: what the aircraft makes of the demand to the elevators, elevons or V-tail, against the reference.
 
-The limit is 1.5 times the highest level of the healthy development flights.
+The limit is 1.8 times the highest level of the healthy development flights.
 """
 
 from __future__ import annotations
@@ -16,5 +16,5 @@ class Detector(EffectivenessDetector):
     """A loss of effectiveness about the pitch axis."""
 
     axis: ClassVar[str] = "pitch"
-    limit: ClassVar[float] = 16.0
+    limit: ClassVar[float] = 12.0
     axes: ClassVar[tuple[str, ...]] = ("pitch",)

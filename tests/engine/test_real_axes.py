@@ -1,0 +1,132 @@
+"""The axes of the real logs and of ArduPlane in software-in-the-loop, from ordinary messages alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mavhums
+from mavhums import Engine
+from mavhums.engine.options import EngineOptions
+from mavhums.health.events import Indication
+from mavhums.log import read_blocks
+from mavhums.report.assessment import Verdict
+from tests.conftest import REAL_LOGS
+
+pytestmark = pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the real logs are absent")
+
+GROUND = "it never flew forward"
+COPTER = "a quadrotor"
+SUBMARINE = "a submarine"
+UNKNOWN = "no HEARTBEAT of the autopilot"
+
+UNJUDGED = {
+    "APTRG-wsk-gcs__mav-631b075.tlog": GROUND,
+    "AalborgQSL-Firmware__mav.tlog": COPTER,
+    "Avalanche-MQP-ros__mav.tlog": COPTER,
+    "EAICS__flight.tlog": GROUND,
+    "EAICS__flight.tlog.raw": GROUND,
+    "Fugaintegrum__2019-08-08-flight1.tlog": COPTER,
+    "LucaGemma-MasterThesis__mav.tlog": COPTER,
+    "PX4-flight-review-rs__ekf_failure.ulg": COPTER,
+    "TalhaYS-savasan_iha__mav.tlog": GROUND,
+    "UAVLogViewer__vtol.tlog": GROUND,  # a quadplane that hovers
+    "ahmadkhanfar-TLOG__test.tlog": COPTER,
+    "ardusub_log_tools__pymavlink_bug.tlog": SUBMARINE,
+    "autonomous-soaring__00000001.BIN": GROUND,
+    "mavlink-server__00025-2024-04-22_18-49-07.tlog": SUBMARINE,
+    "mavrik-control__mav.tlog": GROUND,
+    "pydronecan__mav.tlog": GROUND,
+    "onboard/beast_sample.bin": UNKNOWN,
+    "onboard/dani1.BIN": UNKNOWN,
+    "onboard/gps_interference.ulg": COPTER,
+    "onboard/hexa_real.bin": UNKNOWN,
+    "onboard/lrs17.BIN": UNKNOWN,
+    "onboard/mavrik464.BIN": GROUND,
+    "onboard/mavrik470.BIN": GROUND,
+    "onboard/sample.ulg": COPTER,
+    "onboard/sample_appended_multiple.ulg": COPTER,
+    "onboard/sample_log_small.ulg": GROUND,
+}
+HEALTHY = {
+    "Jordinaa-supervisor__mav.tlog": {},
+    "sitl/plane_hirate.link1.tlog": {"roll": "normal", "pitch": "normal"},
+    "sitl/plane_normal.mavproxy.tlog": {"roll": "normal", "pitch": "undecided"},
+    "sitl/plane_signed.link1.tlog": {},
+}
+NO_VEHICLE = {"Fugaintegrum__2020-02-05-flight3.tlog"}
+UNREADABLE = {"onboard/log171.bin"}
+JAMMED = "sitl/plane_lua_csrv.link1.tlog"
+
+
+def axes(path: Path) -> list[Verdict]:
+    return [verdict for verdict in mavhums.analyse(path).verdicts if verdict.subject == "axis"]
+
+
+def test_no_log_is_forgotten() -> None:
+    known = {*UNJUDGED, *HEALTHY, *NO_VEHICLE, *UNREADABLE, JAMMED}
+    found = {
+        str(path.relative_to(REAL_LOGS))
+        for folder in (REAL_LOGS, REAL_LOGS / "sitl", REAL_LOGS / "onboard")
+        for path in folder.iterdir()
+        if path.is_file() and path.suffix != ".md"
+    }
+    assert found == known
+
+
+@pytest.mark.parametrize(
+    ("path", "why"), [(REAL_LOGS / name, why) for name, why in UNJUDGED.items()], ids=[*UNJUDGED]
+)
+def test_what_no_fixed_wing_flew_is_told_in_one_line(path: Path, why: str) -> None:
+    [verdict] = axes(path)
+    assert (verdict.actuator, verdict.condition, verdict.worst) == ("axes", "undecided", "undecided")
+    assert str(verdict.reason).startswith(why)
+    assert "\n" not in str(verdict.reason)
+    assert verdict.remedy
+
+
+@pytest.mark.parametrize(
+    ("path", "conditions"), [(REAL_LOGS / name, told) for name, told in HEALTHY.items()], ids=[*HEALTHY]
+)
+def test_healthy_flights_raise_no_alarm(path: Path, conditions: dict[str, str]) -> None:
+    verdicts = {verdict.actuator: verdict for verdict in axes(path)}
+    assert all(verdict.worst in ("normal", "undecided") for verdict in verdicts.values())
+    assert {name: verdicts[name].condition for name in conditions} == conditions
+    assert all(verdict.reason for verdict in verdicts.values() if verdict.condition == "undecided")
+
+
+def test_half_the_aileron_is_left_in_the_seconds_of_the_jam() -> None:
+    """One aileron of two stands from second 90 to 127; the windows are ten seconds long."""
+    engine = Engine(EngineOptions())
+    events = [event for block in read_blocks(REAL_LOGS / JAMMED) for event in engine.feed(block)]
+    events += engine.finish()
+    shown = [
+        e for e in events if isinstance(e, Indication) and (e.actuator, e.fault) == ("roll", "effectiveness")
+    ]
+    end_s = np.concatenate([np.asarray(e.end_s) for e in shown])
+    value = np.concatenate([np.asarray(e.value) for e in shown])
+    jammed = (end_s >= 105) & (end_s <= 130)
+    assert jammed.sum() >= 20
+    assert value[jammed] == pytest.approx(0.49, abs=0.04)
+    assert (value[(end_s <= 92) | (end_s >= 140)] > 0.85).all()
+    roll = next(v for v in engine.assessment().verdicts if v.actuator == "roll" and v.subject == "axis")
+    assert roll.worst == "emergency"
+    assert roll.since is not None
+    assert 90 <= roll.since.flight_time_s <= 100
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("2018-09-11-17-27-13_2_both_ailerons_failure.tlog", "tracking"),
+        ("2018-09-11-17-55-30_1_right_aileron_failure.tlog", "effectiveness"),
+        ("2018-10-05-14-37-22_3_left_aileron_failure.tlog", "effectiveness"),
+    ],
+)
+def test_jammed_ailerons_are_found_with_inferred_outputs(name: str, fault: str) -> None:
+    roll = next(verdict for verdict in axes(REAL_LOGS / "alfa" / name) if verdict.actuator == "roll")
+    assert roll.worst in ("degraded", "emergency")
+    assert roll.suspects[0].fault == fault
+    assert "inference" in roll.provenance["V1"]

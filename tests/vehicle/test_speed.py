@@ -1,0 +1,89 @@
+"""The airspeed, and a sensor that begins to lie, against flights in a known wind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.speed import AirspeedCheck, Speed
+
+Array = NDArray[np.float64]
+
+AIRSPEED = 18.0
+WIND = np.array([4.0, -3.0])
+
+
+def circling(seconds: int, scale: Array, *, turn_s: float = 40.0, noise: float = 0.3) -> dict[str, Array]:
+    """Circles at one airspeed in one wind; the sensor reads ``scale``, shape (seconds,), times the truth."""
+    t = np.arange(seconds * RATE_HZ) / RATE_HZ
+    heading = (2 * np.pi * t / turn_s + np.pi) % (2 * np.pi) - np.pi
+    velocity = AIRSPEED * np.column_stack([np.cos(heading), np.sin(heading)]) + WIND
+    random = np.random.default_rng(4)
+    sensed = AIRSPEED * np.repeat(scale, RATE_HZ) + noise * random.normal(size=t.size)
+    attitude = np.column_stack([np.zeros((t.size, 2)), heading])
+    ground = np.hypot(*velocity.T)
+    columns = {"velocity": velocity, "attitude": attitude, "airspeed": sensed, "groundspeed": ground}
+    return {name: np.asarray(values).reshape(seconds, RATE_HZ, -1) for name, values in columns.items()}
+
+
+def trusted(scale: Array, **how: float) -> list[bool]:
+    """Whether the speed is trusted, second by second."""
+    _, flags = Speed().feed(circling(len(scale), scale, **how))
+    return [bool(flag) for flag in flags[::RATE_HZ]]
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.25, 1.5])
+def test_a_sensor_that_begins_to_lie_is_noticed_within_ten_seconds(factor: float) -> None:
+    found = trusted(np.where(np.arange(240) < 180, 1.0, factor))
+    assert all(found[:180])
+    assert not any(found[190:])
+
+
+def test_a_sensor_that_always_reads_too_much_is_trusted() -> None:
+    assert all(trusted(np.full(240, 1.15)))
+
+
+def test_a_sensor_that_dies_is_doubted_at_once_and_its_return_is_noticed() -> None:
+    scale = np.ones(400)
+    scale[180:240] = 0.0
+    found = trusted(scale)
+    assert all(found[:180])
+    assert not any(found[181:240])
+    assert all(found[300:])
+
+
+def test_a_sensor_that_never_worked_takes_nothing_away() -> None:
+    speed, flags = Speed().feed(circling(200, np.zeros(200)))
+    assert flags.all()
+    assert speed[-20:] == pytest.approx(AIRSPEED, rel=0.05)
+
+
+def test_gusts_are_no_lie() -> None:
+    gusts = 1.0 + 0.12 * np.sin(2 * np.pi * np.arange(400) / 7.0)
+    assert all(trusted(gusts))
+
+
+def test_nothing_is_compared_with_a_wind_that_is_not_known() -> None:
+    """On one heading airspeed and wind cannot be told apart: the usual ratio is not learned there."""
+    assert all(trusted(np.where(np.arange(240) < 120, 1.0, 1.25), turn_s=1e9))
+
+
+def test_the_check_is_indifferent_to_the_ground() -> None:
+    check = AirspeedCheck()
+    assert all(check.step(0.5, 0.2, settled=True) for _ in range(300))
+    assert all(check.step(np.nan, 18.0, settled=True) for _ in range(300))
+
+
+def test_the_pieces_do_not_matter() -> None:
+    scale = np.where(np.arange(240) < 150, 1.0, 1.3)
+    whole = circling(240, scale)
+    pieces = Speed()
+    parts = [
+        pieces.feed({name: values[a:b] for name, values in whole.items()})
+        for a, b in ((0, 1), (1, 97), (97, 153), (153, 240))
+    ]
+    speed, flags = Speed().feed(whole)
+    assert np.array_equal(np.concatenate([part[0] for part in parts]), speed)
+    assert np.array_equal(np.concatenate([part[1] for part in parts]), flags)

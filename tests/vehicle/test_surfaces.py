@@ -1,0 +1,67 @@
+"""The demand of outputs that move together, told or inferred."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.inference import inferred
+from mavhums.vehicle.signals import OUTPUTS
+from mavhums.vehicle.surfaces import Demands, Moved, Surfaces
+from tests.health.axis.flights import Array, excited, rows, steady
+
+
+def pulses(**outputs: Array) -> Array:
+    """Pulses of the outputs ``s1``, ``s2`` …; the others are off."""
+    some = next(iter(outputs.values()))
+    found = np.full((len(some), OUTPUTS), np.nan)
+    for name, values in outputs.items():
+        found[:, int(name[1:]) - 1] = values
+    return found
+
+
+def ailerons(*servos: int) -> Surfaces:
+    return Surfaces(tuple(Moved(servo, "aileron", 1500.0, 400.0) for servo in servos), "profile")
+
+
+def test_an_output_that_jumps_alone_does_not_move_the_demand_of_three() -> None:
+    moving = 1500 + 100 * np.sin(np.arange(400) / 10)
+    jumping = np.where(np.arange(400) < 200, moving, 1900.0)
+    demand = Demands(ailerons(1, 2, 3)).feed(pulses(s1=moving, s2=moving, s3=jumping))[:, 0]
+    assert demand == pytest.approx((moving - 1500) / 400)
+
+
+@pytest.mark.parametrize("off", [(), (1,), (1, 2)])
+def test_outputs_that_are_off_do_not_count(off: tuple[int, ...]) -> None:
+    moving = 1500 + 100 * np.sin(np.arange(400) / 10)
+    sent = pulses(s1=moving, s2=moving)
+    for servo in off:
+        sent[:, servo - 1] = np.nan
+    demand = Demands(ailerons(1, 2)).feed(sent)[:, 0]
+    assert np.isnan(demand).all() if len(off) == 2 else demand == pytest.approx((moving - 1500) / 400)
+
+
+def flown(seconds: int = 60) -> tuple[Rows, Array]:
+    """A flight that rolls by servo 5, with servo 6 reversed and servo 4 at half the travel."""
+    flight = steady(seconds)
+    demand = excited(seconds)
+    flight["roll_rate"] = 2.2 * demand
+    sent = pulses(s4=1500 + 200 * demand, s5=1500 + 400 * demand, s6=1520 - 400 * demand)
+    return rows(flight), sent
+
+
+def answers(axis: str, demand: Array) -> float:
+    return 0.9 if axis == "roll" else 0.0
+
+
+def test_inferred_outputs_give_one_demand_whatever_their_travel() -> None:
+    flight, sent = flown()
+    found = inferred(flight, sent, answers)
+    assert found is not None
+    assert {moved.servo for moved in found.of_axis("roll")} == {4, 5, 6}
+    whole = Demands(found).feed(sent)[:, 0]
+    stuck = sent.copy()
+    stuck[600:, 4] = stuck[600, 4]  # servo 5 is overridden
+    rest = Demands(found).feed(stuck)[:, 0]
+    assert rest[700:] == pytest.approx(whole[700:], abs=0.01)
