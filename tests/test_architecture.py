@@ -28,11 +28,12 @@ FLOORS = (
     "live",
     "study",
     "fleet",
+    "serve",
     "cli",
 )
 """Rooms from the ground up; a module may import from its own room and from those before it."""
 
-APART = {frozenset(pair) for pair in combinations(("fleet", "live", "study", "training"), 2)}
+APART = {frozenset(pair) for pair in combinations(("fleet", "live", "serve", "study", "training"), 2)}
 """Applications that stand side by side on ``app`` and do not import each other."""
 
 LEAF = "learn"

@@ -32,6 +32,7 @@ from mavhums.cli.options import (
 from mavhums.cli.output import complain, say, say_json, sound_output
 from mavhums.cli.progress import reading
 from mavhums.cli.report import report
+from mavhums.cli.serve import serve
 from mavhums.cli.tools import export, model, profile
 from mavhums.cli.trend import indexed_history, trend
 from mavhums.cli.warm_up import announce_compiling, warm_up
@@ -51,6 +52,7 @@ def cli() -> None:
       mavhums analyse flight.tlog                  the verdict per actuator
       mavhums analyse flight.tlog --rrd flight.rrd the same, and a Rerun recording
       mavhums report flight.tlog -o report.html    the same as one HTML file
+      mavhums serve                                the same in the browser: drop logs on a page
       mavhums trend flights                        each actuator over its flights
       mavhums live udpin:14550                     the same verdicts while it flies
       mavhums inspect flight.tlog                  what the log holds, and what is missing
@@ -178,7 +180,20 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (report, live, trend, fleet, train, precedents, study, export, model, profile, warm_up):
+for _command in (
+    report,
+    serve,
+    live,
+    trend,
+    fleet,
+    train,
+    precedents,
+    study,
+    export,
+    model,
+    profile,
+    warm_up,
+):
     cli.add_command(_command)
 
 

@@ -23,7 +23,7 @@ from mavhums.report.trend import TrendReport
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Status", "Worst", "exit_code", "export", "status", "trend", "verdicts", "worst"]
+__all__ = ["Status", "Worst", "exit_code", "export", "past_flights", "status", "trend", "verdicts", "worst"]
 
 _COLUMNS = "aircraft, path, start_us, vehicle, actuator, condition, worst"
 _LAST = f"""
@@ -150,14 +150,14 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
         raise MavhumsError(f"{store}: an unknown aircraft has no trend", "name aircraft with --aircraft")
     kept = Store(store).opened()
     with no_collection():
-        flown = tuple(_flights(kept, aircraft))
+        flown = tuple(past_flights(kept, aircraft))
         if not flown:
             raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", _aircraft_in(kept))
         since = installed_in(kept, aircraft).since(aircraft, flown[-1].end)
         return trend_report(FlightHistory(flown), since=since)
 
 
-def _flights(store: Store, aircraft: str) -> Iterator[PastFlight]:
+def past_flights(store: Store, aircraft: str) -> Iterator[PastFlight]:
     """Yield an aircraft's dated flights in time order, each with its verdicts and the times of its log."""
     rows = store.query(
         "SELECT path, sha256, start_us, airframe, duration_s, list(verdict ORDER BY place) FROM ("

@@ -49,17 +49,21 @@ class Population:
         return self.between**2 + float(row @ self.covariance @ row)
 
 
-def population(design: Array, values: Array, errors: Array) -> Population:
+def population(
+    design: Array, values: Array, errors: Array, natural_scatter: float = NATURAL_SCATTER
+) -> Population:
     """Fit flights; a lower bound prevents a few flights from showing too little scatter by chance.
 
     The scatter between them is not less than what Paule and Mandel's equation gives, and not less than
-    that pooled with the natural scatter of 5 %, which counts as much as nine degrees of freedom of the
-    flights' own.
+    that pooled with the natural scatter, 5 % of the mean by default, which counts as much as nine degrees
+    of freedom of the flights' own.
 
     Parameters
     ----------
     design, values, errors
         Shapes (n, p), (n,) and (n,), the first column of the design being 1; n > p.
+    natural_scatter
+        Share of the mean by which healthy flights scatter.
 
     Examples
     --------
@@ -71,7 +75,7 @@ def population(design: Array, values: Array, errors: Array) -> Population:
     own = variance_between(design, values, errors)
     first = weighted(design, values, 1.0 / (errors**2 + own + 1e-300))[0]
     freedom = len(values) - p
-    natural = (NATURAL_SCATTER * float(first[0])) ** 2
+    natural = (natural_scatter * float(first[0])) ** 2
     pooled = (_PRIOR_FREEDOM * natural + freedom * own) / (_PRIOR_FREEDOM + freedom)
     between = max(own, pooled)
     weights = 1.0 / (errors**2 + between)

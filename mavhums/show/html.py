@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import cache
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import NamedTuple
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.version import __version__
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.report.axis_limits import AxisLimits
+from mavhums.show import _usage
 from mavhums.show._certainty import certainty
 from mavhums.show._words import (
-    COLOURS,
     advice,
     clock,
     effectiveness,
@@ -24,31 +23,17 @@ from mavhums.show._words import (
     join,
     losses,
     name,
-    printable,
     whose,
 )
 from mavhums.show.html_craft import Part, outline
 from mavhums.show.html_curves import Gathered, Key
+from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
+__all__ = ["ICONS", "Brief", "in_brief", "page"]
 
-__all__ = ["ICONS", "page"]
-
-ICONS: Final[dict[Condition, str]] = {
-    "normal": "✓",
-    "unchanged": "=",
-    "changed": "≠",
-    "degraded": "▲",
-    "emergency": "✖",
-    "learning": "…",
-    "undecided": "?",
-    "unmonitored": "○",
-}
-"""A sign per condition, so that no reader depends on its colour."""
-
-_ROWS, _PLOTS, _FINDINGS, _LETTERS, _LIKE = 200, 24, 8, 600, 6
+_ROWS, _PLOTS, _FINDINGS, _LIKE = 200, 24, 8, 6
+_VEHICLES, _OUTPUTS = 8, 32
 
 
 class _Answer(NamedTuple):
@@ -71,11 +56,42 @@ class _Shown(NamedTuple):
     drawing: Plot
 
 
+class _Usage(NamedTuple):
+    """The use of one vehicle's servos: a title, and a table."""
+
+    title: str
+    head: Sequence[str]
+    rows: list[tuple[str, ...]]
+
+
 class _Aircraft(NamedTuple):
     """The outline of one vehicle."""
 
     title: str
     parts: list[Part]
+
+
+class Brief(NamedTuple):
+    """An assessment in a line: its gravest condition, the finding, and what to do."""
+
+    condition: Condition
+    headline: str
+    todo: str
+
+
+def in_brief(assessment: Assessment) -> Brief:
+    """Return the assessment in a line.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> in_brief(mavhums.analyse("flight.tlog")).condition
+    'emergency'
+    """
+    ranked = assessment.ranked()
+    first = _first([_answer(verdict, assessment) for verdict in ranked[:_ROWS]])
+    condition: Condition = ranked[0].gravest if ranked else "undecided"
+    return Brief(condition, headline(assessment), first.todo if first else "")
 
 
 def page(assessment: Assessment, gathered: Gathered) -> str:
@@ -102,7 +118,7 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     log = assessment.log
     answers = [_answer(verdict, assessment) for verdict in ranked[:_ROWS]]
     return (
-        _environment()
+        environment("mavhums.show")
         .get_template("report.html")
         .render(
             assessment=assessment,
@@ -115,38 +131,12 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
             whose=whose(log),
             aircraft=list(_aircraft(assessment)),
             plots=list(_plots(assessment, gathered)),
+            usage=list(_usage_tables(assessment)),
             notices=gathered.notices(),
             texts=gathered.texts,
-            icons=ICONS,
-            colours=COLOURS,
             version=__version__,
         )
     )
-
-
-@cache
-def _environment() -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("mavhums.show"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_plain,
-    )
-    environment.filters["clock"] = clock
-    environment.filters["moment"] = moment
-    return environment
-
-
-def _plain(value: object) -> object:
-    """Return a text without control characters and of bounded length."""
-    if type(value) is not str:
-        return value
-    text = printable(value)
-    return text if len(text) <= _LETTERS else f"{text[:_LETTERS]}…"
 
 
 def _answer(verdict: Verdict, assessment: Assessment) -> _Answer:
@@ -186,17 +176,6 @@ def _first(answers: Sequence[_Answer]) -> _Answer | None:
     )
 
 
-def moment(utc: str) -> str:
-    """Return a time as a reader writes it.
-
-    Examples
-    --------
-    >>> moment("2026-01-01T09:01:07.003611+00:00")
-    '2026-01-01 09:01:07 UTC'
-    """
-    return f"{utc[:10]} {utc[11:19]} UTC"
-
-
 def _why(verdict: Verdict) -> Iterator[str]:
     """Yield the reasons, the latest finding first, the network's vote after the physics."""
     if verdict.worst != verdict.condition and SEVERITY[verdict.worst] > SEVERITY["normal"]:
@@ -214,10 +193,16 @@ def _why(verdict: Verdict) -> Iterator[str]:
 
 def _aircraft(assessment: Assessment) -> Iterator[_Aircraft]:
     vehicles = dict.fromkeys(verdict.vehicle for verdict in assessment.verdicts)
-    for vehicle in list(vehicles)[:8]:
+    for vehicle in list(vehicles)[:_VEHICLES]:
         parts = outline(verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle)
         if parts:
             yield _Aircraft(f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above", parts)
+
+
+def _usage_tables(assessment: Assessment) -> Iterator[_Usage]:
+    for usage in assessment.usage[:_VEHICLES]:
+        title = _usage.title(usage, several=len(assessment.usage) > 1)
+        yield _Usage(title, _usage.HEAD, list(_usage.rows(usage))[:_OUTPUTS])
 
 
 def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:

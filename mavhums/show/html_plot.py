@@ -65,7 +65,14 @@ class Plot(NamedTuple):
     bottom: int = HEIGHT - _BOTTOM
 
 
-def plot(curve: Curve, limits: Sequence[Limit], duration_s: float, since_s: float | None = None) -> Plot:
+def plot(
+    curve: Curve,
+    limits: Sequence[Limit],
+    duration_s: float,
+    since_s: float | None = None,
+    *,
+    flights: bool = False,
+) -> Plot:
     """Return the drawing of a curve.
 
     Parameters
@@ -78,6 +85,8 @@ def plot(curve: Curve, limits: Sequence[Limit], duration_s: float, since_s: floa
         Of the flight: the time axis shows all of it.
     since_s
         Onset of the condition; None without one.
+    flights
+        Whether the axis counts flights from 1 instead of seconds; ``duration_s`` is then their number.
     """
     end_s = max(duration_s, float(curve.time_s[-1]), 1.0)
     levels = [limit.value for limit in limits]
@@ -98,11 +107,10 @@ def plot(curve: Curve, limits: Sequence[Limit], duration_s: float, since_s: floa
         line.append(_path(at, rows[:, 1]))
     steps = _steps(low, high)
     digits = max(0, -floor(log10(steps[1] - steps[0]))) if len(steps) > 1 else 2
-    every = next((step for step in _TIME_STEPS if end_s / step <= 6), _TIME_STEPS[-1] * ceil(end_s / 2e5))
     return Plot(
         band="".join(band),
         line="".join(line),
-        x=tuple(Tick(float(x(s)), clock(s).replace(".0s", "s")) for s in np.arange(0, end_s, every).tolist()),
+        x=tuple(Tick(float(x(at)), text) for at, text in (_flights if flights else _times)(end_s)),
         y=tuple(Tick(float(y(v)), f"{v:z.{digits}f}") for v in steps),
         limits=tuple(Tick(float(y(limit.value)), limit.name) for limit in limits),
         since=None if since_s is None else float(x(min(since_s, end_s))),
@@ -116,6 +124,17 @@ def _range(rows: NDArray[np.float64], levels: Sequence[float]) -> tuple[float, f
     high = max(float(np.percentile(rows[:, 2], 98)), float(middle.max()), *levels)
     room = 0.05 * (high - low) or 1.0
     return (low - room if low < 0 else low), high + room
+
+
+def _times(end_s: float) -> list[tuple[float, str]]:
+    every = next((step for step in _TIME_STEPS if end_s / step <= 6), _TIME_STEPS[-1] * ceil(end_s / 2e5))
+    return [(at, clock(at).replace(".0s", "s")) for at in np.arange(0, end_s, every).tolist()]
+
+
+def _flights(number: float) -> list[tuple[float, str]]:
+    every = 10 ** max(floor(log10(number)), 0)
+    every = every if number / every > 3 else max(every // 2, 1)
+    return [(at, f"{at}") for at in range(every, int(number) + 1, every)]
 
 
 def _steps(low: float, high: float) -> list[float]:

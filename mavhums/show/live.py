@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import time
 import webbrowser
 from collections.abc import Iterable
 from contextlib import ExitStack
-from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
@@ -17,6 +15,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event
 from mavhums.report.assessment import Assessment
 from mavhums.show.recording import Recorder, draw, end
+from mavhums.show.viewer_program import free_port, viewer_program
 
 __all__ = ["LiveViewer"]
 
@@ -156,14 +155,14 @@ class LiveViewer:
             except Exception as error:
                 raise MavhumsError(f"{self.url}: {error}", "start the viewer first: rerun") from error
             return
-        port = _free_port(_PORT)
+        port = free_port(_PORT)
         self._stream.set_sinks(rr.GrpcServerSink(_HERE, port, server_memory_limit=_SERVER_MEMORY))
         self.url = data = f"rerun+http://{_HERE}:{port}/proxy"
         if self._viewer == "window":
             limit = ["--memory-limit", self._memory_limit]
             self._start("--connect", data, *limit, "--hide-welcome-screen", own_group=True)
         elif self._viewer in ("browser", "web"):
-            web = str(_free_port(_WEB_PORT))
+            web = str(free_port(_WEB_PORT))
             self._start("--serve-web", "--bind", _HERE, "--web-viewer-port", web, data)
             self._exits.callback(self._stop)
             self.url = f"http://{_HERE}:{web}?url={data.replace('+', '%2B').replace(':', '%3A')}"
@@ -175,31 +174,16 @@ class LiveViewer:
 
         A window outlives this process and its Ctrl-C, so that the user can examine the flight afterwards.
         """
-        import rerun_cli
-
-        folder = Path(rerun_cli.__file__).parent
-        program = next((path for name in ("rerun", "rerun.exe") if (path := folder / name).exists()), None)
-        if program is None:
-            raise MavhumsError("the Rerun viewer is not installed", "pip install 'mavhums[viewer]'")
         none = subprocess.DEVNULL
         self._process = subprocess.Popen(
-            [str(program), *arguments], stdin=none, stdout=none, stderr=none, start_new_session=own_group
+            [str(viewer_program()), *arguments],
+            stdin=none,
+            stdout=none,
+            stderr=none,
+            start_new_session=own_group,
         )
 
     def _stop(self) -> None:
         if self._process:
             self._process.terminate()
             self._process.wait()
-
-
-def _free_port(wanted: int) -> int:
-    """Return ``wanted`` if this port is free, else any free port."""
-    for port in (wanted, 0):
-        with socket.socket() as probe:
-            try:
-                probe.bind((_HERE, port))
-            except OSError:
-                continue
-            free: int = probe.getsockname()[1]
-            return free
-    raise MavhumsError("no port is free to serve the viewer", "close other programs")

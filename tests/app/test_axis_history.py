@@ -162,3 +162,30 @@ def test_the_remaining_life_of_a_declining_gain_is_told(tmp_path: Path) -> None:
     assert gain.per_flight.high < 0
     assert gain.change is not None
     assert gain.change.estimate < 0
+
+
+@pytest.mark.slow
+def test_an_aileron_that_is_frozen_from_take_off_is_found_in_the_closed_loop(tmp_path: Path) -> None:
+    """By the programs that a user has: the simulator flies, analyse keeps and compares."""
+    pytest.importorskip("jsbsim", reason="the closed loop needs the extra 'sim'")
+    from mavhums_sim.cli import cli as simulator
+
+    def fly(day: int, *more: str) -> Path:
+        path = tmp_path / f"{day}.tlog"
+        steady = ["--duration", "400", "--stream-rate", "10", "--seed", str(200 + day), "--day", str(day)]
+        air = ["--turbulence", str(4 * (day % 3)), "--wind", f"{day % 7}@{40 * day}"]
+        flown = CliRunner().invoke(
+            simulator, ["flight", "--closed-loop", "-o", str(path), *steady, *air, *more]
+        )
+        assert flown.exit_code == 0, flown.output
+        return path
+
+    flights = str(tmp_path / "flights")
+    for day in range(8):
+        judged = CliRunner().invoke(cli, ["analyse", str(fly(day)), "--history", flights, "--keep"])
+        assert "EMERGENCY" not in judged.output
+    broken = fly(30, "--surface-fault", "aileron_left=freeze:0")
+    assert "roll control: EMERGENCY" not in CliRunner().invoke(cli, ["analyse", str(broken)]).output
+    found = CliRunner().invoke(cli, ["analyse", str(broken), "--history", flights])
+    assert "roll control: EMERGENCY" in found.output
+    assert "earlier" in found.output

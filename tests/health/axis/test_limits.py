@@ -100,3 +100,14 @@ def test_after_recovery_the_figure_is_that_of_the_sound_axis() -> None:
     assert (found.condition, found.worst) == ("normal", "emergency")
     assert found.effectiveness is not None
     assert found.effectiveness.estimate == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_figure_of_a_loss_is_kept_with_its_reason_while_the_axis_is_only_better() -> None:
+    monitor = AxisMonitor(1)
+    partly = lambda t: 2.2 * np.where(t < 100, 1.0, np.where(t < 130, 0.4, 0.75))  # noqa: E731
+    changes_of(monitor, rolling(220, partly))
+    found = monitor.findings("roll")
+    assert found.condition == "emergency"
+    assert found.effectiveness is not None
+    [loss] = [one for one in found.evidence if one.kind == "effectiveness"]
+    assert loss.value == pytest.approx(found.effectiveness.estimate)

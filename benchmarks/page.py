@@ -1,0 +1,145 @@
+"""The page: start-up time, memory, time from drop to verdict, and the pictures of its documentation.
+
+    python benchmarks/page.py [--pictures FOLDER [--store STORE]] [LOG...]
+
+A headless Chromium is the user; the time from drop to verdict ends when the browser shows the headline. The
+first log is judged by a process that is ready, as it is some seconds after the start.
+"""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from pathlib import Path
+
+import click
+import psutil
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from mavhums_sim import Flight, fly, write_tlog
+from tests.serve.browser import BROWSER, Browser, Served, served
+
+HEADLINE = "document.querySelector('.headline')?.innerText"
+INSIDE = "document.querySelector('iframe.answer')?.contentDocument?"
+DROPS = 7
+
+
+def simulated(folder: Path) -> Path:
+    """Fly 105 s, a log of about 4 MB; the elevator's friction grows through both limits."""
+    path = folder / "growing.tlog"
+    write_tlog(fly(Flight(seed=22, duration_s=105.0, friction_nm={"elevator": (0.225, 1.2)})), path)
+    return path
+
+
+def answers(page: Served) -> None:
+    with urllib.request.urlopen(page.url, timeout=60) as answer:
+        answer.read()
+
+
+def memory(page: Served) -> tuple[float, list[float]]:
+    """Return the memory of the page's process and of each judging one that it does not share, in MB."""
+    process = psutil.Process(page.process.pid)
+    parts = [one.memory_full_info().uss / 1e6 for one in (process, *process.children())]
+    return parts[0], parts[1:]
+
+
+def ready(page: Served) -> None:
+    """Wait until the judging processes do nothing."""
+    while True:
+        several = psutil.Process(page.process.pid).children()
+        spent = [sum(one.cpu_times()[:2]) for one in several]
+        time.sleep(1.0)
+        if len(several) >= 2 and spent == [sum(one.cpu_times()[:2]) for one in several]:
+            return
+
+
+def dropped(browser: Browser, page: Served, log: Path) -> tuple[float, float]:
+    """Return the seconds from the drop to the headline, and to the plots."""
+    browser.call("Network.clearBrowserCookies")  # a new session, without the logs before
+    browser.open(page.url)
+    browser.wait("document.querySelector('#logs')")
+    time.sleep(1.0)
+    begin = time.monotonic()
+    browser.drop([log])
+    browser.wait(HEADLINE)
+    verdict = time.monotonic() - begin
+    browser.wait(f"{INSIDE}.querySelector('footer')")
+    return verdict, time.monotonic() - begin
+
+
+def pictures(browser: Browser, page: Served, log: Path, folder: Path) -> None:
+    """Draw a log's answer at two widths, and print its report."""
+    dropped(browser, page, log)
+    for name, width, height, scheme in (("desktop", 1000, 1500, "light"), ("phone", 390, 1250, "dark")):
+        browser.size(width, scheme=scheme)
+        time.sleep(0.5)
+        (folder / f"{log.stem}-{name}.png").write_bytes(browser.whole(height))
+    browser.size(1000)
+    browser.open(browser.js("document.querySelector('iframe.answer').src"))
+    (folder / f"{log.stem}.pdf").write_bytes(browser.paper())
+
+
+def fleet_pictures(browser: Browser, store: Path, folder: Path) -> None:
+    """Draw a fleet, and its worst aircraft that wears."""
+    with served(store) as page:
+        for name, width, scheme in (("desktop", 1000, "light"), ("phone", 390, "dark")):
+            browser.size(width, 420, scheme=scheme)
+            browser.open(f"{page.url}/fleet")
+            browser.wait("document.querySelector('tbody')")
+            (folder / f"fleet-{name}.png").write_bytes(browser.whole(1000))
+            browser.js("document.querySelectorAll('tbody a')[1].click()")
+            browser.wait("document.querySelector('path.line')")
+            (folder / f"aircraft-{name}.png").write_bytes(browser.whole(1500))
+
+
+@click.command()
+@click.argument("logs", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    "--pictures", "folder", type=click.Path(path_type=Path), help="Folder for pictures of each log."
+)
+@click.option("--store", type=click.Path(path_type=Path), help="Also draw this store.")
+def main(logs: tuple[Path, ...], folder: Path | None, store: Path | None) -> None:
+    """Measure the page; with --pictures, draw the answers of LOGS."""
+    assert BROWSER, "needs Chromium"
+    with tempfile.TemporaryDirectory() as temporary:
+        growing = simulated(Path(temporary))
+        begin = time.monotonic()
+        with served() as page:
+            told = time.monotonic() - begin
+            answers(page)
+            first = time.monotonic() - begin
+            ready(page)
+            print(f"address told after {told:.1f} s, page answers after {first:.1f} s,")
+            print(f"judging processes ready after at most {time.monotonic() - begin:.0f} s")
+            own, workers = memory(page)
+            print(f"memory, ready: page {own:.0f} MB, each judging process {max(workers):.0f} MB")
+            with Browser(BROWSER) as browser:
+                browser.size(1000)
+                size = growing.stat().st_size / 1e6
+                times = [dropped(browser, page, growing) for _ in range(DROPS)]
+                verdicts, plots = zip(*times, strict=True)
+                spread = f"{min(verdicts):.2f} to {max(verdicts):.2f}"
+                print(
+                    f"{size:.1f} MB, drop to verdict: median {statistics.median(verdicts):.2f} s ({spread}),"
+                )
+                print(f"drop to plots: median {statistics.median(plots):.2f} s, of {DROPS}")
+                own, workers = memory(page)
+                print(
+                    f"memory, after {DROPS} logs: page {own:.0f} MB, judging processes {max(workers):.0f} MB"
+                )
+                if folder:
+                    folder.mkdir(parents=True, exist_ok=True)
+                    for log in logs or (growing,):
+                        pictures(browser, page, log, folder)
+                    if store:
+                        fleet_pictures(browser, store, folder)
+    load = subprocess.run(["uptime"], capture_output=True, text=True, check=False).stdout.split("load")[-1]
+    print(f"load{load.strip()}")
+
+
+if __name__ == "__main__":
+    main()

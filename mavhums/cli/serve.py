@@ -1,0 +1,160 @@
+"""The command ``serve``: the page in the browser."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, PATH
+from mavhums.cli.output import say
+from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mavhums.fleet.queries import Worst
+    from mavhums.report.assessment import Assessment
+    from mavhums.report.trend import TrendReport
+    from mavhums.serve import Judging
+
+__all__ = ["serve"]
+
+
+@click.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@click.argument("store", required=False, metavar="[STORE]", type=PATH)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="0 takes a free port."
+)
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to listen at. Any but a loopback address lets other computers in, and needs a token.",
+)
+@click.option(
+    "--live",
+    "lines",
+    multiple=True,
+    type=PATH,
+    metavar="FILE",
+    help="Show the session whose `mavhums live --json` writes to FILE. Can be repeated.",
+)
+@click.option(
+    "--max-mb", type=click.IntRange(1, 100_000), default=1000, show_default=True, help="Size of a log."
+)
+@click.option(
+    "--max-seconds", type=click.IntRange(1, 86_400), default=300, show_default=True, help="Time to judge one."
+)
+@click.option(
+    "--max-memory-mb",
+    type=click.IntRange(256, 1_000_000),
+    default=2048,
+    show_default=True,
+    help="Memory to judge one (Linux only).",
+)
+@click.option(
+    "--workers", type=click.IntRange(1, 64), default=2, show_default=True, help="Processes that judge."
+)
+@AIRFRAME
+@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@DIALECT
+@FALSE_ALARMS
+@HISTORY
+def serve(
+    store: Path | None,
+    port: int,
+    host: str,
+    lines: tuple[Path, ...],
+    max_mb: int,
+    max_seconds: int,
+    max_memory_mb: int,
+    workers: int,
+    airframe: str | None,
+    model: str | None,
+    dialect: Path | None,
+    false_alarms: float,
+    history: Path | None,
+) -> None:
+    """Serve a page in the browser: drop logs, see the verdicts; with STORE, the fleet.
+
+    The page works without a network, and logs never leave this computer. Nothing is kept: logs are removed
+    when the session ends, unless you keep one in STORE, a store of `mavhums fleet scan`.
+    """
+    from mavhums.serve import Judging, Limits, ServeOptions
+    from mavhums.serve import serve as serve_page
+
+    judging = Judging(
+        airframe=airframe,
+        model=model,
+        history=str(history) if history else None,
+        dialect=str(dialect) if dialect else None,
+        false_alarms=false_alarms,
+    )
+    limits = Limits(
+        log_bytes=max_mb * 1_000_000,
+        judge_s=float(max_seconds),
+        memory_bytes=max_memory_mb << 20,
+        workers=workers,
+    )
+    fleet = None if store is None else _Store(store, judging)
+    options = ServeOptions(host=host, port=port, judging=judging, limits=limits, fleet=fleet, live=lines)
+    serve_page(options, say)
+
+
+class _Store:
+    """A store as the page needs it."""
+
+    def __init__(self, folder: Path, judging: Judging) -> None:
+        if not folder.is_dir():
+            remedy = "make the folder, or fill it: mavhums fleet scan LOGS --to STORE"
+            raise MavhumsError(f"{folder}: no such folder", remedy)
+        self._folder = folder
+        named = {name: value for name, value in judging._asdict().items() if value and name != "history"}
+        self._options = [f"--{name.replace('_', '-')}={value}" for name, value in named.items()]
+
+    def worst(self, most: int) -> Sequence[Worst]:
+        from mavhums.fleet import worst
+
+        return worst(self._folder, most=most)
+
+    def trend(self, aircraft: str) -> TrendReport:
+        from mavhums.fleet import trend
+
+        return trend(self._folder, aircraft)
+
+    def flights(self, aircraft: str) -> Sequence[Assessment]:
+        from mavhums.fleet.flight import flights
+
+        return flights(self._folder, aircraft)
+
+    def flight(self, aircraft: str, sha256: str) -> Assessment:
+        from mavhums.fleet.flight import flight
+
+        return flight(self._folder, aircraft, sha256)
+
+    def keep(self, log: Path) -> str:
+        """Copy a log beside the store's tables, and scan it in a process of its own."""
+        import hashlib
+
+        with log.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()[:16]
+        kept = self._folder / "kept" / digest / log.name
+        try:
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            with written_whole(kept) as temporary:
+                shutil.copyfile(log, temporary)
+        except OSError as error:
+            raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
+        command = [sys.executable, "-m", "mavhums", "fleet", "scan", str(kept), "--to", str(self._folder)]
+        command += self._options
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            problem = (done.stderr.strip().splitlines() or ["the scan failed"])[-1]
+            raise MavhumsError(problem.removeprefix("mavhums: "), f"mavhums fleet scan {kept} --to STORE")
+        return f"kept in the store as {kept.name}; see the fleet"

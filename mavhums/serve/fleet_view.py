@@ -1,0 +1,118 @@
+"""What the pages of a fleet show: aircraft, worst first, and one aircraft's trends and flights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from pathlib import PurePath
+from typing import NamedTuple
+from urllib.parse import urlencode
+
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.report.assessment import Assessment
+from mavhums.report.trend import TrendReport
+from mavhums.serve.options import LastFlight
+from mavhums.show.html import in_brief
+from mavhums.show.html_trend import TrendShown, trend_shown
+
+__all__ = ["ActuatorShown", "AircraftLine", "FlightLine", "aircraft_lines", "flight_lines", "trends_shown"]
+
+
+class AircraftLine(NamedTuple):
+    """An aircraft in the fleet's list: its worst subject, and how many of it are in which condition."""
+
+    name: str
+    address: str
+    condition: Condition
+    worst: str
+    detail: str
+    last_flight: str
+    counts: tuple[tuple[Condition, int], ...]
+
+
+class FlightLine(NamedTuple):
+    """A flight in an aircraft's list."""
+
+    start: str
+    log: str
+    address: str
+    condition: Condition
+    headline: str
+
+
+class ActuatorShown(NamedTuple):
+    """An actuator or axis on an aircraft's page: the trends to see first, and the others."""
+
+    name: str
+    condition: Condition
+    first: list[TrendShown]
+    others: list[TrendShown]
+
+
+def aircraft_lines(rows: Iterable[LastFlight]) -> list[AircraftLine]:
+    """Return a line per aircraft; the rows come worst first, and so do the lines."""
+    groups: dict[tuple[str, str], list[LastFlight]] = {}
+    for row in rows:
+        groups.setdefault((row.aircraft, "" if row.aircraft else row.path), []).append(row)
+    return [_aircraft(several) for several in groups.values()]
+
+
+def _aircraft(rows: Sequence[LastFlight]) -> AircraftLine:
+    first = rows[0]
+    found = [row.verdict.gravest for row in rows]
+    conditions = sorted(dict.fromkeys(found), key=URGENCY.__getitem__, reverse=True)
+    verdict = first.verdict
+    suspects = ", ".join(one.fault.replace("_", " ") for one in verdict.suspects)
+    file = PurePath(first.path).name
+    subject = f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator
+    well = SEVERITY[verdict.gravest] == SEVERITY["normal"]
+    return AircraftLine(
+        name=first.aircraft or f"unknown aircraft ({file})",
+        address=f"/fleet/aircraft?{urlencode({'name': first.aircraft})}" if first.aircraft else "",
+        condition=verdict.gravest,
+        worst="" if well else subject,
+        detail="" if well else suspects or verdict.reason or "",
+        last_flight=_date(first.start_us),
+        counts=tuple((one, found.count(one)) for one in conditions),
+    )
+
+
+def _date(start_us: int | None) -> str:
+    if start_us is None:
+        return "date not known"
+    return datetime.fromtimestamp(start_us / 1e6, tz=UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def flight_lines(aircraft: str, flights: Iterable[Assessment]) -> list[FlightLine]:
+    """Return a line per flight, the latest first."""
+    return [_flight(aircraft, one) for one in reversed(list(flights))]
+
+
+def _flight(aircraft: str, flight: Assessment) -> FlightLine:
+    brief = in_brief(flight)
+    start = flight.log.start_utc
+    return FlightLine(
+        start=f"{start[:10]} {start[11:16]} UTC" if start else "date not known",
+        log=PurePath(flight.log.path or "").name,
+        address=f"/fleet/flight?{urlencode({'aircraft': aircraft, 'log': flight.log.sha256 or ''})}",
+        condition=brief.condition,
+        headline=brief.headline,
+    )
+
+
+def trends_shown(report: TrendReport) -> list[ActuatorShown]:
+    """Return each actuator's trends with their drawings, the worst first."""
+    several = len({one.vehicle for one in report.trends}) > 1
+    found: dict[str, list[TrendShown]] = {}
+    for one in report.trends:
+        shown = trend_shown(one, f"{one.vehicle}: " if several else "")
+        found.setdefault(shown.actuator, []).append(shown)
+    return [
+        ActuatorShown(
+            name,
+            trends[0].condition,
+            [one for one in trends if one.first],
+            [one for one in trends if not one.first],
+        )
+        for name, trends in found.items()
+    ]

@@ -1,0 +1,230 @@
+"""Refuses every request that is not from the user's own page: by host, origin, token and size."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any, Final
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+__all__ = ["SESSION", "UPLOADS", "Guard", "is_loopback"]
+
+SESSION: Final = "mavhums.session"
+"""Key of the session's id in the scope of a request."""
+
+UPLOADS: Final = "/logs"
+"""The only path that takes a large body; its own code limits it."""
+
+_BODY: Final = 1 << 20
+_POLICY: Final = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "worker-src 'self' blob:; frame-ancestors 'self'; form-action 'self'; base-uri 'none'; object-src 'none'"
+)
+_HEADERS: Final = {
+    b"content-security-policy": _POLICY.encode(),
+    b"x-content-type-options": b"nosniff",
+    b"x-frame-options": b"SAMEORIGIN",
+    b"referrer-policy": b"no-referrer",
+    b"cross-origin-resource-policy": b"same-origin",
+}
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether only this computer reaches a host.
+
+    Examples
+    --------
+    >>> is_loopback("127.0.0.1"), is_loopback("::1"), is_loopback("localhost"), is_loopback("0.0.0.0")
+    (True, True, True, False)
+    """
+    address = _address(host)
+    return host == "localhost" if address is None else address.is_loopback
+
+
+class Guard:
+    """An ASGI application in front of another.
+
+    Every request must name a host that this server has: on the loopback address only a loopback name, else
+    also an address or this computer's own name. A foreign name is what DNS rebinding shows. An ``Origin``
+    must be the page's own. With a token, a request must carry it: once in the query, then in a cookie. Bodies
+    are limited to 1 MiB except those of uploads.
+
+    Parameters
+    ----------
+    app
+        The application behind.
+    host
+        Address at which the server listens.
+    token
+        Secret that a request must carry; None for no token.
+    cookie
+        Begin of the cookies' names, different for each server of a host.
+    """
+
+    def __init__(self, app: App, host: str, token: str | None, cookie: str = "mavhums") -> None:
+        self.app = app
+        self._local = is_loopback(host)
+        self._names = {"localhost"} if self._local else {"localhost", host.lower(), *_own_names()}
+        self._token = token
+        self._cookie = cookie
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or refuse it."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        headers = _headers(scope["headers"])
+        cookies = _cookies(headers.get("cookie", ""))
+        refusal = self._refusal(scope, headers)
+        if refusal:
+            await _refuse(scope, receive, send, *refusal)
+            return
+        if self._token is not None and not self._known(headers, cookies):
+            await self._ask(scope, receive, send)
+            return
+        if "content-length" in headers and scope["path"] != UPLOADS and _length(headers) > _BODY:
+            await _refuse(scope, receive, send, 413, "too large")
+            return
+        session = cookies.get(f"{self._cookie}-session", "")
+        new = len(session) != len(_secret())
+        if new:
+            session = _secret()
+        scope[SESSION] = session
+        given = (self._cookie_header("session", session),) if new else ()
+        bounded = receive if scope["path"] == UPLOADS or scope["type"] != "http" else _Bounded(receive)
+        await self.app(scope, bounded, _with_headers(send, given))
+
+    def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
+        host = headers.get("host", "")
+        name = _name_of(host)
+        address = _address(name)
+        allowed = name in self._names or (
+            address is not None and (address.is_loopback if self._local else True)
+        )
+        if not allowed:
+            return 421, "this page is not served under that name; open the address that mavhums printed"
+        origin = headers.get("origin")
+        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+            return 403, "a request from another page is refused"
+        if scope["type"] == "websocket" and origin is None:
+            return 403, "a request without an origin is refused"
+        if headers.get("sec-fetch-site") in ("cross-site", "same-site") and not _navigates(scope, headers):
+            return 403, "a request from another page is refused"
+        return None
+
+    def _known(self, headers: dict[str, str], cookies: dict[str, str]) -> bool:
+        scheme, _, bearer = headers.get("authorization", "").partition(" ")
+        given = bearer if scheme.lower() == "bearer" else cookies.get(f"{self._cookie}-token", "")
+        return self._is_token(given)
+
+    def _is_token(self, given: str) -> bool:
+        return self._token is not None and secrets.compare_digest(given.encode(), self._token.encode())
+
+    async def _ask(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Take the token from the query of a page, and lead to the page without it."""
+        query = parse_qsl(scope.get("query_string", b"").decode("latin-1"))
+        given = dict(query).get("token", "")
+        if scope["type"] != "http" or scope["method"] != "GET" or not self._is_token(given):
+            text = "a token is needed; open the address that mavhums serve printed"
+            await _refuse(scope, receive, send, 401, text)
+            return
+        rest = urlencode([pair for pair in query if pair[0] != "token"])
+        place = "/" + scope["path"].lstrip("/") + (f"?{rest}" if rest else "")
+        headers = [(b"location", place.encode()), self._cookie_header("token", given)]
+        await _with_headers(send)({"type": "http.response.start", "status": 303, "headers": headers})
+        await send({"type": "http.response.body", "body": b""})
+
+    def _cookie_header(self, what: str, value: str) -> tuple[bytes, bytes]:
+        return b"set-cookie", f"{self._cookie}-{what}={value}; Path=/; HttpOnly; SameSite=Lax".encode()
+
+
+class _Bounded:
+    """Ends a request whose body is too large."""
+
+    def __init__(self, receive: Receive) -> None:
+        self._receive = receive
+        self._left = _BODY
+
+    async def __call__(self) -> Message:
+        message = await self._receive()
+        self._left -= len(message.get("body", b""))
+        return message if self._left >= 0 else {"type": "http.disconnect"}
+
+
+def _with_headers(send: Send, more: Iterable[tuple[bytes, bytes]] = ()) -> Send:
+    """Add the headers that every answer has; one that the answer has itself stays."""
+
+    async def sent(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            own = {name.lower() for name, _ in message.get("headers", ())}
+            added = [pair for pair in _HEADERS.items() if pair[0] not in own]
+            message["headers"] = [*message.get("headers", ()), *added, *more]
+        await send(message)
+
+    return sent
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, text: str) -> None:
+    if scope["type"] == "websocket":
+        await receive()
+        await send({"type": "websocket.close", "code": 1008})
+        return
+    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
+    await _with_headers(send)({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": f"{text}\n".encode()})
+
+
+def _navigates(scope: Scope, headers: dict[str, str]) -> bool:
+    """Return whether a user follows a link to this page."""
+    to_page = headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
+    return to_page and scope.get("method") == "GET"
+
+
+def _headers(pairs: Iterable[tuple[bytes, bytes]]) -> dict[str, str]:
+    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in pairs}
+
+
+def _cookies(text: str) -> dict[str, str]:
+    try:
+        return {name: morsel.value for name, morsel in SimpleCookie(text).items()}
+    except CookieError:
+        return {}
+
+
+def _length(headers: dict[str, str]) -> int:
+    text = headers["content-length"]
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 16 else _BODY + 1
+
+
+def _name_of(host: str) -> str:
+    """Return the host without its port and brackets."""
+    try:
+        return (urlsplit(f"//{host}").hostname or "").lower()
+    except ValueError:
+        return ""
+
+
+def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    try:
+        return ipaddress.ip_address(host)
+    except ValueError:
+        return None
+
+
+def _own_names() -> set[str]:
+    name = socket.gethostname().lower()
+    return {name, f"{name}.local", socket.getfqdn().lower()} - {""}
+
+
+def _secret() -> str:
+    return secrets.token_urlsafe(24)

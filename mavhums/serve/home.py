@@ -1,0 +1,193 @@
+"""The first page: a place to drop logs, the list of them, and the answer or the 3-D view of one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+from urllib.parse import urlencode
+
+from markupsafe import escape
+from nicegui import ui
+
+from mavhums.core.conditions import URGENCY
+from mavhums.core.errors import MavhumsError
+from mavhums.serve.options import Fleet
+from mavhums.serve.rendering import render
+from mavhums.serve.sessions import Dropped, Session, Sessions
+
+__all__ = ["Home"]
+
+_EVERY_S: Final = 0.2
+
+
+class Home:
+    """One open page of a session.
+
+    Parameters
+    ----------
+    sessions, session
+        All sessions, and that of this page.
+    fleet
+        The store in which logs can be kept; None without one.
+    where
+        What is told about the place of the logs.
+    """
+
+    def __init__(self, sessions: Sessions, session: Session, fleet: Fleet | None, where: str) -> None:
+        self._sessions, self._session, self._fleet = sessions, session, fleet
+        self._rows: dict[str, _Row] = {}
+        self._chosen = False
+        self._shown: tuple[str, str] | None = None
+        limit = sessions.limits.log_bytes
+        _html(render("drop.html", limit_bytes=limit, limit_mb=f"{limit // 1_000_000:,}", where=where))
+        self._list = ui.element("ul").classes("logs").props('aria-label="Logs"')
+        self._place = ui.element("section").classes("shown").props('aria-label="The answer"')
+        ui.timer(_EVERY_S, self.update)
+
+    def update(self) -> None:
+        """Show what has changed."""
+        self._session.touch()
+        for id_ in [id_ for id_ in self._rows if id_ not in self._session.logs]:
+            self._rows.pop(id_).delete()
+            if self._shown and self._shown[0] == id_:
+                self._show(None)
+        for log in self._session.logs.values():
+            if log.state == "arriving":
+                continue
+            if log.id not in self._rows:
+                with self._list:
+                    self._rows[log.id] = _Row(self, log)
+            if self._rows[log.id].update(self._shown) and not self._chosen:
+                self._show_worst()
+        if self._shown and self._shown[1] == "view":
+            self._view_when_ready()
+
+    def choose(self, log: Dropped, what: str) -> None:
+        """Show a log's answer or its 3-D view, because the user wants it."""
+        self._chosen = True
+        if what == "view":
+            self._sessions.record(self._session, log)
+        self._show((log.id, what))
+
+    def remove(self, log: Dropped) -> None:
+        """Remove a log."""
+        self._sessions.remove(self._session, log)
+
+    async def keep(self, log: Dropped) -> None:
+        """Keep a log in the store."""
+        assert self._fleet
+        log.kept = "being kept in the store …"
+        try:
+            log.kept = await asyncio.to_thread(self._fleet.keep, log.path)
+        except MavhumsError as error:
+            log.kept = f"not kept: {error.problem}: {error.remedy}"
+
+    @property
+    def keeps(self) -> bool:
+        """Whether there is a store."""
+        return self._fleet is not None
+
+    def _show_worst(self) -> None:
+        done = [log for log in self._session.logs.values() if log.state == "done"]
+        if done:
+            worst = max(done, key=lambda log: URGENCY[log.condition])
+            self._show((worst.id, "answer"))
+
+    def _show(self, wanted: tuple[str, str] | None) -> None:
+        if wanted == self._shown:
+            return
+        self._shown = wanted
+        self._place.clear()
+        log = self._session.logs.get(wanted[0]) if wanted else None
+        if wanted is None or log is None:
+            return
+        with self._place:
+            if wanted[1] == "answer":
+                _html(f"The answer for {escape(log.name)}", "h2")
+                _frame("answer", f"/logs/{log.id}/report", f"Answer for {log.name}", sandboxed=True)
+            else:
+                _html(f"3-D view of {escape(log.name)}", "h2")
+                self._waits = _html("Preparing the recording …", "p").props("role=status")
+
+    def _view_when_ready(self) -> None:
+        assert self._shown
+        log = self._session.logs.get(self._shown[0])
+        if log is None or log.recording == "making":
+            return
+        if log.recording != "ready":
+            self._show((log.id, "answer"))
+            return
+        self._shown = (log.id, "viewing")
+        self._waits.delete()
+        base = str(ui.context.client.request.base_url).rstrip("/")
+        query = urlencode({"url": f"{base}/logs/{log.id}/flight.rrd", "hide_welcome_screen": 1, "persist": 0})
+        with self._place:
+            _frame("viewer", f"/viewer/index.html?{query}", f"3-D view of {log.name}", sandboxed=False)
+
+
+class _Row:
+    """A log in the list: what is known of it, and what can be done with it."""
+
+    def __init__(self, home: Home, log: Dropped) -> None:
+        self._log = log
+        self._state = ""
+        self._classes = ""
+        self._item = ui.element("li").classes("log")
+        with self._item:
+            self._text = _html("")
+            self._actions = ui.element("div").classes("actions")
+        with self._actions:
+            self._answer = _button("Show the answer", log, lambda: home.choose(log, "answer"))
+            self._view = _button("Open in the 3-D viewer", log, lambda: home.choose(log, "view"))
+            save = f"/logs/{log.id}/report?save=1"
+            self._save = _html("Save the report", "a").classes("button").props(f'href="{save}" download')
+            self._keep = _button("Keep in the store", log, lambda: home.keep(log)) if home.keeps else None
+            self._remove = _button("Remove", log, lambda: home.remove(log))
+
+    def update(self, shown: tuple[str, str] | None) -> bool:
+        """Show the present state; return whether it has just been judged."""
+        log = self._log
+        percent = min(100, log.read * 100 // max(log.size, 1))
+        doing = "Judging" if log.state == "judging" else "Waiting to be judged"
+        size = f"{log.size / 1e6:,.1f} MB"
+        here = shown[1] if shown and shown[0] == log.id else ""
+        state = {"percent": percent, "doing": doing, "size": size, "shown": here == "answer"}
+        self._text.set_content(render("log.html", log=log, **state))
+        self._answer.props(f"aria-pressed={'true' if here == 'answer' else 'false'}")
+        self._view.props(f"aria-pressed={'true' if here.startswith('view') else 'false'}")
+        if self._keep:
+            self._keep.set_visibility(log.state == "done" and not log.kept)
+        if log.state == self._state:
+            return False
+        self._state = log.state
+        done = log.state == "done"
+        for element in (self._answer, self._view, self._save):
+            element.set_visibility(done)
+        if done:
+            self._item.classes(log.condition)
+        elif log.state == "failed":
+            self._item.classes("refused")
+        return done
+
+    def delete(self) -> None:
+        """Remove the row."""
+        self._item.delete()
+
+
+def _button(text: str, log: Dropped, clicked: Callable[[], object]) -> ui.html:
+    label = f'{text}<span class="hidden-text">: {escape(log.name)}</span>'
+    return _html(label, "button").props("type=button").on("click", clicked)
+
+
+def _frame(kind: str, address: str, title: str, *, sandboxed: bool) -> None:
+    frame = ui.element("iframe").classes(f"frame {kind}")
+    frame.props["src"] = address
+    frame.props["title"] = title
+    if sandboxed:
+        frame.props["sandbox"] = "allow-same-origin"
+
+
+def _html(content: str, tag: str = "div") -> ui.html:
+    """Add markup in which every text is escaped."""
+    return ui.html(content, sanitize=False, tag=tag)

@@ -1,0 +1,114 @@
+"""The options of the page: where it listens, how it judges, and its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from mavhums.report.assessment import Assessment, Verdict
+from mavhums.report.trend import TrendReport
+
+__all__ = ["Fleet", "Judging", "LastFlight", "Limits", "ServeOptions"]
+
+
+class Judging(NamedTuple):
+    """The options of each judgement, as in :class:`mavhums.Options`; all are texts or numbers."""
+
+    airframe: str | None = None
+    model: str | None = None
+    history: str | None = None
+    dialect: str | None = None
+    false_alarms: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What one user and one log may use.
+
+    Attributes
+    ----------
+    log_bytes
+        Size of a log.
+    upload_s, silence_s
+        Time for an upload, and time without a byte of it.
+    judge_s, memory_bytes
+        Wall-clock time and memory of one judgement; memory is limited on Linux only.
+    logs
+        Logs of one session.
+    sessions
+        Sessions at a time.
+    session_s
+        Time after which the logs of a session without an open page are removed.
+    workers
+        Processes that judge.
+    """
+
+    log_bytes: int = 1 << 30
+    upload_s: float = 900.0
+    silence_s: float = 30.0
+    judge_s: float = 300.0
+    memory_bytes: int = 2 << 30
+    logs: int = 50
+    sessions: int = 100
+    session_s: float = 1800.0
+    workers: int = 2
+
+
+class LastFlight(Protocol):
+    """An actuator or axis in its aircraft's last flight. ``aircraft`` is empty if it is unknown."""
+
+    @property
+    def aircraft(self) -> str: ...  # noqa: D102
+    @property
+    def path(self) -> str: ...  # noqa: D102
+    @property
+    def start_us(self) -> int | None: ...  # noqa: D102
+    @property
+    def verdict(self) -> Verdict: ...  # noqa: D102
+
+
+class Fleet(Protocol):
+    """What the page shows of a store; each method may take seconds and raises MavhumsError."""
+
+    def worst(self, most: int) -> Sequence[LastFlight]:
+        """Return actuators and axes as of the last flights, the worst first."""
+
+    def trend(self, aircraft: str) -> TrendReport:
+        """Return the trends of an aircraft."""
+
+    def flights(self, aircraft: str) -> Sequence[Assessment]:
+        """Return the verdicts of an aircraft's flights, in time order."""
+
+    def flight(self, aircraft: str, sha256: str) -> Assessment:
+        """Return the whole assessment of one flight."""
+
+    def keep(self, log: Path) -> str:
+        """Copy a log into the store and judge it there; return what was done in one line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeOptions:
+    """The options of the page.
+
+    Attributes
+    ----------
+    host, port
+        Address to listen at; port 0 takes a free one.
+    judging
+        Options of each judgement.
+    limits
+        What one user and one log may use.
+    fleet
+        A store of flights; None without one.
+    live
+        Files that ``mavhums live --json`` writes.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    judging: Judging = field(default_factory=Judging)
+    limits: Limits = field(default_factory=Limits)
+    fleet: Fleet | None = None
+    live: tuple[Path, ...] = ()

@@ -1,0 +1,111 @@
+"""The pages: drop a log, the fleet, an aircraft, live sessions."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+from nicegui import ui
+from starlette.requests import Request
+
+from mavhums.core.conditions import URGENCY
+from mavhums.core.errors import MavhumsError
+from mavhums.serve.fleet_view import AircraftLine, aircraft_lines, flight_lines, trends_shown
+from mavhums.serve.guard import SESSION, is_loopback
+from mavhums.serve.home import Home
+from mavhums.serve.live_lines import LiveFile
+from mavhums.serve.options import Fleet, ServeOptions
+from mavhums.serve.rendering import render
+from mavhums.serve.sessions import Sessions
+from mavhums.show.trend import headline
+
+__all__ = ["add_pages"]
+
+_SUBJECTS: Final = 4000
+_AIRCRAFT: Final = 300
+_PATIENCE_S: Final = 120.0
+_LIVE_S: Final = 1.0
+
+
+def add_pages(sessions: Sessions, options: ServeOptions) -> None:
+    """Add the pages to NiceGUI's application."""
+    pages = [("Logs", "/")]
+    pages += [("Fleet", "/fleet")] if options.fleet else []
+    pages += [("Live", "/live")] if options.live else []
+
+    def begin(here: str) -> None:
+        ui.add_head_html(render("head.html"))
+        if len(pages) > 1:
+            _html(render("nav.html", pages=pages, here=here))
+
+    @ui.page("/", title="mavhums: drop a log")
+    def home(request: Request) -> None:
+        begin("/")
+        try:
+            session = sessions.get(request.scope[SESSION])
+        except MavhumsError as error:
+            _html(render("problem.html", problem=f"{error.problem}: {error.remedy}"))
+            return
+        where = "nothing leaves it" if is_loopback(options.host) else "where mavhums runs"
+        Home(sessions, session, options.fleet, where)
+
+    if options.fleet:
+        _add_fleet(options.fleet, begin)
+    if options.live:
+        _add_live(options.live, begin)
+
+
+def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
+    @ui.page("/fleet", title="mavhums: the fleet", response_timeout=_PATIENCE_S)
+    async def fleet_page() -> None:
+        begin("/fleet")
+        lines: list[AircraftLine] = []
+        problem = ""
+        try:
+            lines = aircraft_lines(await asyncio.to_thread(fleet.worst, _SUBJECTS))
+        except MavhumsError as error:
+            problem = f"{error.problem}: {error.remedy}"
+        tally = Counter(line.condition for line in lines)
+        order = sorted(tally.items(), key=lambda one: -URGENCY[one[0]])
+        more = len(lines) > _AIRCRAFT
+        _html(render("fleet.html", lines=lines[:_AIRCRAFT], tally=order, problem=problem, more=more))
+
+    @ui.page("/fleet/aircraft", title="mavhums: an aircraft", response_timeout=_PATIENCE_S)
+    async def aircraft_page(name: str = "") -> None:
+        begin("/fleet")
+        try:
+            report = await asyncio.to_thread(fleet.trend, name)
+            flights = await asyncio.to_thread(fleet.flights, name)
+        except MavhumsError as error:
+            _html(render("aircraft.html", name=name, problem=f"{error.problem}: {error.remedy}"))
+            return
+        values = {
+            "report": report,
+            "headline": headline(report),
+            "trends": trends_shown(report),
+            "flights": flight_lines(name, flights),
+        }
+        _html(render("aircraft.html", name=name, problem="", **values))
+
+
+def _add_live(paths: Sequence[Path], begin: Callable[[str], None]) -> None:
+    @ui.page("/live", title="mavhums: live sessions")
+    def live_page() -> None:
+        begin("/live")
+        _html("Live sessions", "h1")
+        files = [LiveFile(path) for path in paths]
+        place = _html("")
+
+        async def look() -> None:
+            seen = await asyncio.to_thread(lambda: [file.seen() for file in files])
+            place.set_content(render("live.html", sessions=seen))
+
+        ui.timer(_LIVE_S, look)
+
+
+def _html(content: str, tag: str = "div") -> ui.html:
+    """Add markup that :func:`render` made, in which every text is escaped."""
+    return ui.html(content, sanitize=False, tag=tag)

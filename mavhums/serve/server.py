@@ -1,0 +1,151 @@
+"""Runs the page: the guard, the routes, the pages and the judging processes, until it is stopped."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import shutil
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from typing import TYPE_CHECKING, Final
+
+from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.serve.guard import Guard, is_loopback
+from mavhums.serve.options import ServeOptions
+from mavhums.serve.sessions import Sessions
+from mavhums.serve.workers import Workers
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+
+__all__ = ["serve"]
+
+_CONNECTIONS: Final = 200
+_LANGUAGE: Final = "en-US"
+
+
+def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
+    """Serve the page until a signal ends it.
+
+    Parameters
+    ----------
+    options
+        Address, limits, store and live files.
+    tell
+        Called with each line for the user: the address, who can reach it, and the token.
+
+    Raises
+    ------
+    MissingExtraError
+        If the packages of the extra ``serve`` are not installed.
+    MavhumsError
+        If the address cannot be listened at.
+    """
+    try:
+        import nicegui  # noqa: F401
+        import uvicorn
+    except ImportError as error:
+        raise MissingExtraError("the page", "serve") from error
+    listening = _listening(options.host, options.port)
+    port: int = listening.getsockname()[1]
+    local = is_loopback(options.host)
+    token = None if local else secrets.token_urlsafe(18)
+    workers = Workers(options.limits)
+    sessions = Sessions(options.limits, options.judging, workers)
+    try:
+        guard = Guard(_application(options, sessions, workers), options.host, token, f"mavhums-{port}")
+        for line in _greeting(options.host, port, token):
+            tell(line)
+        config = uvicorn.Config(
+            guard,
+            log_level="error",
+            lifespan="on",
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            limit_concurrency=_CONNECTIONS,
+            ws_max_size=1 << 20,
+            timeout_graceful_shutdown=1,
+        )
+        uvicorn.Server(config).run(sockets=[listening])
+    finally:  # also when a signal comes before the page is ready
+        shutil.rmtree(sessions.folder, ignore_errors=True)
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at an address.
+
+    Raises
+    ------
+    MavhumsError
+        If it cannot.
+    """
+    listening: socket.socket | None = None
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        listening = socket.socket(family, kind, protocol)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+        listening.listen(_CONNECTIONS)  # who asks before the page is ready waits
+    except OSError as error:
+        if listening is not None:
+            listening.close()
+        remedy = "stop what listens there, or choose another --port (0 takes a free one) or --host"
+        raise MavhumsError(f"{host}:{port}: {error.strerror or error}", remedy) from error
+    return listening
+
+
+def _greeting(host: str, port: int, token: str | None) -> list[str]:
+    name = f"[{host}]" if ":" in host else host
+    if token is None:
+        return [
+            f"mavhums: http://{name}:{port}/",
+            "Only programs on this computer can open it. Logs stay here and are removed when it ends.",
+        ]
+    if host in ("0.0.0.0", "::"):
+        name = socket.gethostname()
+    return [
+        f"mavhums: http://{name}:{port}/?token={token}",
+        f"WARNING: every computer that reaches {host} can open it with this token, which is shown only now.",
+        "The link is not encrypted: use it in a network that you trust, or behind a proxy with TLS.",
+    ]
+
+
+def _application(options: ServeOptions, sessions: Sessions, workers: Workers) -> FastAPI:
+    from fastapi import FastAPI
+    from nicegui import app as nicegui_app
+    from nicegui import ui
+
+    from mavhums.serve.pages import add_pages
+    from mavhums.serve.routes import add_routes
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        await workers.start()
+        janitor = asyncio.create_task(sessions.forget_old())
+        try:
+            yield
+        finally:
+            janitor.cancel()
+            with suppress(asyncio.CancelledError):
+                await janitor
+            await workers.close()
+            sessions.close()
+
+    app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    add_routes(app, sessions, options.fleet)
+    add_pages(sessions, options)
+    nicegui_app.config.quasar_config["loadingBar"]["skipHijack"] = True  # it has no name for a screen reader
+    ui.run_with(
+        app,
+        title="mavhums",
+        dark=None,
+        language=_LANGUAGE,
+        tailwind=False,
+        reconnect_timeout=30.0,
+        show_welcome_message=False,
+        favicon="🛩",
+        gzip_middleware_factory=None,
+    )
+    return app

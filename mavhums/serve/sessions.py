@@ -1,0 +1,205 @@
+"""What each user has dropped: kept in a temporary folder, and removed when the session ends."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import shutil
+import tempfile
+import time
+from collections.abc import AsyncIterator, Coroutine
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from mavhums.core.conditions import Condition
+from mavhums.core.errors import MavhumsError
+from mavhums.serve.options import Judging, Limits
+from mavhums.serve.uploads import receive, safe_name
+from mavhums.serve.workers import Workers
+
+__all__ = ["Dropped", "Session", "Sessions"]
+
+State = Literal["arriving", "waiting", "judging", "done", "failed"]
+
+
+@dataclass(slots=True, eq=False)
+class Dropped:
+    """A log that a user dropped, and what is known of it.
+
+    Attributes
+    ----------
+    recording
+        Whether there is a Rerun recording of it: ``""`` none yet, ``making``, ``ready``, or the problem.
+    """
+
+    id: str
+    path: Path
+    state: State = "arriving"
+    size: int = 0
+    read: int = 0
+    condition: Condition = "undecided"
+    headline: str = ""
+    todo: str = ""
+    problem: str = ""
+    remedy: str = ""
+    recording: str = ""
+    kept: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name of the file."""
+        return self.path.name
+
+    @property
+    def report(self) -> Path:
+        """The report, once it is judged."""
+        return self.path.parent / "report" / "report.html"
+
+    @property
+    def rrd(self) -> Path:
+        """The Rerun recording, once it is made."""
+        return self.path.parent / "report" / "flight.rrd"
+
+
+@dataclass(slots=True)
+class Session:
+    """One user's logs, in the order in which they came."""
+
+    id: str
+    folder: Path
+    logs: dict[str, Dropped] = field(default_factory=dict)
+    seen_s: float = field(default_factory=time.monotonic)
+    tasks: set[asyncio.Task[None]] = field(default_factory=set)
+
+    def touch(self) -> None:
+        """Note that a page of the session is open."""
+        self.seen_s = time.monotonic()
+
+
+class Sessions:
+    """The users' logs, in one folder that only this system user reads.
+
+    Parameters
+    ----------
+    limits
+        What a session may hold, and for how long.
+    judging
+        Options of each judgement.
+    workers
+        The processes that judge.
+    """
+
+    def __init__(self, limits: Limits, judging: Judging, workers: Workers) -> None:
+        self.limits = limits
+        self.folder = Path(tempfile.mkdtemp(prefix="mavhums-page-"))
+        self._judging = judging
+        self._workers = workers
+        self._sessions: dict[str, Session] = {}
+
+    def get(self, id_: str) -> Session:
+        """Return the session of a cookie; a new one for a new cookie.
+
+        Raises
+        ------
+        MavhumsError
+            If there are too many.
+        """
+        if id_ not in self._sessions:
+            if len(self._sessions) >= self.limits.sessions:
+                raise MavhumsError("too many users at a time", "close other pages, or wait half an hour")
+            self._sessions[id_] = Session(id_, self.folder / secrets.token_hex(8))
+        session = self._sessions[id_]
+        session.touch()
+        return session
+
+    def log(self, session: str, log: str) -> Dropped | None:
+        """Return a log of a session; None if it is not this user's."""
+        found = self._sessions.get(session)
+        return found.logs.get(log) if found else None
+
+    async def add(self, session: Session, name: str, stream: AsyncIterator[bytes]) -> Dropped:
+        """Receive a log and have it judged; return at its arrival.
+
+        Raises
+        ------
+        MavhumsError
+            If it is refused.
+        """
+        if len(session.logs) >= self.limits.logs:
+            raise MavhumsError(f"{self.limits.logs} logs are here already", "remove some of them first")
+        id_ = secrets.token_hex(8)
+        log = Dropped(id_, session.folder / id_ / safe_name(name))
+        session.logs[id_] = log
+        try:
+            log.report.parent.mkdir(parents=True, mode=0o700)
+            log.size = await receive(stream, log.path, self.limits)
+        except BaseException:
+            self.remove(session, log)
+            raise
+        log.state = "waiting"
+        self._begin(session, self._judge(session, log))
+        return log
+
+    def record(self, session: Session, log: Dropped) -> None:
+        """Have the Rerun recording of a log made, once."""
+        if log.state == "done" and log.recording not in ("making", "ready"):
+            log.recording = "making"
+            self._begin(session, self._record(session, log))
+
+    def remove(self, session: Session, log: Dropped) -> None:
+        """Remove a log and everything made of it."""
+        session.logs.pop(log.id, None)
+        shutil.rmtree(log.path.parent, ignore_errors=True)
+
+    def forget(self, session: Session) -> None:
+        """Remove a session and its logs."""
+        for task in session.tasks:
+            task.cancel()
+        self._sessions.pop(session.id, None)
+        shutil.rmtree(session.folder, ignore_errors=True)
+
+    async def forget_old(self) -> None:
+        """Remove sessions without an open page, until cancelled."""
+        while True:
+            await asyncio.sleep(min(30.0, self.limits.session_s))
+            limit_s = time.monotonic() - self.limits.session_s
+            for session in [one for one in self._sessions.values() if one.seen_s < limit_s]:
+                self.forget(session)
+
+    def close(self) -> None:
+        """Remove everything."""
+        for session in list(self._sessions.values()):
+            self.forget(session)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    async def _judge(self, session: Session, log: Dropped) -> None:
+        def progress(read: int) -> None:
+            log.state, log.read = "judging", read
+
+        answer = await self._run(session, log, {"do": "judge", "report": str(log.report)}, progress)
+        if session.logs.get(log.id) is not log:
+            return
+        if "brief" in answer:
+            log.condition, log.headline, log.todo = (answer["brief"][key] for key in _BRIEF)
+            log.state = "done"
+        else:
+            log.problem, log.remedy, log.state = answer["problem"], answer["remedy"], "failed"
+
+    async def _record(self, session: Session, log: Dropped) -> None:
+        answer = await self._run(session, log, {"do": "record", "recording": str(log.rrd)}, lambda _: None)
+        log.recording = "ready" if "recorded" in answer else f"{answer['problem']}: {answer['remedy']}"
+
+    async def _run(
+        self, session: Session, log: Dropped, job: dict[str, Any], progress: Any
+    ) -> dict[str, Any]:
+        whole = job | {"log": str(log.path), "options": self._judging._asdict()}
+        return await self._workers.run(session.id, whole, progress)
+
+    def _begin(self, session: Session, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        session.tasks.add(task)
+        task.add_done_callback(session.tasks.discard)
+
+
+_BRIEF = ("condition", "headline", "todo")

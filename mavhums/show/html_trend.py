@@ -1,0 +1,109 @@
+"""The trend of an indicator over flights as a drawing with its words."""
+
+from __future__ import annotations
+
+from math import ceil, floor
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mavhums.core.conditions import Condition
+from mavhums.health.axis.past import LOSSES
+from mavhums.report.assessment import Interval
+from mavhums.report.trend import ActuatorTrend
+from mavhums.show.html_curves import Curve
+from mavhums.show.html_plot import Limit, Plot, plot
+
+__all__ = ["TrendShown", "trend_shown"]
+
+_MAIN: Final = ("friction", *LOSSES)
+
+
+class TrendShown(NamedTuple):
+    """A trend: its title, its numbers in words, its drawing, and the remaining useful life.
+
+    Attributes
+    ----------
+    actuator, condition
+        Whose trend it is, and its gravest condition in the last flight, of whatever indicator.
+    told
+        The last value with its interval, the change and the slope.
+    life
+        Remaining useful life in flights, or why there is none.
+    first
+        Whether a reader must see it: friction, control, what grows, and what is beyond its limit.
+    """
+
+    actuator: str
+    condition: Condition
+    title: str
+    told: str
+    life: str
+    first: bool
+    drawing: Plot
+
+
+def trend_shown(trend: ActuatorTrend, prefix: str = "") -> TrendShown:
+    """Return what is shown of a trend.
+
+    Parameters
+    ----------
+    trend
+        With at least one point.
+    prefix
+        Written before the actuator's name.
+    """
+    flights = np.array([point.flight for point in trend.points], dtype=np.float64)
+    rows = np.array([[one.value.low, one.value.estimate, one.value.high] for one in trend.points])
+    limits = [Limit(value, word) for value, word in _levels(trend)]
+    unit = "" if trend.unit == "1" else f" {trend.unit}"
+    drawing = plot(Curve(flights, rows), limits, float(trend.flights), flights=True)
+    return TrendShown(
+        actuator=f"{prefix}{trend.actuator}{' control' if trend.subject == 'axis' else ''}",
+        condition=trend.condition,
+        title=f"{trend.quantity}{f', {unit.strip()}' if unit else ''}",
+        told=_told(trend, unit),
+        life=_life(trend.flights_left, trend.reason),
+        first=trend.fault in _MAIN or trend.flights_left is not None or _beyond(trend),
+        drawing=drawing,
+    )
+
+
+def _levels(trend: ActuatorTrend) -> list[tuple[float, str]]:
+    """Return the limits and their names; a control gain falls as a fault grows."""
+    words = ("degraded below", "emergency up to") if _falls(trend) else ("degraded above", "emergency from")
+    levels = zip((trend.limit, trend.emergency), words, strict=True)
+    return [(value, word) for value, word in levels if value is not None]
+
+
+def _beyond(trend: ActuatorTrend) -> bool:
+    last = trend.points[-1].value
+    if trend.limit is None:
+        return False
+    return last.high < trend.limit if _falls(trend) else last.low > trend.limit
+
+
+def _falls(trend: ActuatorTrend) -> bool:
+    return trend.fault in LOSSES
+
+
+def _told(trend: ActuatorTrend, unit: str) -> str:
+    last = trend.points[-1]
+    parts = [f"flight {last.flight}: {_interval(last.value)}{unit}, 95 % interval"]
+    if trend.change:
+        parts.append(f"against its first flights {_interval(trend.change, sign='+')}{unit}")
+    if trend.per_flight:
+        parts.append(f"per flight {_interval(trend.per_flight, sign='+')}{unit}")
+    parts += [f"{word} {value:.3g}" for value, word in _levels(trend)]
+    parts += [f"{len(trend.left_out)} flights left out as outliers"] if trend.left_out else []
+    return "; ".join(parts)
+
+
+def _interval(value: Interval, sign: str = "") -> str:
+    return f"{value.estimate:{sign}.3g} ({value.low:{sign}.3g} to {value.high:{sign}.3g})"
+
+
+def _life(left: Interval | None, reason: str | None) -> str:
+    if left is None:
+        return f"not known: {reason}" if reason else "not known"
+    return f"{left.estimate:,.0f} flights ({floor(left.low):,} to {ceil(left.high):,})"

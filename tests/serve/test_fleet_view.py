@@ -1,0 +1,132 @@
+"""The lists of a fleet: the worst first, with words for everything."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mavhums.core.conditions import Condition
+from mavhums.report.assessment import Assessment, Interval, LogSummary, Suspect, Verdict
+from mavhums.report.trend import ActuatorTrend, FlightPoint, TrendReport
+from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
+from mavhums.serve.rendering import render
+
+MARKUP = "<img src=x onerror=alert(1)>"
+
+
+class Row(NamedTuple):
+    aircraft: str
+    path: str
+    start_us: int | None
+    verdict: Verdict
+
+
+def verdict(actuator: str, condition: Condition, reason: str | None = None, fault: str = "") -> Verdict:
+    suspects = (Suspect(fault=fault, confidence=0.9),) if fault else ()
+    return Verdict(
+        vehicle=1, actuator=actuator, condition=condition, worst=condition, reason=reason, suspects=suspects
+    )
+
+
+def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
+    rows = [
+        Row("D-B", "b.tlog", 1_767_258_000_000_000, verdict("elevator", "emergency", fault="hard_over")),
+        Row("", "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
+        Row("", "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
+        Row("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
+        Row("D-A", "a.tlog", 0, verdict("rudder", "normal")),
+    ]
+    lines = aircraft_lines(rows)
+    assert [line.name for line in lines] == [
+        "D-B",
+        "unknown aircraft (a.tlog)",
+        "unknown aircraft (c.tlog)",
+        "D-A",
+    ]
+    first, unknown, _, well = lines
+    assert (first.worst, first.detail, first.last_flight) == ("elevator", "hard over", "2026-01-01 09:00 UTC")
+    assert first.counts == (("emergency", 1), ("normal", 1))
+    assert first.address == "/fleet/aircraft?name=D-B"
+    assert (unknown.address, unknown.detail, unknown.last_flight) == ("", "too slow", "date not known")
+    assert (well.worst, well.detail) == ("", "")
+
+
+def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
+    def flight(day: int) -> Assessment:
+        log = LogSummary(
+            path=f"/store/{day}.tlog",
+            sha256=f"{day}" * 4,
+            start_utc=f"2026-01-0{day}T10:00:00+00:00",
+            duration_s=1.0,
+            vehicles=(1,),
+            losses={},  # type: ignore[arg-type]
+        )
+        return Assessment(log=log, airframe=None, model=None, verdicts=(verdict("rudder", "normal"),))
+
+    lines = flight_lines("D & A", [flight(1), flight(2)])
+    assert [(line.start, line.log, line.condition) for line in lines] == [
+        ("2026-01-02 10:00 UTC", "2.tlog", "normal"),
+        ("2026-01-01 10:00 UTC", "1.tlog", "normal"),
+    ]
+    assert lines[0].address == "/fleet/flight?aircraft=D+%26+A&log=2222"
+
+
+def trend(actuator: str, fault: str, *, left: Interval | None = None, last: float = 0.2) -> ActuatorTrend:
+    values = [0.2] * 11 + [last]
+    return ActuatorTrend(
+        vehicle=1,
+        actuator=actuator,
+        airframe=None,
+        fault=fault,
+        quantity="play",
+        unit="°",
+        condition="normal",
+        flights=12,
+        limit=0.5,
+        emergency=0.9,
+        baseline=None,
+        change=None,
+        level=None,
+        per_flight=None,
+        between=None,
+        left_out=(),
+        flights_left=left,
+        reason=None if left else "it does not grow",
+        points=tuple(
+            FlightPoint(
+                flight=number,
+                start_utc="2026-01-01T00:00:00Z",
+                log=None,
+                value=Interval(estimate=value, low=value - 0.1, high=value + 0.1),
+                condition="normal",
+            )
+            for number, value in enumerate(values, 1)
+        ),
+    )
+
+
+def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_limit() -> None:
+    life = Interval(estimate=7.4, low=3.2, high=11.1)
+    trends = (
+        trend("elevator", "friction"),
+        trend("elevator", "backlash"),
+        trend("rudder", "backlash", left=life),
+        trend("rudder", "bias", last=0.7),
+    )
+    report = TrendReport(flights=12, trends=trends, unshown=(), errors=(), notices=())
+    elevator, rudder = trends_shown(report)
+    assert (len(elevator.first), len(elevator.others)) == (1, 1)
+    assert len(rudder.first) == 2
+    shown = rudder.first[0]
+    assert (shown.title, shown.life) == ("play, °", "7 flights (3 to 12)")
+    assert shown.told.startswith("flight 12: 0.2 (0.1 to 0.3) °, 95 % interval")
+    assert elevator.first[0].life == "not known: it does not grow"
+    assert [tick.text for tick in shown.drawing.x] == ["5", "10"]
+    assert [limit.text for limit in shown.drawing.limits] == ["degraded above", "emergency from"]
+
+
+def test_texts_of_a_store_are_never_markup() -> None:
+    lines = aircraft_lines([Row(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
+    text = render("fleet.html", lines=lines, tally=[], problem="", more=False)
+    assert "<img" not in text
+    assert text.count("&lt;img src=x") >= 3
+    assert "<img" not in render("aircraft.html", name=MARKUP, problem=MARKUP)

@@ -1,0 +1,141 @@
+"""A live session's file is followed as it grows, whatever is written in it."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavhums.serve.live_lines import LiveFile
+from mavhums.serve.rendering import render
+
+UTC = "2026-01-01T00:00:00+00:00"
+LINK = dict.fromkeys(
+    [
+        "frames_per_s",
+        "bytes_per_s",
+        "datagrams",
+        "bytes",
+        "frames",
+        "unknown_frames",
+        "bytes_skipped",
+        "bad_crc_frames",
+        "unsigned_frames",
+        "bad_signatures",
+        "replayed_frames",
+        "missing_frames",
+        "reordered_frames",
+        "duplicated_frames",
+        "dropped_datagrams",
+    ],
+    0,
+) | {"age_s": 0.1}
+
+
+def start() -> dict[str, Any]:
+    told = {"schema": "mavhums.live/1", "notice": "n", "version": "1", "links": ["udpin:1"], "airframe": None}
+    return {"event": "start", "utc": UTC, **told, "record": None, "signed_only": False}
+
+
+def status(uptime_s: float, condition: str = "normal") -> dict[str, Any]:
+    actuator = {"vehicle": 1, "actuator": "<b>elevator", "condition": condition, "held": condition}
+    actuator |= {"worst": condition, "stale": False, "age_s": 0.0, "rate_hz": 50.0, "friction_nm": None}
+    actuator |= {"p_emergency": None, "suspects": [], "tier": None, "late": 0, "reason": None}
+    return {
+        "event": "status",
+        "utc": UTC,
+        "uptime_s": uptime_s,
+        "actuators": [actuator],
+        "link": LINK,
+        "record": None,
+    }
+
+
+def change(time_s: float) -> dict[str, Any]:
+    told = {"vehicle": 1, "actuator": "elevator", "time_s": time_s, "since_s": 0.0, "before": "normal"}
+    return {"event": "condition", "utc": UTC, **told, "after": "degraded", "fault": None, "rule": "r"}
+
+
+def write(path: Path, *objects: dict[str, Any]) -> None:
+    with path.open("a", encoding="utf-8") as file:
+        file.writelines(json.dumps(one) + "\n" for one in objects)
+
+
+def test_the_state_follows_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "live.jsonl"
+    file = LiveFile(path)
+    assert "cannot be read" in file.seen().note
+    write(path, start(), status(1.0))
+    seen = file.seen()
+    assert (seen.note, seen.end) == ("", None)
+    assert seen.start
+    assert seen.start.links == ("udpin:1",)
+    assert seen.status
+    assert seen.status.uptime_s == 1.0
+    write(path, change(1.5), change(1.7), status(2.0, "degraded"))
+    seen = file.seen()
+    assert seen.status
+    assert seen.status.actuators[0].condition == "degraded"
+    assert [one.time_s for one in seen.changes if one.event == "condition"] == [1.7, 1.5]
+    markup = render("live.html", sessions=[seen])
+    assert "(running)" in markup
+    assert "&lt;b&gt;elevator" in markup
+
+
+def test_a_line_is_taken_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "live.jsonl"
+    line = json.dumps(status(3.0)).encode()
+    path.write_bytes(json.dumps(start()).encode() + b"\n" + line[:50])
+    file = LiveFile(path)
+    assert file.seen().status is None
+    with path.open("ab") as output:
+        output.write(line[50:] + b"\n")
+    found = file.seen().status
+    assert found
+    assert found.uptime_s == 3.0
+
+
+def test_of_a_long_file_the_beginning_and_the_end_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "live.jsonl"
+    write(path, start(), change(1.0), *[status(float(k)) for k in range(4000)], change(2.0))
+    assert path.stat().st_size > 2 << 20
+    begin = time.process_time()
+    seen = LiveFile(path).seen()
+    assert time.process_time() - begin < 2.0
+    assert seen.start
+    assert seen.status
+    assert seen.status.uptime_s == 3999.0
+    assert [one.time_s for one in seen.changes if one.event == "condition"] == [2.0]
+
+
+def test_a_new_session_in_the_same_file_replaces_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "live.jsonl"
+    write(path, start(), status(50.0), change(3.0))
+    file = LiveFile(path)
+    file.seen()
+    path.write_text("", encoding="utf-8")
+    write(path, start())
+    seen = file.seen()
+    assert seen.status is None
+    assert seen.changes == ()
+
+
+def test_a_silent_session_is_said_to_be_silent(tmp_path: Path) -> None:
+    path = tmp_path / "live.jsonl"
+    write(path, start(), status(1.0))
+    os.utime(path, (time.time() - 60, time.time() - 60))
+    assert "no line for 6" in LiveFile(path).seen().note
+
+
+@pytest.mark.filterwarnings("ignore")
+@given(st.binary(max_size=300) | st.text(max_size=100).map(str.encode))
+def test_any_content_is_survived(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
+    path = tmp_path_factory.mktemp("odd") / "live.jsonl"
+    path.write_bytes(data + b"\n" + json.dumps(status(1.0)).encode() + b"\n")
+    assert LiveFile(path).seen().status

@@ -1,0 +1,152 @@
+"""Sessions: each user's logs are that user's, and nothing of them stays."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mavhums.core.errors import MavhumsError
+from mavhums.serve.options import Judging, Limits
+from mavhums.serve.sessions import Session, Sessions
+from mavhums.serve.workers import Job, Progress, Workers
+
+BRIEF = {"condition": "normal", "headline": "All normal", "todo": "nothing"}
+
+
+class Judged(Workers):
+    """Answers at once what it is told to answer."""
+
+    def __init__(self, answer: Job | None = None) -> None:
+        super().__init__(Limits())
+        self.answer = answer or {"brief": BRIEF}
+        self.jobs: list[Job] = []
+
+    async def run(self, user: str, job: Job, progress: Progress) -> Job:
+        self.jobs.append(job)
+        progress(2)
+        await asyncio.sleep(0)
+        if job["do"] == "record":
+            return {"recorded": True}
+        return self.answer
+
+
+async def content(*parts: bytes) -> AsyncIterator[bytes]:
+    for part in parts:
+        yield part
+
+
+def using(use: Callable[[Sessions], Awaitable[Any]], limits: Limits | None = None, **answer: Any) -> Any:
+    async def whole() -> Any:
+        sessions = Sessions(limits or Limits(), Judging(airframe="paper"), Judged(answer or None))
+        try:
+            return await use(sessions)
+        finally:
+            sessions.close()
+            assert not sessions.folder.exists()
+
+    return asyncio.run(whole())
+
+
+async def settled(session: Session) -> None:
+    while session.tasks:
+        await asyncio.gather(*session.tasks)
+
+
+def test_a_log_is_judged_with_the_options_of_the_page() -> None:
+    async def use(sessions: Sessions) -> None:
+        session = sessions.get("a")
+        log = await sessions.add(session, "../../x/flight.tlog", content(b"abc", b"de"))
+        assert (log.name, log.size, log.state) == ("flight.tlog", 5, "waiting")
+        assert log.path.read_bytes() == b"abcde"
+        assert log.path.is_relative_to(sessions.folder)
+        await settled(session)
+        assert (log.state, log.condition, log.headline) == ("done", "normal", "All normal")
+        (job,) = sessions._workers.jobs  # type: ignore[attr-defined]
+        assert job["options"]["airframe"] == "paper"
+        sessions.record(session, log)
+        sessions.record(session, log)
+        await settled(session)
+        assert log.recording == "ready"
+        assert len(sessions._workers.jobs) == 2  # type: ignore[attr-defined]
+
+    using(use)
+
+
+def test_a_failure_is_told() -> None:
+    async def use(sessions: Sessions) -> None:
+        session = sessions.get("a")
+        log = await sessions.add(session, "a.tlog", content(b"a"))
+        await settled(session)
+        assert (log.state, log.problem, log.remedy) == ("failed", "no log", "check it")
+        sessions.record(session, log)
+        assert log.recording == "", "of a log that cannot be judged there is no recording"
+
+    using(use, problem="no log", remedy="check it")
+
+
+def test_another_user_has_no_access() -> None:
+    async def use(sessions: Sessions) -> None:
+        log = await sessions.add(sessions.get("a"), "a.tlog", content(b"a"))
+        assert sessions.log("a", log.id) is log
+        assert sessions.log("b", log.id) is None
+        sessions.get("b")
+        assert sessions.log("b", log.id) is None
+
+    using(use)
+
+
+def test_what_is_removed_is_gone() -> None:
+    async def use(sessions: Sessions) -> None:
+        session = sessions.get("a")
+        log = await sessions.add(session, "a.tlog", content(b"a"))
+        sessions.remove(session, log)
+        assert not log.path.parent.exists()
+        await settled(session)
+        assert sessions.log("a", log.id) is None
+        other = await sessions.add(session, "b.tlog", content(b"b"))
+        sessions.forget(session)
+        assert not other.path.exists()
+        assert sessions.get("a").logs == {}
+
+    using(use)
+
+
+def test_a_session_without_an_open_page_ends() -> None:
+    async def use(sessions: Sessions) -> Path:
+        session = sessions.get("a")
+        log = await sessions.add(session, "a.tlog", content(b"a"))
+        janitor = asyncio.create_task(sessions.forget_old())
+        for _ in range(3):
+            await asyncio.sleep(0.05)
+            session.touch()
+        assert log.path.exists(), "its page is open"
+        async with asyncio.timeout(10):
+            while log.path.exists():
+                await asyncio.sleep(0.02)
+        janitor.cancel()
+        return log.path
+
+    assert not using(use, Limits(session_s=0.1)).exists()
+
+
+def test_logs_and_sessions_are_limited_and_a_refused_log_takes_no_place() -> None:
+    async def use(sessions: Sessions) -> None:
+        session = sessions.get("a")
+        for _ in range(3):
+            with pytest.raises(MavhumsError, match="empty"):
+                await sessions.add(session, "a.tlog", content())
+        assert not list(session.folder.iterdir())
+        for _ in range(2):
+            await sessions.add(session, "a.tlog", content(b"a"))
+        with pytest.raises(MavhumsError, match="2 logs are here already"):
+            await sessions.add(session, "a.tlog", content(b"a"))
+        sessions.get("b")
+        with pytest.raises(MavhumsError, match="too many users"):
+            sessions.get("c")
+        assert sessions.get("a") is session
+
+    using(use, Limits(logs=2, sessions=2))

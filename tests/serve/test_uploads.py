@@ -1,0 +1,80 @@
+"""Uploads: bounded in size and time, and never outside their folder."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavhums.core.errors import MavhumsError
+from mavhums.serve.options import Limits
+from mavhums.serve.uploads import hold_size, receive, safe_name
+
+SMALL = Limits(log_bytes=1000, upload_s=1.0, silence_s=0.05)
+
+
+def test_names_keep_what_a_user_reads() -> None:
+    assert safe_name("2026-03-01 flight (1).tlog") == "2026-03-01 flight (1).tlog"
+    assert safe_name("Flügel_左.BIN") == "Flügel_左.BIN"
+    assert safe_name("") == safe_name("...") == safe_name("/") == "log"
+    assert safe_name("a" * 500 + ".tlog").endswith("aaa.tlog")
+    assert safe_name("a\x00b\x1b[31m\n.ulg") == "a_b_[31m_.ulg"
+
+
+@given(st.text(max_size=400) | st.text("./\\:\x00ab", max_size=50))
+def test_no_name_leaves_its_folder(name: str) -> None:
+    safe = safe_name(name)
+    assert safe not in ("", ".", "..")
+    assert PurePosixPath(safe).name == PureWindowsPath(safe).name == safe
+    assert len(safe.encode()) <= 150
+    assert safe.isprintable()
+
+
+async def parts(*sizes: int, wait_s: float = 0.0) -> AsyncIterator[bytes]:
+    for size in sizes:
+        await asyncio.sleep(wait_s)
+        yield b"x" * size
+
+
+def test_an_upload_arrives_whole(tmp_path: Path) -> None:
+    assert asyncio.run(receive(parts(500, 500), tmp_path / "a", SMALL)) == 1000
+    assert (tmp_path / "a").read_bytes() == b"x" * 1000
+
+
+@pytest.mark.parametrize(
+    ("stream", "problem"),
+    [
+        (lambda: parts(600, 600), "larger than 0 MB"),
+        (parts, "the file is empty"),
+        (lambda: parts(1, 1, wait_s=0.2), "took too long"),
+    ],
+)
+def test_a_refused_upload_leaves_nothing(
+    tmp_path: Path, stream: Callable[[], AsyncIterator[bytes]], problem: str
+) -> None:
+    with pytest.raises(MavhumsError, match=problem) as caught:
+        asyncio.run(receive(stream(), tmp_path / "a", SMALL))
+    assert caught.value.remedy
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_endless_slow_upload_ends(tmp_path: Path) -> None:
+    limits = Limits(log_bytes=1000, upload_s=0.1, silence_s=1.0)
+    with pytest.raises(MavhumsError, match="took too long"):
+        asyncio.run(receive(parts(*[1] * 500, wait_s=0.01), tmp_path / "a", limits))
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_upload_replaces_nothing(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"before")
+    with pytest.raises(MavhumsError, match="cannot be stored"):
+        asyncio.run(receive(parts(1), tmp_path / "a", SMALL))
+
+
+def test_a_disk_without_room_is_told(tmp_path: Path) -> None:
+    with pytest.raises(MavhumsError, match="no room"):
+        hold_size(1 << 60, tmp_path, Limits(log_bytes=1 << 61))

@@ -1,0 +1,185 @@
+"""The judging processes: whatever a log does to one, the others and the next log are served."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from mavhums.serve.options import Judging, Limits
+from mavhums.serve.workers import Workers
+
+# A stand-in that does what a job says; the true program starts too slowly to be killed a dozen times.
+PROGRAM = """
+import json, os, sys, time
+print(json.dumps({"ready": True}), flush=True)
+for line in sys.stdin:
+    job = json.loads(line)
+    if job["do"] == "crash": os.abort()
+    if job["do"] == "hang": time.sleep(1000)
+    if job["do"] == "babble": print("no json", flush=True)
+    print(json.dumps({"read": 1}), flush=True)
+    time.sleep(job.get("s", 0))
+    print(json.dumps({"pid": os.getpid()}), flush=True)
+"""
+COMMAND = (sys.executable, "-c", PROGRAM)
+
+Use = Callable[[Workers], Awaitable[Any]]
+
+
+def with_workers(use: Use, *, count: int = 2, judge_s: float = 30.0, command: Any = COMMAND) -> Any:
+    async def whole() -> Any:
+        workers = Workers(Limits(workers=count, judge_s=judge_s), command)
+        await workers.start()
+        try:
+            return await use(workers)
+        finally:
+            await workers.close()
+
+    return asyncio.run(whole())
+
+
+def ask(workers: Workers, do: str, user: str = "a", **more: Any) -> Awaitable[dict[str, Any]]:
+    return workers.run(user, {"do": do, **more}, lambda _: None)
+
+
+def test_a_crash_and_a_hang_end_only_their_own_log() -> None:
+    async def use(workers: Workers) -> None:
+        crashed, hung, fine = await asyncio.gather(
+            ask(workers, "crash"), ask(workers, "hang"), ask(workers, "judge")
+        )
+        assert "ended with SIGABRT" in crashed["problem"]
+        assert "took longer than 2 s" in hung["problem"]
+        assert crashed["remedy"]
+        assert hung["remedy"]
+        assert "pid" in fine
+        babbled = await ask(workers, "babble")
+        assert "problem" in babbled
+        assert "pid" in await ask(workers, "judge")
+
+    with_workers(use, judge_s=2.0)
+
+
+def test_no_process_stays() -> None:
+    async def use(workers: Workers) -> list[int]:
+        several = [await ask(workers, "judge") for _ in range(2)]
+        hanging = asyncio.ensure_future(ask(workers, "hang"))
+        await asyncio.sleep(0.1)
+        hanging.cancel()
+        await asyncio.gather(hanging, return_exceptions=True)
+        return [one["pid"] for one in several]
+
+    before = set(psutil.Process().children())
+    for pid in with_workers(use):
+        assert not psutil.pid_exists(pid)
+    assert set(psutil.Process().children()) <= before
+
+
+def test_a_user_with_many_logs_does_not_delay_another() -> None:
+    order: list[str] = []
+
+    async def use(workers: Workers) -> None:
+        async def one(user: str) -> None:
+            await ask(workers, "judge", user, s=0.05)
+            order.append(user)
+
+        many = [asyncio.ensure_future(one("many")) for _ in range(6)]
+        await asyncio.sleep(0.02)
+        await asyncio.gather(one("few"), *many)
+
+    with_workers(use, count=2)
+    assert "few" in order[:4]
+
+
+def test_a_cancelled_wait_loses_no_worker() -> None:
+    async def use(workers: Workers) -> None:
+        first = asyncio.ensure_future(ask(workers, "judge", s=0.2))
+        await asyncio.sleep(0.05)
+        second = asyncio.ensure_future(ask(workers, "judge"))
+        await asyncio.sleep(0.05)
+        second.cancel()
+        await asyncio.gather(first, second, return_exceptions=True)
+        assert "pid" in await asyncio.wait_for(ask(workers, "judge"), 5)
+
+    with_workers(use, count=1)
+
+
+def test_a_worker_handed_to_someone_who_has_just_left_is_not_lost() -> None:
+    async def use(workers: Workers) -> None:
+        worker = await workers._acquire("a")
+        left = asyncio.ensure_future(workers._acquire("b"))
+        await asyncio.sleep(0)
+        workers._hand(worker)
+        left.cancel()
+        await asyncio.gather(left, return_exceptions=True)
+        assert await asyncio.wait_for(workers._acquire("c"), 5) is worker
+        workers._hand(worker)
+
+    with_workers(use, count=1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
+def test_the_true_process_judges_refuses_and_limits_its_memory(short_log: Path, tmp_path: Path) -> None:
+    odd = tmp_path / "notes.tlog"
+    odd.write_text("this is no log, whatever its name says\n" * 100)
+    job: dict[str, Any] = {
+        "do": "judge",
+        "report": str(tmp_path / "report.html"),
+        "options": Judging()._asdict(),
+    }
+
+    async def use(workers: Workers) -> tuple[dict[str, Any], ...]:
+        good = await ask(workers, **job, log=str(short_log))
+        bad = await ask(workers, **job, log=str(odd))
+        wrong = job | {"options": {"airframe": "nowhere.toml"}}
+        return good, bad, await ask(workers, **wrong, log=str(short_log))
+
+    good, bad, wrong = with_workers(use, count=1, command=None)
+    assert good["brief"]["condition"] == "normal"
+    assert "elevator" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "notes.tlog" in bad["problem"]
+    assert str(tmp_path) not in bad["problem"]
+    assert bad["remedy"]
+    assert "nowhere.toml" in wrong["problem"]
+
+
+GROW = """
+import resource, sys
+from mavhums.serve.worker import _limit
+_limit(200 << 20)
+try:
+    held = bytearray(400 << 20)
+except MemoryError:
+    sys.exit(resource.getrlimit(resource.RLIMIT_CORE) != (0, 0))
+sys.exit(2)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
+def test_memory_beyond_the_limit_is_refused() -> None:
+    import subprocess
+
+    assert subprocess.run([sys.executable, "-c", GROW], check=False).returncode == 0
+
+
+def test_the_process_ends_with_its_parent() -> None:
+    import subprocess
+
+    program = (
+        "import sys; from mavhums.serve import worker; worker._prepare = lambda: None; worker.main(1 << 31)"
+    )
+    process = subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert process.stdout
+    assert b"ready" in process.stdout.readline()
+    begin = time.monotonic()
+    assert process.stdin
+    process.stdin.close()
+    assert process.wait(timeout=10) == 0
+    process.stdout.close()
+    assert time.monotonic() - begin < 5
