@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,22 @@ def test_the_supplys_voltage_gives_the_shares_of_stall(run: Run, log: Path, tmp_
         assert shown["torque_of_stall"]["value"]["estimate"] == pytest.approx(motor.torque_of_stall[0])
         assert shown["friction_of_stall"]["unit"] == "1"
         assert verdict["condition"] == "learning"
+
+
+def test_the_reserve_is_told_only_where_it_is_known(run: Run, log: Path, tmp_path: Path) -> None:
+    profile = tmp_path / "blank.toml"
+    profile.write_text(BLANK.replace("esc = 2", "esc = 2\nsupply_voltage = 27"), encoding="utf-8")
+    told = run("analyse", str(log), "--airframe", str(profile)).out
+    [line] = re.findall(r"(\w+): highest sustained (\d+)\s%, reserve (\d+)\s%, friction [\d.]+\s%", told)
+    assert line[0] == "elevator"
+    assert int(line[1]) + int(line[2]) == pytest.approx(100, abs=1)
+    page = tmp_path / "report.html"
+    assert run("report", str(log), "--airframe", str(profile), "-o", str(page)).code == 12
+    text = page.read_text(encoding="utf-8")
+    assert re.search(rf">{line[2]}\s%</td>", text)
+    assert text.count("Torque, by that at stall</h2>") == 1
+    profile.write_text(BLANK, encoding="utf-8")
+    assert "at stall" not in run("analyse", str(log), "--airframe", str(profile)).out
 
 
 def test_a_log_that_shows_no_motor_says_what_would(log: Path) -> None:
