@@ -20,7 +20,7 @@ from mavhums.report.assessment import Interval, OwnRecord, Verdict
 from tests.health.own.servo import NOISE_V, Array, Servo, blank, collected, left
 
 SUPPLY_V = 27.0
-SERVO = Servo()
+SERVO = Servo(drop_v=3.0)
 STALL_A = (SUPPLY_V - SERVO.drop_v) / SERVO.resistance
 V4, V5, V7 = column("V4"), column("V5"), column("V7")
 
