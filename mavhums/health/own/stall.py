@@ -58,6 +58,8 @@ def lacking(records: Sequence[OwnRecord]) -> str | None:
     highest = max(record.peak_v or 0.0 for record in records)
     if highest > _ABOVE * supply:
         return f"the motor had {highest:g} V, more than the supply_voltage of {supply:g} V in the profile"
+    if not all(record.peak_a for record in records):
+        return "the records do not tell the highest current; analyse the logs again"
     return None
 
 

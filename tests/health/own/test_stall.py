@@ -78,6 +78,12 @@ def test_without_the_supply_there_is_no_share_and_a_reason(volts: float | None, 
     assert stall_indicators([record], found, None) == ()
 
 
+def test_a_record_without_the_highest_current_gives_none() -> None:
+    record = voltage(3, supplied()).model_copy(update={"peak_a": None})
+    assert "analyse the logs again" in (lacking([record]) or "")
+    assert stall_indicators([record], identified([record]), None) == ()
+
+
 def test_without_friction_there_is_the_torque_alone() -> None:
     record = voltage(4, supplied())
     assert [one.fault for one in stall_indicators([record], identified([record]), None)] == [STALL_SHARES[1]]
