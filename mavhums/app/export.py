@@ -41,7 +41,7 @@ def export_quantities(
     Parameters
     ----------
     path
-        A ``.tlog`` file.
+        A log of any format.
     output
         Path ending in ``.parquet`` or ``.csv``; the file is written whole or not at all.
     airframe
@@ -58,7 +58,7 @@ def export_quantities(
     Raises
     ------
     UnreadableLogError
-        If the log is missing or not a telemetry log.
+        If the log is missing, or of no known format.
     ProfileError
         If the profile cannot be used, or the log comes from the standard input and names none.
     MavhumsError
@@ -142,14 +142,10 @@ def export_messages(
 
     Parameters
     ----------
-    path
-        A ``.tlog`` file.
-    output
-        Path ending in ``.parquet`` or ``.csv``; each file is written whole or not at all.
+    path, output, progress
+        As in :func:`export_quantities`.
     names
         Names of the messages in the format; case is ignored.
-    progress
-        Called with the number of bytes read after each block.
 
     Returns
     -------
@@ -158,12 +154,10 @@ def export_messages(
 
     Raises
     ------
-    UnreadableLogError
-        If the log is missing or not a telemetry log.
+    UnreadableLogError, MissingExtraError
+        As in :func:`export_quantities`.
     MavhumsError
         If a message is not in the log, or a file cannot be written.
-    MissingExtraError
-        If Parquet is wanted and pyarrow is not installed.
     """
     output = Path(output)
     writer = writer_for(output)

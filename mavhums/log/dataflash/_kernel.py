@@ -33,8 +33,8 @@ from mavhums.log.dataflash._layout import (
     time_at,
 )
 from mavhums.log.dataflash._times import BACK, GAP_US, IN_ORDER, ODD, judge_time
-from mavhums.log.mavlink._crc import GUARD
-from mavhums.log.mavlink.flags import ODD_TIME
+from mavhums.log.flags import ODD_TIME
+from mavhums.log.words import GUARD
 
 __all__ = ["REGION", "ROW", "STATE", "scan"]
 

@@ -15,7 +15,7 @@ from mavhums.log.dataflash import _kernel
 from mavhums.log.dataflash._gather import SPARE
 from mavhums.log.dataflash._layout import BODY, DEFINITIONS, FMT, FMT_SIZE, TYPE
 from mavhums.log.dataflash.definitions import FMT_BODY
-from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.words import GUARD
 
 __all__ = ["Batch", "RecordScanner", "Totals"]
 
