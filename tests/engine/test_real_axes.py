@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the r
 GROUND = "it never flew forward"
 COPTER = "a quadrotor"
 SUBMARINE = "a submarine"
-UNKNOWN = "no HEARTBEAT of the autopilot"
+MULTIROTOR = "multirotor: control effectiveness"
 
 UNJUDGED = {
     "APTRG-wsk-gcs__mav-631b075.tlog": GROUND,
@@ -39,11 +39,11 @@ UNJUDGED = {
     "mavlink-server__00025-2024-04-22_18-49-07.tlog": SUBMARINE,
     "mavrik-control__mav.tlog": GROUND,
     "pydronecan__mav.tlog": GROUND,
-    "onboard/beast_sample.bin": UNKNOWN,
-    "onboard/dani1.BIN": UNKNOWN,
+    "onboard/beast_sample.bin": MULTIROTOR,
+    "onboard/dani1.BIN": MULTIROTOR,
     "onboard/gps_interference.ulg": COPTER,
-    "onboard/hexa_real.bin": UNKNOWN,
-    "onboard/lrs17.BIN": UNKNOWN,
+    "onboard/hexa_real.bin": MULTIROTOR,
+    "onboard/lrs17.BIN": MULTIROTOR,
     "onboard/mavrik464.BIN": GROUND,
     "onboard/mavrik470.BIN": GROUND,
     "onboard/sample.ulg": COPTER,
