@@ -55,13 +55,20 @@ class Result:
     flown_s: float
 
 
-def results(flights: Iterable[Planned], pool: Executor, keep: Path | None, jobs: int) -> Iterator[Result]:
-    """Yield the result of each flight, those that ``keep`` holds without flying them again."""
+def results(
+    flights: Iterable[Planned], pool: Executor | None, keep: Path | None, jobs: int
+) -> Iterator[Result]:
+    """Yield the result of each flight, those that ``keep`` holds without flying them again.
+
+    Without a pool only those that ``keep`` holds.
+    """
     known = {} if keep is None or not keep.exists() else _read(keep)
     waiting: list[Future[Result]] = []
     for planned in flights:
         if planned.name in known:
             yield known[planned.name]
+            continue
+        if pool is None:
             continue
         waiting.append(pool.submit(_fly, planned))
         if len(waiting) > 2 * jobs:

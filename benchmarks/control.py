@@ -1,13 +1,13 @@
 """Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
-    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J] [--keep FILE]
+    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J] [--keep FILE [--kept]]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
 bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000 on
 for a test. ``--share S`` uses every S-th faulty flight, none with 0. ``--keep FILE`` writes each flight's
-result to a file as it comes, and takes from it what a former run with the same seed has done. The rate of
-false alarms is given with its 95 % upper bound (Poisson), the share of flights with one with that of Clopper
-and Pearson.
+result to a file as it comes, and takes from it what a former run with the same seed has done; ``--kept``
+flies nothing more and prints what the file holds. The rate of false alarms is given with its 95 % upper bound
+(Poisson), the share of flights with one with that of Clopper and Pearson.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ _SURE = 0.95
 
 def false_alarms(rows: Sequence[Result]) -> None:
     """Print the false alarms per 100 hours of healthy flight, and how much of it could be judged."""
+    if not rows:
+        print("healthy: no flight")
+        return
     hours = sum(row.flown_s for row in rows) / 3600
     alarms = sum(len(row.alarms) for row in rows)
     flights = sum(bool(row.alarms) for row in rows)
@@ -99,10 +102,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--keep", type=Path, default=None, help="file of the results so far")
+    parser.add_argument("--kept", action="store_true", help="fly nothing, print what FILE holds")
     arguments = parser.parse_args()
     columns = ("surface", "surface+value", "surface+streams_hz", "turb", "phase")
     with ProcessPoolExecutor(arguments.jobs) as pool:
-        fly = partial(results, pool=pool, keep=arguments.keep, jobs=arguments.jobs)
+        fly = partial(
+            results, pool=None if arguments.kept else pool, keep=arguments.keep, jobs=arguments.jobs
+        )
         for title, plan, keys in (
             ("frozen", jams, columns),
             ("reduced", losses, columns),

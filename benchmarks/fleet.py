@@ -1,128 +1,282 @@
-"""Speed of the fleet commands: ``python benchmarks/fleet.py [--logs N] [--rows N]``.
+"""Speed and memory of the fleet commands: ``python benchmarks/fleet.py [PART ...]``, parts as below.
 
-Logs per second in a plain loop, with one worker and with two; a landing after few and after many flights; and
-the questions `worst` and one aircraft's verdicts, of a store with verdicts that were made, not flown.
+Seconds are of the wall and of the processors together (this process and its workers); where other work is on
+the machine, the processors' are the ones to trust. The load is printed first.
+
+scans      logs per second in a plain loop, with one worker and with two
+memory     largest memory of driver and worker while they scan 100 and 2,000 logs
+growth     ten new logs into a store of 10,000
+questions  `worst` and one aircraft's trend, of 1,000,000 verdicts
+landings   one more flight in a folder of 10, 1,000 and 10,000
+many       `analyse` of many logs by one process and by two
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable
-from datetime import timedelta
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-from deltalake import write_deltalake
+import psutil
 
-from mavhums import Options, analyse, fleet
-from mavhums.fleet.store import schemas
+from mavhums import Options, analyse, analyse_many, fleet
+from mavhums.app.analysis import analyse_alone
+from mavhums.app.many import Batch
+from mavhums.fleet.past import rows_of
+from mavhums.fleet.queries import exit_code
+from mavhums.fleet.store import Store
+from mavhums.history.comparison import LoneFlight
 from mavhums.history.files import keep_assessment
 from mavhums.history.index import IndexedFolder
 from mavhums_sim import Flight, fly, write_tlog
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.fleet.stores import row_of
 from tests.fleet_logs import moved
 from tests.flights import START, flown, shown, verdict, write_wear
 
 LANDINGS = (10, 1_000, 10_000)
 AIRCRAFT = 200
+DAY_S = 86_400.0
 
 
-def seconds(do: Callable[[], object]) -> float:
-    begun = time.perf_counter()
-    do()
-    return time.perf_counter() - begun
+@contextmanager
+def told(what: str, count: int = 1, unit: str = "") -> Iterator[None]:
+    """Print how long a part took, and how many there were each second."""
+    with watched() as used:
+        wall_s = time.perf_counter()
+        yield
+        wall_s = time.perf_counter() - wall_s
+    cpu_s = used.processor_s
+    rate = f", {count / wall_s:.1f} {unit}/s, {1e3 * cpu_s / count:.0f} ms of processor each" if unit else ""
+    print(f"{what}: {wall_s:.2f} s, {cpu_s:.2f} s of processor{rate}", flush=True)
 
 
-def fly_fleet(folder: Path, count: int) -> list[Path]:
-    """Write logs of two minutes, flown five times and moved in time."""
-    kinds = []
-    for seed in range(5):
-        path = folder / f"kind-{seed}.tlog"
-        write_tlog(fly(Flight(seed=seed, duration_s=120.0, rate_hz=50.0, tiers=("instrumented",))), path)
-        kinds.append(path.read_bytes())
-        path.unlink()
-    for number in range(count):
-        path = folder / f"aircraft-{number % 10}" / f"{number:05}.tlog"
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(moved(kinds[number % 5], 3600.0 * number))
-    return sorted(folder.rglob("*.tlog"))
+@dataclass
+class Used:
+    """What this process and its children used; memory is the largest unshared one, MB."""
+
+    driver_mb: float = 0.0
+    worker_mb: float = 0.0
+    processor_s: float = 0.0
 
 
-def scans(folder: Path, count: int) -> None:
-    logs = fly_fleet(folder, count)
-    size = sum(log.stat().st_size for log in logs) / len(logs) / 1e6
-    print(f"{len(logs)} logs of {size:.2f} MB")
-    loop = seconds(lambda: [analyse(log, Options()) for log in logs])
-    print(f"plain loop: {len(logs) / loop:.1f} logs/s")
+@contextmanager
+def watched() -> Iterator[Used]:
+    """Look at this process and its children five times a second; workers are not always waited for."""
+    here, used, ended = psutil.Process(), Used(), threading.Event()
+    begun_s = time.process_time()
+    workers_s: dict[psutil.Process, float] = {}
+
+    def watch() -> None:
+        while not ended.wait(0.2):
+            used.driver_mb = max(used.driver_mb, here.memory_full_info().uss / 1e6)
+            for child in here.children(recursive=True):
+                try:
+                    used.worker_mb = max(used.worker_mb, child.memory_full_info().uss / 1e6)
+                    times = child.cpu_times()
+                except psutil.Error:
+                    continue
+                workers_s[child] = times.user + times.system
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    try:
+        yield used
+    finally:
+        ended.set()
+        thread.join()
+        used.processor_s = time.process_time() - begun_s + sum(workers_s.values())
+
+
+def kinds(folder: Path, duration_s: float) -> list[bytes]:
+    """Return three different logs."""
+    logs = []
+    for seed in range(3):
+        flight = Flight(seed=seed, duration_s=duration_s, rate_hz=50.0, tiers=("instrumented",))
+        write_tlog(fly(flight), folder / "kind")
+        logs.append((folder / "kind").read_bytes())
+    (folder / "kind").unlink()
+    return logs
+
+
+def scans(folder: Path) -> None:
+    made = kinds(folder, 120.0)
+    logs = [folder / f"D-{number % 10}" / f"{number:05}.tlog" for number in range(300)]
+    for number, log in enumerate(logs):
+        log.parent.mkdir(exist_ok=True)
+        log.write_bytes(moved(made[number % 3], DAY_S * number))
+    print(f"{len(logs)} logs of {logs[0].stat().st_size / 1e6:.1f} MB")
+    analyse(logs[0])
+    with told("plain loop", len(logs), "logs"):
+        for log in logs:
+            analyse(log)
     for workers in (1, 2):
         options = fleet.ScanOptions(aircraft="folder", workers=workers)
-        store = folder / f"store-{workers}"
-        took = seconds(lambda store=store, options=options: fleet.scan([folder], store, options))
-        print(f"{workers} workers, start and second pass included: {len(logs) / took:.1f} logs/s")
-    took = seconds(lambda: fleet.scan([folder], store, options))
-    print(f"the same again, nothing new: {took:.2f} s")
+        times: list[float] = []
+        with told(f"scan, {workers} workers, with start and second pass", len(logs), "logs"):
+            fleet.scan(
+                [folder],
+                folder / f"store-{workers}",
+                options,
+                progress=lambda done, total, times=times: times.append(time.perf_counter()),  # type: ignore[misc]
+            )
+        first, last = times[len(times) // 4], times[-1]
+        print(f"  in full swing {len(times) * 0.75 / (last - first):.1f} logs/s")
+    with told("the same again, nothing new"):
+        fleet.scan([folder], folder / "store-2", options)
+
+
+def many(folder: Path) -> None:
+    made = kinds(folder, 120.0)
+    logs = [folder / f"{number:05}.tlog" for number in range(120)]
+    for number, log in enumerate(logs):
+        log.write_bytes(moved(made[number % 3], DAY_S * number))
+    analyse(logs[0])
+    for jobs in (1, 2):
+        with told(f"analyse --jobs {jobs}", len(logs), "logs"):
+            for _ in analyse_many(logs, batch=Batch(jobs=jobs)):
+                pass
+
+
+def memory(folder: Path) -> None:
+    made = kinds(folder, 40.0)
+    for count in (100, 2_000):
+        logs = folder / str(count)
+        for number in range(count):
+            log = logs / f"D-{number % 20}" / f"{number:05}.tlog"
+            log.parent.mkdir(parents=True, exist_ok=True)
+            log.write_bytes(moved(made[number % 3], DAY_S * number))
+        with watched() as used:
+            fleet.scan([logs], folder / f"store-{count}", fleet.ScanOptions(aircraft="folder"))
+        print(
+            f"scan of {count} logs: driver {used.driver_mb:.0f} MB, worker {used.worker_mb:.0f} MB",
+            flush=True,
+        )
+
+
+def copies_of(alone: LoneFlight, folder: Path, aircraft: int, flights: int) -> Iterator[LoneFlight]:
+    """Yield a flight as if it had been flown on many days."""
+    log = alone.assessment.log
+    start = datetime.fromisoformat(log.start_utc or "")
+    for day in range(flights):
+        changed = {
+            "path": str(folder / f"D-{aircraft:03}" / f"{day:05}.tlog"),
+            "sha256": f"{aircraft:032x}{day:032x}",
+            "start_utc": (start + timedelta(days=day)).isoformat(),
+            "flight": (),
+        }
+        moved_on = alone.assessment.model_copy(update={"log": log.model_copy(update=changed)})
+        yield alone._replace(assessment=moved_on)
+
+
+def growth(folder: Path) -> None:
+    made = kinds(folder, 40.0)
+    (folder / "one.tlog").write_bytes(made[0])
+    alone = analyse_alone(folder / "one.tlog", Options().resolved())
+    store = Store(folder / "store")
+    for first in range(0, AIRCRAFT, 10):
+        rows, held = [], []
+        for aircraft in range(first, first + 10):
+            for flight in copies_of(alone, folder, aircraft, 10_000 // AIRCRAFT):
+                rows.append(row_of(flight.assessment, f"D-{aircraft:03}", flight))
+                held += rows_of(f"D-{aircraft:03}", flight.assessment)
+        store.add_logs(rows)
+        store.append("verdicts", held)
+    size = sum(file.stat().st_size for file in (folder / "store").rglob("*") if file.is_file())
+    print(f"store of 10,000 flights of 40 s: {size / 1e6:.0f} MB")
+    for aircraft in range(10):
+        log = folder / "new" / f"D-{aircraft:03}" / "new.tlog"
+        log.parent.mkdir(parents=True)
+        log.write_bytes(moved(made[1], 400 * DAY_S))
+    with told("scan of 10 new logs of 10 aircraft into a store of 10,000"):
+        print(fleet.scan([folder / "new"], folder / "store", fleet.ScanOptions(aircraft="folder")))
+
+
+def questions(folder: Path) -> None:
+    import pyarrow as pa
+    from deltalake import WriterProperties, write_deltalake
+
+    from mavhums.fleet.tables import schemas
+
+    (folder / "one.tlog").write_bytes(kinds(folder, 120.0)[0])
+    verdicts = analyse(folder / "one.tlog").verdicts
+    texts = [each.model_dump_json() for each in verdicts]
+    estimates = [each.friction_nm.estimate if each.friction_nm else 0.0 for each in verdicts]
+    rng = np.random.default_rng(1)
+    flights = 1_000_000 // AIRCRAFT // len(verdicts)
+    for first in range(0, AIRCRAFT, 10):
+        rows = []
+        for aircraft in range(first, first + 10):
+            for day in range(flights):
+                for each, text, estimate in zip(verdicts, texts, estimates, strict=True):
+                    friction = round(float(estimate + rng.normal(0.0, 0.003)), 6)
+                    rows.append(
+                        {
+                            "aircraft": f"D-{aircraft:03}",
+                            "path": f"/logs/D-{aircraft:03}/{day:05}.tlog",
+                            "sha256": f"{aircraft:032x}{day:032x}",
+                            "start_us": round((START + timedelta(days=day)).timestamp() * 1e6),
+                            "vehicle": 1,
+                            "actuator": each.actuator,
+                            "condition": "normal",
+                            "worst": "normal",
+                            "urgency": 0.0,
+                            "friction_nm": friction,
+                            "airframe": "paper",
+                            "verdict": text.replace(f'"estimate":{estimate}', f'"estimate":{friction}'),
+                        }
+                    )
+        written = WriterProperties(compression="ZSTD", max_row_group_size=2_000)
+        table = pa.Table.from_pylist(rows, schema=schemas()["verdicts"])
+        write_deltalake(folder / "verdicts", table, mode="append", writer_properties=written)
+    write_deltalake(folder / "logs", schemas()["logs"].empty_table())
+    for _ in range(3):
+        with told(f"worst 20 of {4 * flights * AIRCRAFT} verdicts"):
+            fleet.worst(folder, most=20)
+        with told("exit code of all"):
+            exit_code(folder)
+        with told(f"trend of one aircraft, {flights} flights"):
+            fleet.trend(folder, "D-007")
 
 
 def landings(folder: Path) -> None:
     for count in LANDINGS:
         history = folder / str(count)
         write_wear(history, flights=count, growth=[("elevator", 0.0), ("rudder", 0.0)])
-        IndexedFolder(history)
-        keep_assessment(flown(verdict(shown(0.2)), day=20_000), history)
-        after = START + timedelta(days=20_001)
-        took = seconds(lambda history=history, after=after: IndexedFolder(history).baselines("paper", after))
-        print(f"landing after {count} flights: {took:.3f} s")
+        IndexedFolder(history).baselines("paper", START + timedelta(days=19_000))
+        for again in range(3):
+            keep_assessment(flown(verdict(shown(0.2)), day=20_000 + again), history)
+            after = START + timedelta(days=20_001 + again)
+            with told(f"landing after {count} flights"):
+                IndexedFolder(history).baselines("paper", after)
 
 
-def questions(folder: Path, rows: int) -> None:
-    rng = np.random.default_rng(1)
-    each = rows // AIRCRAFT // 4
-    for first in range(0, AIRCRAFT, 20):
-        names = [f"D-{number:03}" for number in range(first, first + 20)]
-        count = 20 * each * 4
-        start = np.tile(np.repeat(np.arange(each) * 3_600_000_000, 4), 20)
-        friction = rng.normal(0.225, 0.003, count)
-        table = pa.table(
-            {
-                "aircraft": np.repeat(names, each * 4),
-                "path": [f"{name}/{k}.tlog" for name in names for k in range(each) for _ in range(4)],
-                "sha256": ["0"] * count,
-                "start_us": start,
-                "vehicle": np.ones(count, dtype=np.int64),
-                "actuator": np.tile(["a", "b", "c", "d"], 20 * each),
-                "condition": ["normal"] * count,
-                "worst": ["normal"] * count,
-                "urgency": np.zeros(count),
-                "friction_nm": friction,
-                "airframe": ["paper"] * count,
-                "verdict": [verdict(shown(0.2)).model_dump_json()] * count,
-            }
-        )
-        write_deltalake(folder / "verdicts", table, mode="append")
-        write_deltalake(folder / "logs", _no_logs(), mode="append")
-    print(f"worst of {rows} verdicts: {seconds(lambda: fleet.worst(folder, most=20)):.2f} s")
-    print(f"one aircraft's verdicts of them: {seconds(lambda: fleet.verdicts(folder, 'D-007')):.2f} s")
-
-
-def _no_logs() -> pa.Table:
-    return schemas()["logs"].empty_table()
+PARTS: dict[str, Callable[[Path], None]] = {
+    part.__name__: part for part in (landings, questions, growth, many, scans, memory)
+}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--logs", type=int, default=600)
-    parser.add_argument("--rows", type=int, default=1_000_000)
-    given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
-        landings(Path(one))
-        questions(Path(two), given.rows)
-    with tempfile.TemporaryDirectory() as folder:
-        scans(Path(folder), given.logs)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("parts", nargs="*", metavar="PART", help="all parts if none is named")
+    parts = parser.parse_args().parts or list(PARTS)
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    for part in parts:
+        with tempfile.TemporaryDirectory() as folder:
+            print(f"# {part}")
+            PARTS[part](Path(folder))
 
 
 if __name__ == "__main__":

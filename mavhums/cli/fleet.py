@@ -9,16 +9,27 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums.cli.options import AIRCRAFT, AIRCRAFT_TABLE, AIRFRAME, DIALECT, FALSE_ALARMS, JSON, KEY, PATH
+from mavhums.cli.options import (
+    AIRCRAFT,
+    AIRCRAFT_TABLE,
+    AIRFRAME,
+    DIALECT,
+    FALSE_ALARMS,
+    JSON,
+    KEY,
+    PATH,
+    REPAIRS,
+)
 from mavhums.cli.output import say, say_json
 from mavhums.core.errors import ExitCode
 
 if TYPE_CHECKING:
+    from mavhums.fleet import Repair
     from mavhums.fleet.queries import Worst
 
 __all__ = ["fleet"]
 
-_STORE = click.argument("store", metavar="STORE", type=PATH)
+_STORE = click.argument("store", metavar="STORE")
 _SHOWN_FAILURES = 20
 
 
@@ -29,22 +40,33 @@ def fleet() -> None:
 
 @fleet.command(epilog="Not an airworthiness decision; validated in simulation only.")
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
-@click.option("--to", "store", type=PATH, required=True, metavar="STORE", help="Folder of the store.")
+@click.option(
+    "--to",
+    "store",
+    required=True,
+    metavar="STORE",
+    help="The store: a folder, or s3://BUCKET/NAME and the like.",
+)
 @AIRCRAFT
 @AIRCRAFT_TABLE
 @click.option(
-    "--workers", type=click.IntRange(1, 256), default=1, show_default=True, help="Processes on this machine."
+    "--workers",
+    type=click.IntRange(0, 256),
+    default=1,
+    show_default=True,
+    help="Processes on this machine; 0 judges in this one, which is soonest for the log of one landing.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tcp://….")
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
 @DIALECT
 @FALSE_ALARMS
+@REPAIRS
 @KEY
 @JSON
 def scan(
     sources: tuple[str, ...],
-    store: Path,
+    store: str,
     aircraft: str | None,
     aircraft_table: Path | None,
     workers: int,
@@ -53,6 +75,7 @@ def scan(
     model: str | None,
     dialect: Path | None,
     false_alarms: float,
+    dates: tuple[tuple[str | None, datetime], ...],
     key: Path | None,
     as_json: bool,
 ) -> None:
@@ -76,6 +99,7 @@ def scan(
         aircraft_table=aircraft_table,
         workers=workers,
         scheduler=scheduler,
+        repairs=[_repair(name, at) for name, at in dates],
     )
     done = scan_logs(sources, store, options, progress=_Told())
     if as_json:
@@ -88,7 +112,7 @@ def scan(
 @fleet.command()
 @_STORE
 @JSON
-def status(store: Path, as_json: bool) -> None:
+def status(store: str, as_json: bool) -> None:
     """Say what STORE holds, and which logs could not be judged."""
     from mavhums.fleet import status as status_of
 
@@ -113,7 +137,7 @@ def status(store: Path, as_json: bool) -> None:
 @_STORE
 @click.option("-n", "most", type=click.IntRange(1), default=20, show_default=True, help="How many.")
 @JSON
-def worst(store: Path, most: int, as_json: bool) -> None:
+def worst(store: str, most: int, as_json: bool) -> None:
     """Show the actuators of all aircraft as of their last flights, the worst first.
 
     \b
@@ -137,7 +161,7 @@ def worst(store: Path, most: int, as_json: bool) -> None:
 @_STORE
 @click.argument("aircraft")
 @JSON
-def trend(store: Path, aircraft: str, as_json: bool) -> None:
+def trend(store: str, aircraft: str, as_json: bool) -> None:
     """Show the trend of each actuator of AIRCRAFT over its flights; exit codes as of `mavhums trend`."""
     from mavhums.fleet import trend as trend_of
 
@@ -156,11 +180,19 @@ def trend(store: Path, aircraft: str, as_json: bool) -> None:
 @fleet.command()
 @_STORE
 @click.option("-o", "--output", type=PATH, required=True, metavar="OUT", help="Ends in .csv or .parquet.")
-def export(store: Path, output: Path) -> None:
+def export(store: str, output: Path) -> None:
     """Write a row per verdict to a table."""
     from mavhums.fleet import export as export_to
 
     say(f"{output}: {len(export_to(store, output))} verdicts")
+
+
+def _repair(name: str | None, at: datetime) -> Repair:
+    """Return the repair that ``AIRCRAFT/ACTUATOR``, ``AIRCRAFT/`` or ``ACTUATOR`` names; None names all."""
+    from mavhums.fleet import Repair
+
+    aircraft, _, actuator = (name or "").rpartition("/")
+    return Repair(aircraft or None, actuator or None, at)
 
 
 class _Told:

@@ -22,6 +22,7 @@ __all__ = [
     "LOG",
     "LOGS",
     "PATH",
+    "REPAIRS",
 ]
 
 PATH: click.Path = click.Path(path_type=Path)
@@ -101,4 +102,14 @@ BASELINE_FROM = click.option(
     multiple=True,
     metavar="[ACTUATOR=]DATE",
     help="Earlier flights do not count, as after a repair; of all actuators, or of one. Can be repeated.",
+)
+
+REPAIRS = click.option(
+    "--baseline-from",
+    "dates",
+    type=_NamedDate(),
+    multiple=True,
+    metavar="[[AIRCRAFT/]ACTUATOR=]DATE",
+    help="Flights from then on are held against none before, as after a repair: D-EABC/rudder=2026-03-01, or"
+    " D-EABC/=2026-03-01 for all its actuators. The store keeps it. Can be repeated.",
 )

@@ -46,11 +46,19 @@ class Known:
         self._open: list[_Group] = []
         self._counts: Counter[_Key] = Counter()
         self._slim: list[PastFlight] = []
+        self._latest: dict[_Key, Baselines] = {}
 
     def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
         """Return the same as :meth:`mavhums.history.flights.FlightHistory.baselines` for all flights."""
-        recent = (flight for group in self._open for flight in group.flights)
-        return FlightHistory((*self._references, *recent)).baselines(airframe, before, self._dates(before))
+        if before is None:
+            return {}
+        since = self._since(before)
+        recent = (flight for group in self._open if group.wanted for flight in group.flights)
+        ended = tuple(flight for flight in (*self._references, *recent) if flight.end <= before)
+        key = (airframe, tuple(map(id, ended)), tuple(since.items()))
+        if key not in self._latest:  # the same for all flights after the last reference
+            self._latest = {key: FlightHistory(ended).baselines(airframe, before, since)}
+        return self._latest[key]
 
     def past(
         self, airframe: str | None, before: datetime | None

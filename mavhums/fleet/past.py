@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from datetime import datetime
-from functools import partial
 
 from mavhums.core.conditions import URGENCY
-from mavhums.fleet.installed import installed_in
 from mavhums.fleet.known import Known
-from mavhums.fleet.store import Store
+from mavhums.fleet.repairs import since_of
+from mavhums.fleet.store import OF_THIS_FORMAT, Store
 from mavhums.history.aircraft import UNKNOWN
 from mavhums.history.comparison import LoneFlight, compared, unpacked
 from mavhums.history.flights import PastFlight
@@ -24,7 +23,7 @@ def hold_against_past(store: Store, aircraft: str) -> None:
     A flight that several logs record has the verdicts of the best one; the others are stored as its copies.
     """
     flights = (unpacked(data) for data in _stored(store, aircraft))
-    known = Known(partial(installed_in(store, aircraft).since, aircraft))
+    known = Known(since_of(store, aircraft))
     held = (flight.assessment for flight in flights) if aircraft == UNKNOWN else in_order(flights, known)
     rows = [row for assessment in held for row in rows_of(aircraft, assessment)]
     counted, copies = known.divided(rows)
@@ -69,6 +68,7 @@ def _stored(store: Store, aircraft: str) -> Iterator[bytes]:
     """Yield an aircraft's flights in time order: each log once, in its latest judgement."""
     rows = store.query(
         "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND flight IS NOT NULL"
+        f" AND {OF_THIS_FORMAT}"
         " GROUP BY sha256 ORDER BY min(start_us), min(path)",
         aircraft,
     )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from glob import glob, has_magic
+from itertools import islice
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -16,7 +18,8 @@ from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.fleet.installed import reassigned
 from mavhums.fleet.past import hold_against_past
-from mavhums.fleet.rows import LogFile, Row, crashed, judge_several, settings_of
+from mavhums.fleet.repairs import Repairs, add_repairs
+from mavhums.fleet.rows import LogFile, Row, crashed, judge, judge_several, settings_of
 from mavhums.fleet.store import Store
 from mavhums.history.aircraft import Whose
 from mavhums.history.aircraft_table import AircraftTable
@@ -30,6 +33,7 @@ _BATCH: Final = 20
 _IN_FLIGHT: Final = 8
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
+_ROUNDS: Final = 2  # in the second, what another scan of an object store committed in between
 _LOG: Final = re.compile(r".+\.(tlog|bin|ulg)(\.(gz|xz|bz2|zst))?", re.IGNORECASE)
 
 Progress = Callable[[int, int], None]
@@ -51,10 +55,13 @@ class ScanOptions:
         The operator's table of installed boards and actuators, or its file; it goes before the rule. The
         store keeps it, and applies it to the logs that it has already.
     workers
-        Processes on this machine.
+        Processes on this machine; with 0, this process judges, which is soonest for the log of one landing.
     scheduler
         Address of a Dask scheduler whose workers judge instead, such as ``tcp://10.0.0.1:8786``. They must
         have logs and profiles under the same paths.
+    repairs
+        Dates from which actuators' flights count. The store keeps them; a new one changes the verdicts of
+        its aircraft without opening a log.
     """
 
     judging: Options = field(default_factory=Options)
@@ -62,6 +69,7 @@ class ScanOptions:
     aircraft_table: AircraftTable | str | os.PathLike[str] | None = None
     workers: int = 1
     scheduler: str | None = None
+    repairs: Repairs = ()
 
 
 class Scanned(NamedTuple):
@@ -119,11 +127,11 @@ def scan(
     with kept.locked():
         known = kept.known()
         new = [file for file in files if known.get(file) != settings]
-        commits = _Commits(kept, reassigned(kept, whose.table))
+        commits = _Commits(kept, reassigned(kept, whose.table) | add_repairs(kept, options.repairs))
         try:
             if new:
-                with _cluster(options) as client:
-                    for done, row in enumerate(_judged(client, new, options, settings, whose), 1):
+                with closing(_rows(new, options, settings, whose)) as rows:
+                    for done, row in enumerate(rows, 1):
                         commits.add(row)
                         if progress:
                             progress(done, len(new))
@@ -181,8 +189,10 @@ class _Commits:
 
     def close(self) -> None:
         self._commit()
-        for aircraft in sorted(self._aircraft | self._store.waiting()):
-            hold_against_past(self._store, aircraft)
+        for _ in range(_ROUNDS if self._store.is_shared else 1):
+            for aircraft in sorted(self._aircraft | self._store.waiting()):
+                self._store.settle(partial(hold_against_past, self._store, aircraft))
+            self._aircraft = set()
         self._store.compact()
 
     def _commit(self) -> None:
@@ -193,6 +203,15 @@ class _Commits:
             self._aircraft |= {row.aircraft for row in self._rows if row.flight is not None}
         self._rows = []
         self._since_s = monotonic()
+
+
+def _rows(files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose) -> Generator[Row]:
+    """Yield the row of each log, from this process or from workers."""
+    if options.workers == 0 and options.scheduler is None:
+        yield from (judge(file, options.judging, settings, whose) for file in files)
+        return
+    with _cluster(options) as client:
+        yield from _judged(client, files, options, settings, whose)
 
 
 @contextmanager
@@ -239,7 +258,7 @@ def _judged(
         pending[future.key] = several
         running.add(future)
 
-    for several, _ in zip(waiting, range(_IN_FLIGHT * max(options.workers, 1)), strict=False):
+    for several in islice(waiting, _IN_FLIGHT * max(options.workers, 1)):
         submit(several)
     for future in running:
         several = pending.pop(future.key)

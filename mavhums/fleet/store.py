@@ -1,33 +1,37 @@
-"""The store: a folder with Delta tables, for logs judged alone and for verdicts compared with the past.
+"""The store of a fleet: logs judged alone, verdicts compared with the past, and logs that do not count.
 
-A third table names the logs that do not count, because another log of the same flight is better. Only the
-scanning process writes, under a lock; each commit is written whole or not at all.
+Only the scanning process writes; each commit is written whole or not at all. A folder is locked against a
+second scan. An object store cannot be locked: a commit that another overtook is made again.
 """
 
 from __future__ import annotations
 
 import os
+import random
+import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.fleet.rows import LogFile, Row
+from mavhums.fleet.tables import COPIES, INSTALLED, LOGS, VERDICTS, Tables, schemas
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-    from deltalake import WriterProperties
+__all__ = ["FORMAT", "OF_THIS_FORMAT", "Store"]
 
-__all__ = ["COPIES", "INSTALLED", "LOGS", "VERDICTS", "Store", "schemas"]
+FORMAT: Final = 1
+"""Version of the stored flights; those of another version are not read, and their logs are judged again."""
 
-LOGS: Final = "logs"
-VERDICTS: Final = "verdicts"
-COPIES: Final = "copies"
-INSTALLED: Final = "installed"
+OF_THIS_FORMAT: Final = f"coalesce(format, 1) = {FORMAT}"
+"""Holds of the logs whose flights this version reads; the first version stored none."""
+
+Result = TypeVar("Result")
+
 _COMPACT_FILES: Final = 64
-_ROW_GROUP: Final = 2_000
+_ATTEMPTS: Final = 12
+_PAUSE_S: Final = 0.2
 
 
 class Store:
@@ -35,8 +39,8 @@ class Store:
 
     Parameters
     ----------
-    folder
-        The folder; the first commit creates it.
+    place
+        A folder, which the first commit creates, or an object store's address such as ``s3://bucket/fleet``.
 
     Raises
     ------
@@ -44,13 +48,19 @@ class Store:
         If the packages of the extra ``fleet`` are not installed.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
+    def __init__(self, place: str | os.PathLike[str]) -> None:
         try:
             import deltalake  # noqa: F401
             import duckdb  # noqa: F401
         except ImportError as error:
             raise MissingExtraError("a fleet's store", "fleet") from error
-        self.folder = Path(folder)
+        self._tables = Tables(os.fspath(place))
+        self.place = self._tables.place
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether several scans can write at once."""
+        return self._tables.is_remote
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -61,54 +71,44 @@ class Store:
         MavhumsError
             If another scan writes into the store, or it cannot be written.
         """
+        if self.is_shared:
+            yield
+            return
         import locket
 
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            lock = locket.lock_file(str(self.folder / ".scan.lock"), timeout=0)
+            Path(self.place).mkdir(parents=True, exist_ok=True)
+            lock = locket.lock_file(str(Path(self.place, ".scan.lock")), timeout=0)
             lock.acquire()
         except locket.LockError as error:
-            problem = f"{self.folder}: another scan writes into this store"
+            problem = f"{self.place}: another scan writes into this store"
             raise MavhumsError(problem, "wait until it has ended") from error
         except OSError as error:
-            problem = f"{self.folder}: {(error.strerror or str(error)).lower()}"
+            problem = f"{self.place}: {(error.strerror or str(error)).lower()}"
             raise MavhumsError(problem, "name another folder with --to") from error
         try:
             yield
         finally:
             lock.release()
 
-    def has(self, table: str) -> bool:
-        """Return whether a table exists."""
-        return (self.folder / table / "_delta_log").is_dir()
-
     def query(self, sql: str, *values: object) -> Any:
-        """Return DuckDB's result; ``logs``, ``verdicts``, ``copies`` and ``installed`` name the tables.
+        """Return DuckDB's result; the names of :mod:`mavhums.fleet.tables` name the tables.
 
         Raises
         ------
         MavhumsError
-            If the store does not exist, or is damaged.
+            If the store does not exist, is damaged, or cannot be reached.
         """
         import duckdb
-        from deltalake import DeltaTable
         from deltalake.exceptions import DeltaError
 
         base = duckdb.connect()
         try:
             for table in schemas():
-                if not self.has(table):
-                    base.register(table, schemas()[table].empty_table())
-                    continue
-                files = DeltaTable(self.folder / table).file_uris()
-                if files:
-                    base.execute(f"CREATE VIEW {table} AS SELECT * FROM read_parquet({_quoted(files)})")
-                else:
-                    base.register(table, schemas()[table].empty_table())
+                self._tables.show(base, table)
             return base.execute(sql, list(values))
         except (DeltaError, duckdb.Error, OSError) as error:
-            problem = f"{self.folder}: the store cannot be read: {str(error).splitlines()[0][:200]}"
-            raise MavhumsError(problem, "restore it from a backup, or scan into a new folder") from error
+            raise self._unreadable(error) from error
 
     def opened(self) -> Store:
         """Return the store.
@@ -118,15 +118,38 @@ class Store:
         MavhumsError
             If the store does not exist.
         """
-        if not self.has(LOGS):
+        if not self._has(LOGS):
             remedy = "fill it: mavhums fleet scan LOGS --to STORE"
-            raise MavhumsError(f"{self.folder}: no store of a fleet", remedy)
+            raise MavhumsError(f"{self.place}: no store of a fleet", remedy)
         return self
 
     def add_logs(self, rows: Sequence[Row]) -> None:
         """Commit logs, in one transaction."""
         now = time.time_ns()
-        self._write(LOGS, [row._asdict() | {"scanned": now + k} for k, row in enumerate(rows)], mode="append")
+        told = [row._asdict() | {"scanned": now + k, "format": FORMAT} for k, row in enumerate(rows)]
+        self.append(LOGS, told)
+
+    def append(self, table: str, rows: Sequence[dict[str, object]]) -> None:
+        """Commit rows, in one transaction."""
+        self.settle(lambda: self._write(table, rows, mode="append"))
+
+    def settle(self, change: Callable[[], None]) -> None:
+        """Make a change; if another scan changed the same rows meanwhile, make it again.
+
+        Raises
+        ------
+        MavhumsError
+            If other scans overtake it again and again.
+        """
+        from deltalake.exceptions import CommitFailedError
+
+        for attempt in range(1, _ATTEMPTS + 1):
+            try:
+                return change()
+            except CommitFailedError:
+                time.sleep(attempt * _PAUSE_S * random.random())
+        problem = f"{self.place}: other scans change the same aircraft all the time"
+        raise MavhumsError(problem, "scan again when they have ended")
 
     def replace_verdicts(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         """Replace the verdicts of an aircraft, in one transaction."""
@@ -134,7 +157,7 @@ class Store:
 
     def replace_copies(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         """Replace the names of an aircraft's logs that do not count, in one transaction."""
-        if rows or self.has(COPIES):
+        if rows or self._has(COPIES):
             self._replace(COPIES, aircraft, rows)
 
     def replace_installed(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
@@ -143,26 +166,11 @@ class Store:
 
     def rename(self, names: Mapping[str, str]) -> None:
         """Give the logs with these hashes to other aircraft, in one transaction."""
-        import pyarrow as pa
-        from deltalake import DeltaTable
-        from deltalake.exceptions import DeltaError
-
-        if not names:
-            return
-        source = pa.table({"sha256": [*names], "aircraft": [*names.values()]})
-        try:
-            DeltaTable(self.folder / LOGS).merge(
-                source, "logs.sha256 = new.sha256", source_alias="new", target_alias="logs"
-            ).when_matched_update({"aircraft": "new.aircraft"}).execute()
-        except (DeltaError, OSError) as error:
-            raise self._unwritable(error) from error
-
-    def _unwritable(self, error: Exception) -> MavhumsError:
-        problem = f"{self.folder}: cannot be written: {str(error).splitlines()[0][:200]}"
-        return MavhumsError(problem, "make room or mend it, and scan again: it resumes")
+        if names:
+            self.settle(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
 
     def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
-        if self.has(table):
+        if self._has(table):
             predicate = f"aircraft = '{aircraft.replace(chr(39), chr(39) * 2)}'"
             self._write(table, rows, mode="overwrite", predicate=predicate)
         else:
@@ -170,71 +178,56 @@ class Store:
 
     def known(self) -> dict[LogFile, str]:
         """Return the scanned logs, each with the settings of its latest judgement."""
-        rows = self.query("SELECT path, size, time_ns, settings FROM logs ORDER BY scanned").fetchall()
+        rows = self.query(
+            f"SELECT path, size, time_ns, settings FROM logs WHERE {OF_THIS_FORMAT} ORDER BY scanned"
+        ).fetchall()
         return {LogFile(*file): settings for *file, settings in rows}
 
     def waiting(self) -> set[str]:
         """Return the aircraft that have logs without a verdict, as after an interruption."""
         rows = self.query(
-            "SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL AND sha256 NOT IN"
-            " (SELECT sha256 FROM verdicts UNION ALL SELECT sha256 FROM copies)"
+            f"SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL AND {OF_THIS_FORMAT}"
+            " AND sha256 NOT IN (SELECT sha256 FROM verdicts UNION ALL SELECT sha256 FROM copies)"
         ).fetchall()
         return {aircraft for (aircraft,) in rows}
 
     def compact(self) -> None:
-        """Compact small files, and remove files that no version of the last week needs."""
-        from deltalake import DeltaTable
-
+        """Compact the tables that have many files."""
         for name in schemas():
-            if self.has(name):
-                table = DeltaTable(self.folder / name)
-                if len(table.file_uris()) > _COMPACT_FILES:
-                    table.optimize.compact(writer_properties=_written())
-                    table.vacuum(dry_run=False)
+            if self._has(name) and self._changed(lambda name=name: self._tables.files(name)) > _COMPACT_FILES:  # type: ignore[misc]
+                self.settle(lambda name=name: self._changed(lambda: self._tables.compact(name)))  # type: ignore[misc]
+
+    def _has(self, table: str) -> bool:
+        try:
+            return self._tables.has(table)
+        except OSError as error:
+            raise self._unreadable(error) from error
 
     def _write(self, table: str, rows: Sequence[dict[str, object]], **how: Any) -> None:
-        import pyarrow as pa
-        from deltalake import write_deltalake
-        from deltalake.exceptions import DeltaError
+        self._changed(lambda: self._tables.write(table, rows, **how))
 
-        content = pa.Table.from_pylist(list(rows), schema=schemas()[table])
+    def _changed(self, change: Callable[[], Result]) -> Result:
+        from deltalake.exceptions import CommitFailedError, DeltaError
+
         try:
-            write_deltalake(self.folder / table, content, writer_properties=_written(), **how)
+            return change()
+        except CommitFailedError:
+            raise
         except (DeltaError, OSError) as error:
             raise self._unwritable(error) from error
 
+    def _unreadable(self, error: Exception) -> MavhumsError:
+        problem = f"{self.place}: the store cannot be read: {_words(error)}"
+        if self.is_shared:
+            return MavhumsError(problem, "check the address, the network and the credentials")
+        return MavhumsError(problem, "restore it from a backup, or scan into a new folder")
 
-def schemas() -> dict[str, pa.Schema]:
-    """Return the columns of the tables."""
-    import pyarrow as pa
-
-    text, whole, number = pa.string(), pa.int64(), pa.float64()
-    log = [("path", text), ("size", whole), ("time_ns", whole), ("settings", text), ("sha256", text)]
-    log += [
-        ("aircraft", text),
-        ("board", text),
-        ("start_us", whole),
-        ("duration_s", number),
-        ("losses", pa.bool_()),
-    ]
-    log += [("flight", pa.binary()), ("problem", text), ("remedy", text)]
-    log += [("scanned", whole)]
-    verdict = [("aircraft", text), ("path", text), ("sha256", text), ("start_us", whole), ("vehicle", whole)]
-    verdict += [("actuator", text), ("condition", text), ("worst", text), ("urgency", number)]
-    verdict += [("friction_nm", number), ("airframe", text), ("verdict", text)]
-    copy = [("aircraft", text), ("path", text), ("sha256", text), ("vehicle", whole), ("counted", text)]
-    return {LOGS: pa.schema(log), VERDICTS: pa.schema(verdict), COPIES: pa.schema(copy)} | {
-        INSTALLED: pa.schema([("aircraft", text), ("entry", text)])
-    }
+    def _unwritable(self, error: Exception) -> MavhumsError:
+        problem = f"{self.place}: cannot be written: {_words(error)}"
+        return MavhumsError(problem, "make room or mend it, and scan again: it resumes")
 
 
-def _written() -> WriterProperties:
-    """Return how tables are written: in small groups of rows, of which a query skips most."""
-    from deltalake import WriterProperties
-
-    return WriterProperties(compression="ZSTD", max_row_group_size=_ROW_GROUP)
-
-
-def _quoted(files: Sequence[str]) -> str:
-    paths = ", ".join("'" + file.removeprefix("file://").replace("'", "''") + "'" for file in files)
-    return f"[{paths}]"
+def _words(error: Exception) -> str:
+    """Return an error's message in one line, without the colours and arrows of nested causes."""
+    lines = (re.sub(r"\x1b\[[\d;]*m|↳", "", line).strip() for line in str(error).splitlines())
+    return ": ".join(line for line in lines if line)[:300]

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the r
 GROUND = "it never flew forward"
 COPTER = "a quadrotor"
 SUBMARINE = "a submarine"
-MULTIROTOR = "multirotor: control effectiveness"
+MULTIROTOR = "multirotor"
 
 UNJUDGED = {
     "APTRG-wsk-gcs__mav-631b075.tlog": GROUND,
@@ -130,3 +130,12 @@ def test_jammed_ailerons_are_found_with_inferred_outputs(name: str, fault: str) 
     assert roll.worst in ("degraded", "emergency")
     assert roll.suspects[0].fault == fault
     assert "inference" in roll.provenance["V1"]
+
+
+@pytest.mark.slow
+def test_slow_servos_are_no_emergency() -> None:
+    """All servos of a flight follow with 0.6 s instead of 0.14 s; the trim wanders with the oscillation."""
+    log = REAL_LOGS / "sitl" / "control" / "f14_slow_all_060.tlog"
+    roll = next(verdict for verdict in axes(log) if verdict.actuator == "roll")
+    assert (roll.condition, roll.worst) == ("degraded", "degraded")
+    assert {suspect.fault for suspect in roll.suspects} == {"slow"}

@@ -14,8 +14,8 @@ from mavhums.report.assessment import Assessment
 __all__ = ["row_of", "write_store"]
 
 
-def row_of(assessment: Assessment, aircraft: str) -> Row:
-    """Return a log's row, as a worker gives it."""
+def row_of(assessment: Assessment, aircraft: str, flight: LoneFlight | None = None) -> Row:
+    """Return a log's row, as a worker gives it; without the flight's records if it is not given."""
     log = assessment.log
     start = PastFlight.of(assessment).start if log.start_utc else None
     return Row(
@@ -29,7 +29,7 @@ def row_of(assessment: Assessment, aircraft: str) -> Row:
         start_us=round(start.timestamp() * 1e6) if start else None,
         duration_s=log.duration_s,
         losses=False,
-        flight=packed(LoneFlight(assessment, {}, {})),
+        flight=packed(flight or LoneFlight(assessment, {}, {})),
         problem=None,
         remedy=None,
     )

@@ -30,7 +30,8 @@ cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.scan import logs_in  # noqa: E402
-from mavhums.fleet.store import LOGS, Store  # noqa: E402
+from mavhums.fleet.store import Store  # noqa: E402
+from mavhums.fleet.tables import LOGS  # noqa: E402
 
 FLIGHTS = 12
 DAY_S = 86_400.0

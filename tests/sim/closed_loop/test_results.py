@@ -62,3 +62,5 @@ def test_a_run_that_was_cut_off_is_continued(
     assert sorted(again, key=lambda row: row.name) == whole
     assert sorted(kept.results(plan, Here(), file, 1), key=lambda row: row.name) == whole
     assert len(flown) == 4
+    more = [*plan, SimpleNamespace(name="d")]
+    assert [row.name for row in kept.results(more, None, file, 1)] == ["a", "b", "c"]

@@ -1,0 +1,183 @@
+"""One by one and fleet, the same verdicts: ``python benchmarks/fleet_equality.py [--flights N]``.
+
+Flies twelve aircraft, fifty flights each: on six the elevator wears, two have two vehicles in each log, one
+is repaired half-way, one log in a hundred is broken. Every log is judged by ``analyse --history --keep``
+after its landing, and by a fleet with one worker, with two, in shuffled order of arrival, and through a
+scheduler that is a process of its own; two aircraft once more with another rate of false alarms. Prints how
+many logs agree.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from mavhums import MavhumsError, Options, analyse, fleet
+from mavhums.history.files import keep_assessment
+from mavhums_sim import Flight, fly, write_tlog
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.fleet_logs import joined, moved
+
+AIRCRAFT = 12
+WORN = range(6)
+TWO_VEHICLES = (10, 11)
+REPAIRED = 2
+DAY_S = 86_400.0
+FIRST_DAY = datetime(2026, 1, 1, tzinfo=UTC)  # of the simulator
+
+Told = dict[str, list[str]]
+
+
+def fly_all(folder: Path, flights: int) -> None:
+    rng = random.Random(1)
+    for aircraft in range(AIRCRAFT):
+        place = folder / f"D-{aircraft:03d}"
+        place.mkdir(parents=True)
+        for day in range(flights):
+            path = place / f"{day:03d}.tlog"
+            wear = 0.15 * day / flights if aircraft in WORN else 0.0
+            if aircraft == REPAIRED and day >= flights // 2:
+                wear = 0.0
+            one = _flown(folder, 1000 * aircraft + day, aircraft, 0.225 + wear, rng.uniform(22.0, 40.0))
+            data = one.read_bytes()
+            if aircraft in TWO_VEHICLES:
+                other = one.rename(folder / "other")
+                data = joined(_flown(folder, 500_000 + day, 100 + aircraft, 0.225, 22.0), other)
+            path.write_bytes(data if rng.random() > 0.01 else data[:40])
+            path.write_bytes(moved(path.read_bytes(), DAY_S * day) if path.stat().st_size > 40 else b"broken")
+
+
+def _flown(folder: Path, seed: int, individual: int, friction_nm: float, duration_s: float) -> Path:
+    flight = Flight(
+        seed,
+        duration_s,
+        {"elevator": (friction_nm, friction_nm)},
+        rate_hz=25.0,
+        tiers=("instrumented",),
+        individuals=individual,
+    )
+    write_tlog(fly(flight), folder / "flown")
+    return folder / "flown"
+
+
+def repair_date(flights: int) -> datetime:
+    return FIRST_DAY + timedelta(days=flights // 2)
+
+
+def one_by_one(logs: Path, history: Path, flights: int, rate: float, aircraft: Sequence[int]) -> Told:
+    """Judge each log after its landing, with a folder of the flights before."""
+    told: Told = {}
+    for number in aircraft:
+        kept = history / f"D-{number:03d}"
+        kept.mkdir(parents=True)
+        for log in sorted((logs / f"D-{number:03d}").iterdir()):
+            repaired = number == REPAIRED and int(log.stem) >= flights // 2
+            since = {None: repair_date(flights)} if repaired else None
+            try:
+                assessment = analyse(log, Options(history=kept, since=since, false_alarms=rate))
+            except MavhumsError:
+                continue
+            keep_assessment(assessment, kept)
+            told[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
+    return told
+
+
+def by_fleet(
+    logs: Sequence[Path], store: Path, flights: int, *, rate: float = 1.0, parts: int = 1, **how: object
+) -> Told:
+    """Judge the logs in the given order of arrival."""
+    repairs = [fleet.Repair(f"D-{REPAIRED:03d}", None, repair_date(flights))]
+    options = fleet.ScanOptions(
+        judging=Options(false_alarms=rate),
+        aircraft="folder",
+        repairs=repairs,
+        **how,  # type: ignore[arg-type]
+    )
+    for part in range(parts):
+        fleet.scan(logs[part::parts], store, options)
+    told: Told = {}
+    for aircraft in range(AIRCRAFT):
+        for log, verdict in fleet.verdicts(store, f"D-{aircraft:03d}"):
+            told.setdefault(log, []).append(verdict.model_dump_json())
+    return {log: sorted(several) for log, several in told.items()}
+
+
+@contextmanager
+def cluster(folder: Path) -> Iterator[str]:
+    """Run a scheduler and two workers, each a process of its own."""
+    dask, file = str(Path(sys.executable).parent / "dask"), folder / "scheduler.json"
+    scheduler = [dask, "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    worker = [dask, "worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-dashboard"]
+    quiet = subprocess.DEVNULL
+    processes = [subprocess.Popen(scheduler, stdout=quiet, stderr=quiet)]
+    try:
+        while not file.exists():
+            time.sleep(0.1)
+        processes += [subprocess.Popen(worker, cwd=folder, stdout=quiet, stderr=quiet) for _ in range(2)]
+        yield str(json.loads(file.read_text(encoding="utf-8"))["address"])
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+            process.wait()
+
+
+def compare(name: str, expected: Told, found: Told, begun_s: float) -> bool:
+    same = sum(found.get(log) == verdicts for log, verdicts in expected.items())
+    more = len(found.keys() - expected.keys())
+    took_s = time.perf_counter() - begun_s
+    print(f"{name}: {same} of {len(expected)} logs agree, {more} more; {took_s:.0f} s", flush=True)
+    return same == len(expected) and not more
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--flights", type=int, default=50, help="flights of each aircraft")
+    flights = parser.parse_args().flights
+    agree = []
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        begun = time.perf_counter()
+        fly_all(folder / "logs", flights)
+        for left in ("flown", "other"):
+            (folder / "logs" / left).unlink(missing_ok=True)
+        logs = sorted((folder / "logs").rglob("*.tlog"))
+        print(
+            f"{len(logs)} logs of {AIRCRAFT} aircraft flown; {time.perf_counter() - begun:.0f} s", flush=True
+        )
+        begun = time.perf_counter()
+        expected = one_by_one(folder / "logs", folder / "history", flights, 1.0, range(AIRCRAFT))
+        drifts = sum("drift" in verdict for several in expected.values() for verdict in several)
+        print(f"one by one: {len(expected)} judged, {drifts} verdicts with drift evidence", end="; ")
+        print(f"{time.perf_counter() - begun:.0f} s", flush=True)
+        for workers in (1, 2):
+            begun = time.perf_counter()
+            found = by_fleet(logs, folder / f"store-{workers}", flights, workers=workers)
+            agree.append(compare(f"fleet, {workers} workers", expected, found, begun))
+        begun = time.perf_counter()
+        arriving = random.Random(2).sample(logs, len(logs))
+        found = by_fleet(arriving, folder / "store-shuffled", flights, parts=5, workers=2)
+        agree.append(compare("fleet, shuffled, in five scans", expected, found, begun))
+        begun = time.perf_counter()
+        with cluster(folder) as scheduler:
+            found = by_fleet(logs, folder / "store-scheduler", flights, scheduler=scheduler)
+        agree.append(compare("fleet, a scheduler of its own", expected, found, begun))
+        begun = time.perf_counter()
+        some = [log for log in logs if log.parent.name in ("D-001", "D-010")]
+        expected = one_by_one(folder / "logs", folder / "history-rate", flights, 20.0, (1, 10))
+        found = by_fleet(some, folder / "store-rate", flights, rate=20.0, workers=2)
+        agree.append(compare("20 false alarms per 100 hours", expected, found, begun))
+    sys.exit(0 if all(agree) else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""Dates from which an actuator's flights count, as after a repair: the store keeps them for every replay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from typing import NamedTuple
+
+from mavhums.app.own_flights import latest
+from mavhums.fleet.installed import installed_in
+from mavhums.fleet.store import Store
+from mavhums.fleet.tables import DATES
+from mavhums.history.aircraft_table import AircraftTable
+from mavhums.history.flights import Since
+
+__all__ = ["Repair", "Repairs", "add_repairs", "repairs_of", "since_of"]
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Repair(NamedTuple):
+    """A repair; flights that begin on or after it are held against none before it.
+
+    Attributes
+    ----------
+    aircraft
+        Name of the aircraft; None for all.
+    actuator
+        Name of the actuator; None for all.
+    at
+        Date, with a time zone.
+    """
+
+    aircraft: str | None
+    actuator: str | None
+    at: datetime
+
+
+Repairs = Sequence[Repair]
+
+
+def add_repairs(store: Store, repairs: Repairs) -> set[str]:
+    """Store repairs, and return the aircraft whose verdicts they may change: none if all were known."""
+    known = set(_stored(store))
+    new = [repair for repair in repairs if repair not in known]
+    if not new:
+        return set()
+    rows: list[dict[str, object]] = [
+        {
+            "aircraft": repair.aircraft,
+            "actuator": repair.actuator,
+            "since_us": (repair.at - _EPOCH) // timedelta(microseconds=1),
+        }
+        for repair in new
+    ]
+    store.append(DATES, rows)
+    named = {repair.aircraft for repair in new}
+    there = store.query("SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL").fetchall()
+    return {aircraft for (aircraft,) in there if None in named or aircraft in named}
+
+
+def repairs_of(store: Store, aircraft: str) -> Repairs:
+    """Return the repairs of an aircraft."""
+    return [repair for repair in _stored(store) if repair.aircraft in (None, aircraft)]
+
+
+def since_of(store: Store, aircraft: str) -> Callable[[datetime], Since]:
+    """Return what gives the dates from which an aircraft's flights count for one at a time.
+
+    They are those of the repairs and of the operator's table of installed actuators, whichever is later.
+    """
+    return partial(_since, repairs_of(store, aircraft), installed_in(store, aircraft), aircraft)
+
+
+def _since(repairs: Repairs, table: AircraftTable, aircraft: str, moment: datetime) -> Since:
+    begun = sorted((repair for repair in repairs if repair.at <= moment), key=lambda repair: repair.at)
+    repaired: Since = {repair.actuator: repair.at for repair in begun}
+    return latest(repaired, table.since(aircraft, moment))
+
+
+def _stored(store: Store) -> list[Repair]:
+    rows = store.query("SELECT DISTINCT aircraft, actuator, since_us FROM dates").fetchall()
+    return [
+        Repair(aircraft, actuator, _EPOCH + timedelta(microseconds=since))
+        for aircraft, actuator, since in rows
+    ]

@@ -1,0 +1,88 @@
+"""Repair dates in a store: the same as one command after each landing that is given each date in time."""
+
+from __future__ import annotations
+
+import json
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+from mavhums.history.files import keep_assessment
+from mavhums.report.assessment import Assessment, Indicator
+from tests.conftest import Run
+from tests.flights import START, flown, shown, verdict
+
+pytest.importorskip("deltalake")
+pytest.importorskip("duckdb")
+pytest.importorskip("distributed")
+
+from mavhums import fleet
+from mavhums.fleet.known import Known
+from mavhums.fleet.repairs import Repair, add_repairs, repairs_of, since_of
+from mavhums.fleet.store import Store
+from mavhums.history.files import read_history
+from mavhums.history.flights import PastFlight
+from tests.fleet.stores import write_store
+
+DATES = (
+    Repair("D-A", "elevator", START + timedelta(days=15)),
+    Repair(None, None, START + timedelta(days=31)),
+    Repair("D-A", "elevator", START + timedelta(days=45)),
+    Repair("D-B", None, START + timedelta(days=3)),
+)
+
+
+def flights() -> list[Assessment]:
+    """Flights whose friction says on which day they were flown."""
+    return [
+        flown(*(verdict(shown(0.2 + day / 1000), actuator=name) for name in ("elevator", "rudder")), day=day)
+        for day in range(70)
+    ]
+
+
+def test_each_flight_is_held_against_those_since_the_last_repair(tmp_path: Path) -> None:
+    write_store(tmp_path / "store", {"D-A": flights()[:1]})
+    add_repairs(Store(tmp_path / "store"), DATES)
+    known = Known(since_of(Store(tmp_path / "store"), "D-A"))
+    for day, flight in enumerate(flights()):
+        start = START + timedelta(days=day)
+        given = {repair.actuator: repair.at for repair in DATES[:3] if repair.at <= start}
+        expected = read_history(tmp_path / "kept").baselines("paper", start, given) if day else {}
+        assert known.baselines("paper", start) == expected
+        known.add(PastFlight.of(flight))
+        keep_assessment(flight, tmp_path / "kept")
+
+
+def test_a_store_keeps_repairs_and_names_the_aircraft_that_they_concern(tmp_path: Path) -> None:
+    write_store(tmp_path, {"D-A": flights()[:2], "D-B": flights()[2:4]})
+    store = Store(tmp_path)
+    assert add_repairs(store, DATES[:1]) == {"D-A"}
+    assert add_repairs(store, DATES) == {"D-A", "D-B"}
+    assert add_repairs(store, DATES) == set()
+    assert set(repairs_of(store, "D-A")) == set(DATES[:3])
+    assert set(repairs_of(store, "D-B")) == {DATES[1], DATES[3]}
+
+
+@pytest.mark.slow
+def test_a_scan_with_a_new_date_opens_no_log(run: Run, tmp_path: Path) -> None:
+    from mavhums_sim import Flight, fly, write_tlog
+    from tests.fleet_logs import moved
+
+    folder = tmp_path / "D-A"
+    folder.mkdir()
+    write_tlog(fly(Flight(1, 21.0, rate_hz=25.0, tiers=("instrumented",))), tmp_path / "kind")
+    for day in range(12):
+        (folder / f"{day:02}.tlog").write_bytes(moved((tmp_path / "kind").read_bytes(), 86_400.0 * day))
+    command = ("fleet", "scan", folder, "--to", tmp_path / "store", "--aircraft", "folder", "--json")
+    assert json.loads(run(*command).out)["judged"] == 12
+    assert any(one.baseline for one in last(tmp_path / "store"))
+    again = run(*command, "--baseline-from", "D-A/=2026-01-05")
+    assert json.loads(again.out) == {"judged": 0, "failed": 0, "known": 12}
+    assert not any(one.baseline for one in last(tmp_path / "store"))
+    assert run(*command, "--baseline-from", "D-A/=yesterday").code == 2
+
+
+def last(store: Path) -> list[Indicator]:
+    """Return the indicators of the last flight."""
+    return [one for _, verdict in fleet.verdicts(store, "D-A")[-4:] for one in verdict.indicators]
