@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +18,13 @@ from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 
 settings.register_profile("any-machine", deadline=None)  # how fast a machine is shows nothing of the code
 settings.load_profile("any-machine")
+
+if (
+    signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    and threading.current_thread() is threading.main_thread()
+):
+    # A shell starts background jobs with ignored interrupts, and their children inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS", Path(__file__).parents[2] / "shared" / "logs"))
 

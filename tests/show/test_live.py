@@ -36,13 +36,7 @@ def follow(url: str, path: Path) -> subprocess.Popen[bytes]:
         command,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        preexec_fn=_heed_interrupts,  # noqa: PLW1509
     )
-
-
-def _heed_interrupts() -> None:
-    """What a shell starts in the background ignores them, and so does what that starts."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def finished(process: subprocess.Popen[bytes], path: Path) -> None:
