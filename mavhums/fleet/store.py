@@ -105,7 +105,8 @@ class Store:
         base = duckdb.connect()
         try:
             for table in schemas():
-                self._tables.show(base, table)
+                if table in sql:
+                    self._tables.show(base, table)
             return base.execute(sql, list(values))
         except (DeltaError, duckdb.Error, OSError) as error:
             raise self._unreadable(error) from error

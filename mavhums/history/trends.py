@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from mavhums.core.conditions import URGENCY
+from mavhums.core.conditions import URGENCY, Condition
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.baseline import Baseline
 from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
@@ -29,18 +30,20 @@ if TYPE_CHECKING:
 __all__ = ["own_trend_report", "trend", "trend_report"]
 
 _NORMAL_95 = 1.96
+_POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 
 
-@dataclass(frozen=True, slots=True)
-class _Flown:
+class _Flown(NamedTuple):
     """One flight of one actuator; ``number`` counts all its flights from 1."""
 
     number: int
     flight: PastFlight
+    start_utc: str
     verdict: Verdict
+    gravest: Condition
 
-    def shown(self, fault: str) -> Indicator | None:
-        return next((one for one in self.verdict.indicators if one.fault == fault), None)
+
+_Shown = list[tuple[_Flown, Indicator]]
 
 
 def trend(
@@ -126,13 +129,13 @@ def trend_report(
     unshown: list[str] = []
     references = cache(lambda airframe, before: history.baselines(airframe, before, since))
     for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():
-        names = {one.fault for each in flown for one in each.verdict.indicators}
-        if not names and flown[-1].verdict.condition != "unmonitored":
+        shown = _by_fault(flown)
+        if not shown and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
-        for fault in sorted(name for name in names if not faults or name in faults):
-            newest = next(each for each in reversed(flown) if each.shown(fault))
+        for fault in sorted(name for name in shown if not faults or name in faults):
+            newest, _ = shown[fault][-1]
             baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
-            trends.append(_trend(flown, fault, baseline, airframe))
+            trends.append(_trend(flown, shown[fault], baseline))
     return TrendReport(
         flights=history.count(),
         trends=tuple(sorted(trends, key=_rank)),
@@ -149,6 +152,7 @@ def _by_actuator(
     found: dict[tuple[int, str, str | None], list[_Flown]] = {}
     left_out = history.untaken()
     for flight in history.flights:
+        start_utc = flight.start.isoformat()
         for verdict in flight.assessment.verdicts:
             unwanted = verdict.actuator == ALL or (actuators and verdict.actuator not in actuators)
             if verdict.vehicle is None or unwanted or not flight.counts(verdict.actuator, since):
@@ -157,12 +161,22 @@ def _by_actuator(
                 continue
             key = (verdict.vehicle, verdict.actuator, flight.assessment.airframe)
             flown = found.setdefault(key, [])
-            flown.append(_Flown(len(flown) + 1, flight, verdict))
+            flown.append(_Flown(len(flown) + 1, flight, start_utc, verdict, verdict.gravest))
     return found
 
 
-def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe: str | None) -> ActuatorTrend:
-    pairs = [(each, one) for each in flown if (one := each.shown(fault))]
+def _by_fault(flown: list[_Flown]) -> dict[str, _Shown]:
+    """Return the flights that show each fault's indicator; of several in one flight, the first counts."""
+    found: dict[str, _Shown] = {}
+    for each in flown:
+        for one in each.verdict.indicators:
+            pairs = found.setdefault(one.fault, [])
+            if not pairs or pairs[-1][0] is not each:
+                pairs.append((each, one))
+    return found
+
+
+def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None) -> ActuatorTrend:
     newest = pairs[-1][1]
     pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
     latest = flown[-1].verdict
@@ -173,16 +187,15 @@ def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe:
         emergency = latest.limits.effectiveness_emergency * baseline.mean
     fitted = _fitted(pairs, emergency, -1.0 if falls else 1.0)
     expected = baseline.prediction() if baseline else None
-    starts = [each.flight.start.isoformat() for each, _ in pairs]
     return ActuatorTrend(
         subject=latest.subject,
         vehicle=latest.vehicle or 0,
         actuator=latest.actuator,
-        airframe=airframe,
-        fault=fault,
+        airframe=flown[-1].flight.assessment.airframe,
+        fault=newest.fault,
         quantity=newest.quantity,
         unit=newest.unit,
-        condition=latest.gravest,
+        condition=flown[-1].gravest,
         flights=len(flown),
         limit=limit,
         emergency=emergency,
@@ -191,23 +204,25 @@ def _trend(flown: list[_Flown], fault: str, baseline: Baseline | None, airframe:
         level=fitted.level if fitted else None,
         per_flight=fitted.per_flight if fitted else None,
         between=fitted.between if fitted else None,
-        left_out=tuple(starts[place] for place in fitted.left_out) if fitted else (),
+        left_out=tuple(pairs[place][0].start_utc for place in fitted.left_out) if fitted else (),
         flights_left=fitted.flights_left if fitted else None,
         reason=fitted.reason if fitted else f"{len(pairs)} flights show it; a trend needs {MIN_FLIGHTS}",
-        points=tuple(
-            FlightPoint.model_construct(
-                flight=each.number,
-                start_utc=start,
-                log=each.flight.assessment.log.path,
-                value=one.value,
-                condition=each.verdict.gravest,
-            )
-            for start, (each, one) in zip(starts, pairs, strict=True)
+        points=_POINTS.validate_python(
+            [
+                {
+                    "flight": each.number,
+                    "start_utc": each.start_utc,
+                    "log": each.flight.assessment.log.path,
+                    "value": one.value,
+                    "condition": each.gravest,
+                }
+                for each, one in pairs
+            ]
         ),
     )
 
 
-def _fitted(pairs: list[tuple[_Flown, Indicator]], emergency: float | None, sign: float) -> Trend | None:
+def _fitted(pairs: _Shown, emergency: float | None, sign: float) -> Trend | None:
     """Return the trend of an indicator that a fault raises, or, with the sign −1, lowers."""
     fitted = fit_trend(
         np.array([each.number for each, _ in pairs], dtype=np.float64),
