@@ -44,7 +44,7 @@ _STANDARDS: Final = {
         memory_s=_MEMORY_S,
     ),
     "pitch": Standards(
-        explained=0.35,
+        explained=0.45,
         error=0.06,
         scatter=0.004,
         noise=0.5,
