@@ -19,6 +19,9 @@ class IdentifiedMotor(BaseModel):
     ----------
     resistance, back_emf, drop
         Estimate, low and high: of the winding, Ω; per rad/s of the rotor, V; of brushes or dead time, V.
+    friction_of_stall, torque_of_stall
+        Friction and highest sustained torque as shares of the torque at stall; None if the logs and the
+        profile do not tell them.
     convention
         Convention of current and voltage. The back-EMF constant equals the torque constant only for ``dc``.
     flights
@@ -30,5 +33,7 @@ class IdentifiedMotor(BaseModel):
     resistance: tuple[_Positive, _Positive, _Positive]
     back_emf: tuple[_Positive, _Positive, _Positive]
     drop: tuple[_Finite, _Finite, _Finite]
+    friction_of_stall: tuple[_Finite, _Finite, _Finite] | None = None
+    torque_of_stall: tuple[_Finite, _Finite, _Finite] | None = None
     convention: Literal["unknown", "dc"] = "unknown"
     flights: tuple[str, ...]

@@ -155,6 +155,8 @@ class Actuator(Contract):
         Whether that ESC, or the servo itself, measures at the motor's terminals or at the supply bus.
     electronics_a
         Current that the electronics draw from the bus in addition to the motor, A.
+    supply_voltage
+        Voltage of the healthy supply, V; without it and that of ``ema`` there is no share of stall.
     travel_deg, pwm_us
         Deflection at the smallest and the largest pulse; the pulses at the least, the zero and the
         largest deflection.
@@ -180,6 +182,7 @@ class Actuator(Contract):
     csrv: Annotated[int, Field(ge=0, le=255)] | None = None
     esc_side: Literal["motor", "bus"] = "motor"
     electronics_a: _NotNegative = 0.0
+    supply_voltage: _Positive | None = None
     travel_deg: tuple[_Finite, _Finite] | None = None
     pwm_us: tuple[_Pulse, _Pulse, _Pulse]
     moving_speed_deg_s: _Positive = 1.0
@@ -201,6 +204,11 @@ class Actuator(Contract):
         """Keys of the file that a verdict needs and the profile lacks."""
         sections = (("[actuators.ema]", self.ema), ("[actuators.limits]", self.limits))
         return tuple(name for name, section in sections if section is None)
+
+    @property
+    def known_supply_v(self) -> float | None:
+        """Voltage of the supply, V; None if the profile does not tell it."""
+        return self.supply_voltage or (self.ema.supply_voltage if self.ema else None)
 
     def known_ema(self) -> Ema:
         """Return the EMA's constants.

@@ -11,8 +11,8 @@ from mavhums.log import Table
 __all__ = ["TIERS", "TO_BE_JUDGED", "Tier", "best_tier", "tier_named", "tiers_by_content"]
 
 TO_BE_JUDGED = (
-    "record each servo's ESC telemetry (voltage, current, speed) beside its command, "
-    "or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA"
+    "record each servo's ESC telemetry (voltage, current, speed) beside its command, its CSRV "
+    "(ArduPilot 4.7, DroneCAN), or V1–V12 as DEBUG_FLOAT_ARRAY named EMA"
 )
 """How to record a log from which health can be judged."""
 

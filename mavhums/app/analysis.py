@@ -9,11 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from mavhums.app.options import Options
-from mavhums.app.own_flights import among_own, compared_with_own, latest, swapped
+from mavhums.app.own_flights import among_own, compared_with_own, swapped
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
+from mavhums.history.aircraft import latest
 from mavhums.history.comparison import LoneFlight
 from mavhums.log import read_blocks
 from mavhums.report.assessment import Assessment

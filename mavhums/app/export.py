@@ -23,6 +23,7 @@ from mavhums.vehicle.texts import TEXT_MESSAGES
 __all__ = ["export_messages", "export_quantities"]
 
 Progress = Callable[[int], None] | None
+_PULSES = {"tlog": "SERVO_OUTPUT_RAW", "dataflash": "RCOU", "ulog": "actuator_outputs"}
 
 
 def export_quantities(
@@ -41,7 +42,7 @@ def export_quantities(
     Parameters
     ----------
     path
-        A ``.tlog`` file.
+        A log of any format.
     output
         Path ending in ``.parquet`` or ``.csv``; the file is written whole or not at all.
     airframe
@@ -58,7 +59,7 @@ def export_quantities(
     Raises
     ------
     UnreadableLogError
-        If the log is missing or not a telemetry log.
+        If the log is missing, or of no known format.
     ProfileError
         If the profile cannot be used, or the log comes from the standard input and names none.
     MavhumsError
@@ -69,20 +70,20 @@ def export_quantities(
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     output = Path(output)
     writer_for(output)
-    fleet, rows = _write(path, output, given, progress)
+    decoder, fleet, rows = _write(path, output, given, progress)
     if not fleet.airframes:
         if str(path) == "-":
             raise ProfileError("-: the log names no airframe profile", "name one with --airframe")
-        fleet, rows = _write(path, output, _nameless(), progress)
+        decoder, fleet, rows = _write(path, output, _nameless(), progress)
     if not rows:
-        raise MavhumsError(*_nothing(path, given, fleet))
+        raise MavhumsError(*_nothing(path, given, fleet, _PULSES[decoder.format]))
     return {output: rows}
 
 
 def _write(
     path: str | os.PathLike[str], output: Path, airframe: Airframe | None, progress: Progress
-) -> tuple[VehicleMappers, int]:
-    """Write the table of a log by a profile; return its vehicles and the number of rows; no rows, no file."""
+) -> tuple[Decoder, VehicleMappers, int]:
+    """Write the table of a log by a profile; return decoder, vehicles and rows written; no rows, no file."""
     decoder = Decoder(messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES)
     fleet = VehicleMappers(airframe)
     with suppress(_EmptyError), written_whole(output) as temporary, writer_for(output)(temporary) as table:
@@ -96,7 +97,7 @@ def _write(
                 progress(size)
         if not table.rows:
             raise _EmptyError
-    return fleet, table.rows
+    return decoder, fleet, table.rows
 
 
 class _EmptyError(Exception):
@@ -112,10 +113,10 @@ def _nameless() -> Airframe:
 
 
 def _nothing(
-    path: str | os.PathLike[str], airframe: Airframe | None, fleet: VehicleMappers
+    path: str | os.PathLike[str], airframe: Airframe | None, fleet: VehicleMappers, message: str
 ) -> tuple[str, str]:
-    """Return why nothing of a log was written, and what could be."""
-    pulses = "or write its pulses as they are: --messages SERVO_OUTPUT_RAW"
+    """Return why nothing of a log was written, and what could be; ``message`` carries its pulses."""
+    pulses = f"or write its pulses as they are: --messages {message}"
     if airframe is None and fleet.airframes == ["none"]:
         remedy = f"name a profile with --airframe, {pulses}"
         return f"{path}: names no airframe profile, and carries no V1–V12 without one", remedy
@@ -142,14 +143,10 @@ def export_messages(
 
     Parameters
     ----------
-    path
-        A ``.tlog`` file.
-    output
-        Path ending in ``.parquet`` or ``.csv``; each file is written whole or not at all.
+    path, output, progress
+        As in :func:`export_quantities`.
     names
         Names of the messages in the format; case is ignored.
-    progress
-        Called with the number of bytes read after each block.
 
     Returns
     -------
@@ -158,12 +155,10 @@ def export_messages(
 
     Raises
     ------
-    UnreadableLogError
-        If the log is missing or not a telemetry log.
+    UnreadableLogError, MissingExtraError
+        As in :func:`export_quantities`.
     MavhumsError
         If a message is not in the log, or a file cannot be written.
-    MissingExtraError
-        If Parquet is wanted and pyarrow is not installed.
     """
     output = Path(output)
     writer = writer_for(output)

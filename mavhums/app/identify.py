@@ -13,6 +13,7 @@ from mavhums.app.analysis import analyse
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.health.own.identify import Identified, identified
+from mavhums.health.own.stall import Shares, friction_current, lacking, shares
 from mavhums.health.own.voltage import NAME
 from mavhums.report.assessment import Interval, OwnRecord
 
@@ -26,10 +27,15 @@ _TO_IDENTIFY = "record each servo's voltage, current and rotor speed (V4, V5, V7
 
 @dataclass(frozen=True, slots=True)
 class Motor:
-    """The identified motor of one actuator, and the names of the logs used."""
+    """The identified motor of one actuator, and the names of the logs used.
+
+    ``shares`` are those of the torque at stall; where they are None, ``lacking`` is the reason.
+    """
 
     found: Identified
     flights: tuple[str, ...]
+    shares: Shares | None = None
+    lacking: str | None = None
 
 
 def identify(
@@ -58,16 +64,27 @@ def identify(
     for path in logs:
         for verdict in analyse(path, replace(options, history=None), progress=progress).verdicts:
             for record in verdict.own:
-                if record.equation == NAME:
-                    records.setdefault(verdict.actuator, []).append((Path(path).name, record))
+                records.setdefault(verdict.actuator, []).append((Path(path).name, record))
     motors = {}
     for actuator, several in records.items():
         found = identified([record for _, record in several])
         if found is not None:
-            motors[actuator] = Motor(found, tuple(dict.fromkeys(name for name, _ in several)))
+            motors[actuator] = _motor(found, several)
     if not motors:
         raise MavhumsError("no log shows an actuator's motor: V4, V5 and V7 together", _TO_IDENTIFY)
     return motors
+
+
+def _motor(found: Identified, several: Sequence[tuple[str, OwnRecord]]) -> Motor:
+    of_motor = [(name, record) for name, record in several if record.equation == NAME]
+    records = [record for _, record in of_motor]
+    friction = friction_current([record for _, record in several])
+    return Motor(
+        found,
+        tuple(dict.fromkeys(name for name, _ in of_motor)),
+        shares(records, found, friction),
+        lacking(records),
+    )
 
 
 def with_motors(profile: str, motors: Mapping[str, Motor]) -> str:
@@ -111,10 +128,21 @@ def _section(motor: Motor) -> str:
         f"resistance = {_numbers(found.resistance)}  # ohm\n"
         f"back_emf = {_numbers(found.back_emf)}  # V·s/rad of the rotor\n"
         f"drop = {_numbers(found.drop)}  # V\n"
+        f"{_shares(motor)}"
         'convention = "unknown"  # "dc" where V4·V5 is the electrical power: '
         "then back_emf is the torque constant\n"
         f"flights = {json.dumps(motor.flights, ensure_ascii=False)}\n"
     )
+
+
+def _shares(motor: Motor) -> str:
+    told = motor.shares
+    if told is None:
+        return f"# no share of stall: {motor.lacking}\n" if motor.lacking else ""
+    torque = f"torque_of_stall = {_numbers(told.torque)}  # highest sustained; the rest is the reserve\n"
+    if told.friction is None:
+        return torque
+    return f"friction_of_stall = {_numbers(told.friction)}  # friction, by the torque at stall\n{torque}"
 
 
 def _numbers(interval: Interval) -> list[float]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import partial
 
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
+from mavhums.history.aircraft import latest
 from mavhums.history.belonging import held_own
 from mavhums.history.comparison import LoneFlight, compared
 from mavhums.history.flights import Since
@@ -17,7 +17,7 @@ from mavhums.log import Decoder, read_blocks
 from mavhums.report.assessment import Assessment
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
 
-__all__ = ["among_own", "compared_with_own", "latest", "swapped"]
+__all__ = ["among_own", "compared_with_own", "swapped"]
 
 
 def compared_with_own(flight: LoneFlight, options: Options) -> Assessment:
@@ -76,20 +76,3 @@ def swapped(path: str | os.PathLike[str], options: Options) -> Since:
     start = datetime.fromtimestamp(decoder.first_time_us / 1e6, UTC)
     names = {whose.name(str(path), recorded.of(each).board, start.isoformat()) for each in decoder.vehicles}
     return whose.table.since(names.pop(), start) if len(names) == 1 else {}
-
-
-def latest(one: Since | None, other: Since | None) -> Mapping[str | None, datetime]:
-    """Return the later date of each actuator; the key None stands for all that have no own one.
-
-    Examples
-    --------
-    >>> days = [datetime(2026, 1, day) for day in (1, 2, 3)]
-    >>> latest({None: days[1]}, {"rudder": days[2], "elevator": days[0]})["elevator"].day
-    2
-    """
-    one, other = one or {}, other or {}
-    merged: dict[str | None, datetime] = {}
-    for name in {*one, *other}:
-        dates = [date for each in (one, other) if (date := each.get(name, each.get(None))) is not None]
-        merged[name] = max(dates)
-    return merged

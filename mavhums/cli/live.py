@@ -15,7 +15,16 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import click
 
-from mavhums.cli.options import AIRFRAME, BASELINE_FROM, DIALECT, FALSE_ALARMS, HISTORY, KEY, PATH
+from mavhums.cli.options import (
+    AIRCRAFT_TABLE,
+    AIRFRAME,
+    BASELINE_FROM,
+    DIALECT,
+    FALSE_ALARMS,
+    HISTORY,
+    KEY,
+    PATH,
+)
 from mavhums.cli.stopping import Stop
 
 if TYPE_CHECKING:
@@ -41,6 +50,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 @FALSE_ALARMS
 @HISTORY
 @BASELINE_FROM
+@AIRCRAFT_TABLE
 @KEY
 @click.option(
     "--record",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mavhums.cli.options import BASELINE_FROM, JSON, PATH
+from mavhums.cli.options import AIRCRAFT_TABLE, BASELINE_FROM, JSON, PATH
 from mavhums.cli.output import complain, say, say_json
 from mavhums.cli.progress import steps
 from mavhums.core.errors import MavhumsError
@@ -39,6 +39,7 @@ _SHOWN_NOTICES = 5
     help="What wears; can be repeated; 'all' for every fault that the flights show.",
 )
 @BASELINE_FROM
+@AIRCRAFT_TABLE
 @JSON
 @click.option(
     "-o",
@@ -52,13 +53,15 @@ def trend(
     actuators: tuple[str, ...],
     faults: tuple[str, ...],
     dates: tuple[tuple[str | None, datetime], ...],
+    aircraft_table: Path | None,
     as_json: bool,
     output: Path | None,
 ) -> None:
     """Show the trend of each actuator over the flights in DIR, and its remaining useful life (RUL).
 
     DIR holds an aircraft's assessments, as `mavhums analyse LOG --history DIR --keep` puts them there, or
-    `mavhums analyse LOG --json`. Keep one folder for each aircraft; subfolders are not read.
+    `mavhums analyse LOG --json`. Keep one folder for each aircraft: a folder with flights of several is
+    refused. Subfolders are not read.
 
     The RUL is the number of flights until a straight line reaches the emergency limit, with a 95 % interval.
     Where the flights do not support one, the reason is given. After a repair, restart the baseline
@@ -72,13 +75,15 @@ def trend(
       3 files of the folder could not be read    0 none of these
     """
     from mavhums.core.table_writers import writer_for
-    from mavhums.history.trends import trend_report
+    from mavhums.history.aircraft_table import load_aircraft_table
+    from mavhums.history.trends import own_trend_report
 
     if output is not None:
         writer_for(output)
     history = opened_history(folder)
     wanted = () if "all" in faults else faults
-    report = trend_report(history, actuators=actuators, faults=wanted, since=dict(dates))
+    table = load_aircraft_table(aircraft_table) if aircraft_table else None
+    report = own_trend_report(history, table, actuators=actuators, faults=wanted, since=dict(dates))
     _hold_known(folder, history, [*actuators, *(name for name, _ in dates if name)], wanted)
     if output is not None:
         _write(output, report.trends)

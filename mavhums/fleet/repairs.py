@@ -7,10 +7,10 @@ from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import NamedTuple
 
-from mavhums.app.own_flights import latest
 from mavhums.fleet.installed import installed_in
 from mavhums.fleet.store import Store
 from mavhums.fleet.tables import DATES
+from mavhums.history.aircraft import latest
 from mavhums.history.aircraft_table import AircraftTable
 from mavhums.history.flights import Since
 

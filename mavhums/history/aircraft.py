@@ -11,9 +11,10 @@ from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
 from mavhums.history.aircraft_table import AircraftTable
+from mavhums.history.flights import Since
 from mavhums.report.assessment import Assessment
 
-__all__ = ["FOLDER", "UNKNOWN", "Whose", "aircraft_of", "board_of", "hold_rule"]
+__all__ = ["FOLDER", "UNKNOWN", "Whose", "aircraft_of", "board_of", "hold_rule", "latest"]
 
 FOLDER = "folder"
 """The rule that the log's folder is named after the aircraft."""
@@ -105,6 +106,23 @@ class Whose:
         start = datetime.fromisoformat(assessment.log.start_utc)
         names = {each.aircraft for each in assessment.log.flight}
         return self.table.since(names.pop(), start) if len(names) == 1 else {}
+
+
+def latest(one: Since | None, other: Since | None) -> Mapping[str | None, datetime]:
+    """Return the later date of each actuator; the key None stands for all that have no own one.
+
+    Examples
+    --------
+    >>> days = [datetime(2026, 1, day) for day in (1, 2, 3)]
+    >>> latest({None: days[1]}, {"rudder": days[2], "elevator": days[0]})["elevator"].day
+    2
+    """
+    one, other = one or {}, other or {}
+    merged: dict[str | None, datetime] = {}
+    for name in {*one, *other}:
+        dates = [date for each in (one, other) if (date := each.get(name, each.get(None))) is not None]
+        merged[name] = max(dates)
+    return merged
 
 
 @cache

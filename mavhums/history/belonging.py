@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
 from itertools import combinations
 from typing import NamedTuple, Protocol
@@ -11,7 +11,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.history.aircraft_table import AircraftTable
 from mavhums.report.assessment import Assessment
 
-__all__ = ["OtherAircraftError", "Owned", "Owner", "held_own", "owners_of"]
+__all__ = ["OtherAircraftError", "Owned", "Owner", "held_own", "hold_one_aircraft", "owners_of", "swaps_of"]
 
 
 class OtherAircraftError(MavhumsError):
@@ -102,13 +102,7 @@ def held_own(assessment: Assessment, history: Owned, table: AircraftTable | None
                 f"name the folder of {one} with --history; if only its board was swapped, list both boards"
                 " in a table and name that with --aircraft-table",
             )
-    for one, other in combinations(past, 2):
-        if one.differs(other):
-            raise OtherAircraftError(
-                f"{history.name}: holds flights of {one} and of {other}",
-                "move those of one into a folder of its own; if only the board was swapped, list both"
-                " boards in a table and name that with --aircraft-table",
-            )
+    hold_one_aircraft(history, table)
     vehicles = {one.vehicle for one in past if one.is_known}
     if any(one.is_known and one.vehicle in vehicles for one in own):
         return assessment
@@ -116,6 +110,29 @@ def held_own(assessment: Assessment, history: Owned, table: AircraftTable | None
     told = f"{silent} tells no board id, so that the flight is of this aircraft was not checked"
     log = assessment.log
     return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, told)})})
+
+
+def hold_one_aircraft(history: Owned, table: AircraftTable | None = None) -> None:
+    """Refuse a history of several aircraft; the parameters are those of :func:`held_own`.
+
+    Raises
+    ------
+    OtherAircraftError
+        If two flights of one system id are of different aircraft.
+    """
+    for one, other in combinations(_named(history.owners(), table), 2):
+        if one.differs(other):
+            raise OtherAircraftError(
+                f"{history.name}: holds flights of {one} and of {other}",
+                "move those of one into a folder of its own; if only the board was swapped, list both"
+                " boards in a table and name that with --aircraft-table",
+            )
+
+
+def swaps_of(history: Owned, table: AircraftTable, moment: datetime) -> Mapping[str | None, datetime]:
+    """Return the last time up to a moment at which each actuator of the history's aircraft was swapped."""
+    names = {owner.aircraft for owner in _named(history.owners(), table)} - {None}
+    return table.since(names.pop(), moment) if len(names) == 1 else {}
 
 
 def _named(owners: Iterable[Owner], table: AircraftTable | None) -> Iterator[Owner]:

@@ -16,6 +16,9 @@ from mavhums.core.conditions import URGENCY, Condition
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.baseline import Baseline
 from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.history.aircraft import latest
+from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
+from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.history.files import read_history
 from mavhums.history.flights import FlightHistory, PastFlight, Since
 from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
@@ -24,7 +27,7 @@ from mavhums.report.trend import ActuatorTrend, FlightPoint, TrendReport, to_fra
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["trend", "trend_report"]
+__all__ = ["own_trend_report", "trend", "trend_report"]
 
 _NORMAL_95 = 1.96
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
@@ -49,6 +52,7 @@ def trend(
     actuators: Collection[str] = (),
     faults: Collection[str] = (),
     since: Since | None = None,
+    aircraft_table: AircraftTable | str | os.PathLike[str] | None = None,
 ) -> pd.DataFrame:
     """Return every actuator's indicators over the flights in a folder of assessments.
 
@@ -60,6 +64,9 @@ def trend(
         Names to include; all if empty.
     since
         Dates from which flights count, by actuator; the key None applies to all others.
+    aircraft_table
+        The operator's table of installed boards and actuators, or its file: it names the aircraft of a board,
+        and an actuator's flights count from its last swap.
 
     Returns
     -------
@@ -71,6 +78,10 @@ def trend(
 
     Raises
     ------
+    OtherAircraftError
+        If the folder holds flights of several aircraft with one system id.
+    AircraftTableError
+        If the table cannot be used.
     MavhumsError
         If the folder does not exist.
 
@@ -82,10 +93,28 @@ def trend(
     >>> list(mavhums.trend("flights", faults=["friction"]).columns)[9:12]
     ['estimate', 'low', 'high']
     """
-    report = trend_report(read_history(folder), actuators=actuators, faults=faults, since=since)
+    if not isinstance(aircraft_table, AircraftTable | None):
+        aircraft_table = load_aircraft_table(aircraft_table)
+    history = read_history(folder)
+    report = own_trend_report(history, aircraft_table, actuators=actuators, faults=faults, since=since)
     return to_frame(
         sorted(report.trends, key=lambda one: (one.vehicle, one.actuator, one.airframe or "", one.fault))
     )
+
+
+def own_trend_report(
+    history: FlightHistory,
+    table: AircraftTable | None = None,
+    *,
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
+    since: Since | None = None,
+) -> TrendReport:
+    """Fit the trends of one aircraft; errors and arguments are those of ``trend``."""
+    hold_one_aircraft(history, table)
+    if table is not None and history.flights:
+        since = latest(since, swaps_of(history, table, history.flights[-1].start))
+    return trend_report(history, actuators=actuators, faults=faults, since=since)
 
 
 def trend_report(

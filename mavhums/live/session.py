@@ -10,6 +10,7 @@ from typing import Protocol
 
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
+from mavhums.history.belonging import OtherAircraftError
 from mavhums.live.alerts import Alerts
 from mavhums.live.clock import ReceiveClock
 from mavhums.live.links import Link
@@ -82,6 +83,9 @@ class Session:
         The senders on the links; the stamper updates them.
     ground
         Links that send alerts and receive nothing.
+    own
+        Returns an assessment among the earlier flights of its aircraft; raises
+        :class:`mavhums.OtherAircraftError`, which ends the session, if they are of another aircraft.
 
     Examples
     --------
@@ -105,6 +109,7 @@ class Session:
         clock: ReceiveClock | None = None,
         peers: Peers | None = None,
         ground: Sequence[Link] = (),
+        own: Callable[[Assessment], Assessment] | None = None,
     ) -> None:
         self.clock = clock or ReceiveClock()
         self.links, self.recorder, self.sinks = links, recorder, list(sinks)
@@ -114,7 +119,8 @@ class Session:
         self.watch.told = [*links, *ground]
         self._contested: dict[int, int] = {}
         self._engine, self._stamper, self._alerts = engine, stamper, alerts
-        self._greet, self._remember = greet, remember
+        self._greet, self._remember, self._own = greet, remember, own
+        self._identified: set[tuple[int, str | None]] = set()
         self._ticks = 0
         self._busy = False
         self._latest_us = 0
@@ -158,6 +164,7 @@ class Session:
         now_us = self.clock.now_us()
         self._due_us = max(self._due_us + _TICK_US, now_us)
         assessment = self._engine.assessment(indicators=False)
+        self._hold_own(assessment)
         status, stale = self.watch.look(assessment, now_us)
         self._ticks += 1
         self.peers.forget(now_us)
@@ -176,7 +183,13 @@ class Session:
             sink.tick(status, stale)
 
     def close(self) -> Assessment:
-        """Judge the remaining data, close recorder, links and sinks, and return the verdicts."""
+        """Judge the remaining data, close recorder, links and sinks, and return the verdicts.
+
+        Raises
+        ------
+        OtherAircraftError
+            If the history is of another aircraft; the last notice of the sinks' assessment says so.
+        """
         now_us = max(self.clock.now_us(), self._latest_us)
         before = self._stamper.frames
         self._record(self._stamper.close(now_us), before)
@@ -186,12 +199,29 @@ class Session:
         if self._remember:
             self._remember()
         path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
-        assessment = self._heard(self._engine.assessment(path or None))
+        assessment, refusal = self._owned(self._heard(self._engine.assessment(path or None)))
         for link in (*self.links, *self._ground):
             link.close()
         for sink in self.sinks:
             sink.close(assessment)
+        if refusal:
+            raise refusal
         return assessment
+
+    def _hold_own(self, assessment: Assessment) -> None:
+        """Refuse the history of another aircraft as soon as a vehicle tells its board."""
+        identified = {(flight.vehicle, flight.board) for flight in assessment.log.flight}
+        if self._own and identified != self._identified:
+            self._identified = identified
+            self._own(assessment)
+
+    def _owned(self, assessment: Assessment) -> tuple[Assessment, OtherAircraftError | None]:
+        """Return the assessment among the earlier flights of its aircraft, or why they are of another."""
+        try:
+            return (self._own(assessment) if self._own else assessment), None
+        except OtherAircraftError as error:
+            log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, error.problem)})
+            return assessment.model_copy(update={"log": log}), error
 
     def _heard(self, assessment: Assessment) -> Assessment:
         """State why no frame was accepted: there is no log that could lack a vehicle."""

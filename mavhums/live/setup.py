@@ -5,18 +5,22 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from mavhums.actuator.profile import load_airframe
 from mavhums.app import options as judging
+from mavhums.app.own_flights import among_own
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.health import Monitor
 from mavhums.health.decision import FALSE_ALARMS
+from mavhums.history.aircraft import latest
+from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
 from mavhums.live.clock import ReceiveClock
@@ -53,6 +57,7 @@ class Options:
     dialect: Path | None = None
     false_alarms: float = FALSE_ALARMS
     history: Path | None = None
+    aircraft_table: Path | None = None
     dates: Sequence[tuple[str | None, datetime]] = ()
     key: Path | None = None
     record: Path | None = None
@@ -67,6 +72,7 @@ class Options:
             airframe=self.airframe,
             model=self.model,
             history=self.history,
+            aircraft_table=self.aircraft_table,
             since=dict(self.dates),
             false_alarms=self.false_alarms,
             dialect=self.dialect,
@@ -83,15 +89,13 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
     Raises
     ------
     MavhumsError
-        If an address, a profile, a dialect, a model, a key or the recording cannot be used.
+        If an address, a profile, a dialect, a model, a key, a history or the recording cannot be used.
     """
     addresses = [Address.parse(url) for url in options.urls]
     ground = [Address.parse(options.alerts_to)] if options.alerts_to else []
     key = load_key(options.key) if options.key else None
-    history = options.judging.flights()
-    for error in history.errors:
-        _LOG.warning("%s", error)
-    judged_by = replace(options.judging, history=history, vehicle_states=vehicle_states).resolved()
+    owned = _owned(options.judging)
+    judged_by = replace(owned, vehicle_states=vehicle_states).resolved()
     seen = Seen(options.key) if options.key else None
     guard = Guard(key, before=seen.load()) if key and seen else None
     _warm_up(judged_by)
@@ -136,7 +140,18 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
         clock=clock,
         peers=peers,
         ground=ground_links if ground else (),
+        own=partial(among_own, options=owned),
     )
+
+
+def _owned(options: judging.Options) -> judging.Options:
+    """Return the options with the history and the table read, if the history is of one aircraft."""
+    history, table = options.flights(), options.whose().table
+    for error in history.errors:
+        _LOG.warning("%s", error)
+    hold_one_aircraft(history, table)
+    since = latest(options.since, swaps_of(history, table, datetime.now(UTC)))
+    return replace(options, history=history, aircraft_table=table, since=since)
 
 
 def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: bool) -> list[Link]:

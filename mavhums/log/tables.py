@@ -37,7 +37,7 @@ class Table:
     system, component, sequence
         From the frame's header.
     flags
-        How the frame was received: bits of `mavhums.log.mavlink.flags`.
+        How the frame was received: bits of `mavhums.log.flags`.
     fields
         Record array as in the log: ``fields["voltage"]`` is a column, of shape (n,) or (n, k).
     divisors

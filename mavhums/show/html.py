@@ -10,7 +10,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.version import __version__
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.report.axis_limits import AxisLimits
-from mavhums.show import _usage
+from mavhums.show import _reserve, _usage
 from mavhums.show._certainty import certainty
 from mavhums.show._words import (
     advice,
@@ -200,6 +200,9 @@ def _aircraft(assessment: Assessment) -> Iterator[_Aircraft]:
 
 
 def _usage_tables(assessment: Assessment) -> Iterator[_Usage]:
+    left = list(_reserve.rows(assessment))[:_OUTPUTS]
+    if left:
+        yield _Usage(_reserve.TITLE, _reserve.HEAD, left)
     for usage in assessment.usage[:_VEHICLES]:
         title = _usage.title(usage, several=len(assessment.usage) > 1)
         yield _Usage(title, _usage.HEAD, list(_usage.rows(usage))[:_OUTPUTS])

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Assessment, Verdict
-from mavhums.show import _usage
+from mavhums.show import _reserve, _usage
 from mavhums.show._words import (
     COLOURS,
     advice,
@@ -140,5 +140,8 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     for (reason, remedy), verdicts in unmonitored(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: unmonitored"), [f"why: {reason}", f"what to do: {remedy}"])
+    left = list(_reserve.lines(assessment))
+    if left:
+        yield (_reserve.TITLE, left)
     for used in assessment.usage:
         yield (_usage.title(used, several=len(assessment.usage) > 1), list(_usage.lines(used)))

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.app.own_flights import latest
 from mavhums.core.errors import ExitCode
-from mavhums.history.aircraft import Whose
+from mavhums.history.aircraft import Whose, latest
 from mavhums.history.aircraft_table import AircraftTable, Installed
 from mavhums.history.belonging import OtherAircraftError, held_own
 from mavhums.history.files import keep_assessment, read_history
@@ -155,6 +154,26 @@ def test_a_swapped_actuator_begins_a_baseline_of_its_own(
     }
     assert compared == {"aileron_left", "aileron_right", "elevator"}
     assert told.log.flight[0].aircraft == "D-A"
+
+
+def test_trend_refuses_a_folder_of_two_aircraft(run: Run, tmp_path: Path) -> None:
+    folder, table = tmp_path / "flights", tmp_path / "table.csv"
+    for day in range(6):
+        keep_assessment(of("0A" if day < 3 else "0B", day), folder)
+    with pytest.raises(OtherAircraftError, match=r"board 0A and of .* board 0B"):
+        mavhums.trend(folder)
+    refused = run("trend", folder)
+    assert refused.code == ExitCode.ERROR
+    assert f"{folder}: holds flights of the aircraft with the board 0A" in refused.err
+    assert "--aircraft-table" in refused.err
+    rows = ["aircraft,board,actuator,serial,from,to", "D-A,0A,,,,", "D-A,0B,,,,"]
+    table.write_text("\n".join(rows))
+    assert "estimate" in run("trend", folder, "--json", "--aircraft-table", table).out
+    assert len(mavhums.trend(folder, aircraft_table=table)) == 6
+    actuator = mavhums.trend(folder, aircraft_table=table)["actuator"][0]
+    swapped = (START + timedelta(days=2)).date()
+    table.write_text("\n".join([*rows, f"D-A,,{actuator},1,,{swapped}", f"D-A,,{actuator},2,{swapped},"]))
+    assert len(mavhums.trend(folder, aircraft_table=table)) < 6
 
 
 def test_a_wrong_table_or_rule_is_an_error(run: Run, logs: list[Path], tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ class Shown:
         self.statuses: list[StatusObject] = []
         self.stale: list[StaleObject] = []
         self.alerts: list[AlertObject] = []
+        self.closed: list[Assessment] = []
 
     def consume(self, events: Sequence[Event], faults: dict[tuple[int, str], str]) -> None:
         self.events += events
@@ -51,7 +52,7 @@ class Shown:
         self.alerts += alerts
 
     def close(self, assessment: Assessment) -> None:
-        pass
+        self.closed.append(assessment)
 
 
 class Rig:

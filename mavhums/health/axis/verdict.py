@@ -30,10 +30,11 @@ _KINDS: Final = {
 _WINGED: Final = ("fixed wing", "VTOL")
 _FIXED_WINGS_ONLY: Final = "control effectiveness is judged for fixed-wing aircraft in forward flight only"
 _BY_TELEMETRY: Final = "judge its actuators by telemetry of their own"
-_NEEDED: Final = {
-    "outputs": "the servo outputs (SERVO_OUTPUT_RAW, RCOU, actuator_outputs)",
-    "attitude": "the attitude (ATTITUDE, ATT)",
-}
+_NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
+_RECORD_STREAMS: Final = (
+    "record at 3 Hz or more: over MAVLink SERVO_OUTPUT_RAW and ATTITUDE, in a .BIN RCOU and ATT, "
+    "in a .ulg actuator_outputs and vehicle_attitude"
+)
 PROFILE_LINE: Final = (
     "let the ground station download the parameters while it records, or name the outputs in an airframe "
     'file: [[actuators]] with name = "aileron_left", servo = 1, pwm_us = [1100, 1500, 1900], and so on'
@@ -49,7 +50,7 @@ def why_not_at_all(flight: Flight, kind: str | None = None) -> tuple[str, str] |
     --------
     >>> from mavhums.vehicle.flight import Flight
     >>> why_not_at_all(Flight(None))[0]
-    'no HEARTBEAT of the autopilot tells what kind of vehicle this is'
+    'nothing in the log tells what kind of vehicle this is'
     >>> why_not_at_all(Flight(None), "multirotor")[0].partition(":")[0]
     'multirotor'
     """
@@ -57,14 +58,14 @@ def why_not_at_all(flight: Flight, kind: str | None = None) -> tuple[str, str] |
     if not kinds and kind and not kind.startswith(_WINGED):
         return f"{kind}: {_FIXED_WINGS_ONLY}", _BY_TELEMETRY
     if not kinds:
-        reason = "no HEARTBEAT of the autopilot tells what kind of vehicle this is"
-        return reason, "record the autopilot's heartbeats as well"
+        reason = "nothing in the log tells what kind of vehicle this is"
+        return reason, "record the autopilot's heartbeats as well; a .BIN or .ulg from its start"
     if not kinds & {1, *range(19, 26)}:
         what = " and ".join(_KINDS.get(kind, f"a vehicle of MAV_TYPE {kind}") for kind in sorted(kinds))
         return f"{what}: {_FIXED_WINGS_ONLY}", _BY_TELEMETRY
     missing = [text for name, text in _NEEDED.items() if name not in flight.heard]
     if missing:
-        return f"the log lacks {' and '.join(missing)}", "record these streams at 3 Hz or more"
+        return f"the log lacks {' and '.join(missing)}", _RECORD_STREAMS
     if flight.flown_s == 0:
         speed = f", fastest {flight.fastest:.0f} m/s" if flight.fastest else ""
         reason = f"it never flew forward: not armed, not fast enough, or hovering{speed}"

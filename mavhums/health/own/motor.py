@@ -17,7 +17,7 @@ from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord, record_of
 from mavhums.health.own.voltage import NAME
 from mavhums.report.assessment import Indicator, Interval, OwnRecord
 
-__all__ = ["MOTOR_FAULTS", "motor_indicators"]
+__all__ = ["MOTOR_FAULTS", "motor_indicators", "motor_of"]
 
 _RESISTANCE, _BACK_EMF = "winding_own", "back_emf_own"
 MOTOR_FAULTS = (_RESISTANCE, _BACK_EMF)
@@ -36,8 +36,7 @@ def motor_indicators(records: Sequence[OwnRecord], past: Sequence[PastRecord]) -
     past
         All earlier flights, in time order; the first healthy ones are the baseline.
     """
-    own = record_of(records, NAME)
-    found = _alone(own) if own else None
+    own, found = record_of(records, NAME), motor_of(records)
     if own is None or found is None:
         return ()
     before = [known for flight in past if flight.healthy and (known := record_of(flight.records, NAME))]
@@ -51,6 +50,12 @@ def motor_indicators(records: Sequence[OwnRecord], past: Sequence[PastRecord]) -
             _BACK_EMF, "back-EMF constant", "V·s/rad", found.back_emf, [e.back_emf for e in earlier], parts
         ),
     )
+
+
+def motor_of(records: Sequence[OwnRecord]) -> Identified | None:
+    """Return the motor identified from one flight; None if the flight does not determine it."""
+    own = record_of(records, NAME)
+    return _alone(own) if own else None
 
 
 @lru_cache(maxsize=4096)

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 from mavhums.core.conditions import Condition
 from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.equations import own_current
 from mavhums.health.own.cause import constant_lost
 from mavhums.health.own.equation import OwnEquation
 from mavhums.health.own.judge import Comparison, compare
-from mavhums.health.own.motor import MOTOR_FAULTS, motor_indicators
+from mavhums.health.own.motor import MOTOR_FAULTS, motor_indicators, motor_of
 from mavhums.health.own.past import PastRecord, record_of
 from mavhums.health.own.registry import EQUATIONS
+from mavhums.health.own.stall import STALL_SHARES, stall_indicators
 from mavhums.health.own.words import remedy_of, told, told_of_constant
 from mavhums.report.assessment import (
     Evidence,
@@ -27,6 +29,7 @@ __all__ = ["held_against", "without_own"]
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _SURE = 0.999
 _CONSTANT = "torque_constant"
+_OF_THE_MOTOR = (*MOTOR_FAULTS, *STALL_SHARES)
 _MAGNETS = "inspect the motor's magnets, which age and suffer from heat"
 
 
@@ -53,14 +56,16 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
     lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
     fault = equation.fault if lost is None else _CONSTANT
     text = told(equation, found) if lost is None else told_of_constant(equation, found, lost)
-    replaced = (equation.fault, *MOTOR_FAULTS)
+    replaced = (equation.fault, *_OF_THE_MOTOR)
     indicators = [shown for shown in verdict.indicators if shown.fault not in replaced]
     evidence = [known for known in verdict.evidence if known.kind != _kind(equation)]
     suspects = [suspect for suspect in verdict.suspects if suspect.fault not in (equation.fault, _CONSTANT)]
     if found.value is not None:
         indicators.append(_indicator(equation, record, found, found.value))
         evidence.append(_evidence(equation, record, found, found.value, text))
+    current = found.value if equation == own_current.EQUATION else None
     indicators.extend(motor_indicators(verdict.own, past))
+    indicators.extend(stall_indicators(verdict.own, motor_of(verdict.own), current))
     if found.condition == "changed":
         suspects.append(Suspect(fault=fault, confidence=_SURE))
     return verdict.model_copy(
@@ -78,7 +83,7 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
 
 def without_own(verdict: Verdict) -> Verdict:
     """Return a verdict without the indicators and the evidence of own-scale equations."""
-    faults = {*(equation.fault for equation in EQUATIONS), *MOTOR_FAULTS}
+    faults = {*(equation.fault for equation in EQUATIONS), *_OF_THE_MOTOR}
     kinds = {_kind(equation) for equation in EQUATIONS}
     return verdict.model_copy(
         update={

@@ -16,6 +16,7 @@ from mavhums.core.quantities import column
 from mavhums.health.normal_equations import row_length, sums_of_slots
 from mavhums.health.own.grams import eliminated, full, packed
 from mavhums.health.own.groups import Groups
+from mavhums.health.own.peaks import Peak
 from mavhums.health.slots import Slots
 from mavhums.health.windows import WINDOW_SLOTS
 from mavhums.report.assessment import OwnRecord
@@ -43,6 +44,8 @@ class VoltageSums:
 
     def __init__(self, actuator: Actuator) -> None:
         self._motor_side = actuator.esc_side == "motor"
+        self._supply_v = actuator.known_supply_v
+        self._peak_a, self._peak_v = Peak(), Peak()
         self._groups = Groups()
         self._row = np.zeros(row_length(_TERMS))
         self._window: int | None = None
@@ -58,6 +61,8 @@ class VoltageSums:
         usable = np.isfinite(X).all(axis=1) & np.isfinite(volts) & self._motor_side
         if not usable.any():
             return
+        self._peak_a.feed(current[usable])
+        self._peak_v.feed(volts[usable])
         used_s = time_s[usable]
         self._samples += used_s.size
         self._first_s = float(np.nanmin([self._first_s, used_s[0]]))
@@ -85,6 +90,9 @@ class VoltageSums:
             setup="V4, V5 and V7 at the motor",
             rate_hz=float(f"{self._samples / duration_s:.3g}"),
             duration_s=round(duration_s, 1),
+            peak_a=self._peak_a.interval,
+            peak_v=float(f"{self._peak_v.value:.4g}"),
+            supply_v=self._supply_v,
             groups=tuple((float(count), *packed(gram)) for count, gram in groups),
         )
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.kernels import kernel
 from mavhums.log.dataflash._layout import HEAD
-from mavhums.log.mavlink._crc import GUARD, load_word, store_word
+from mavhums.log.words import GUARD, load_word, store_word
 
 __all__ = ["SPARE", "count", "gather"]
 

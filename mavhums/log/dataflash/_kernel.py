@@ -32,9 +32,9 @@ from mavhums.log.dataflash._layout import (
     define,
     time_at,
 )
-from mavhums.log.dataflash._times import BACK, GAP_US, IN_ORDER, ODD, judge_time
-from mavhums.log.mavlink._crc import GUARD
-from mavhums.log.mavlink.flags import ODD_TIME
+from mavhums.log.dataflash._times import BACK, GAP_US, IN_ORDER, ODD, is_near, judge_time
+from mavhums.log.flags import ODD_TIME
+from mavhums.log.words import GUARD
 
 __all__ = ["REGION", "ROW", "STATE", "scan"]
 
@@ -197,6 +197,40 @@ def _end_region(state: Record, region: Record, offset: int) -> int:
 
 
 @kernel
+def _run_in_step(
+    data: NDArray[np.uint8], size: int, state: Record, types: NDArray[np.void], rows: NDArray[np.void],
+    found: int,
+) -> int:  # fmt: skip
+    """Take records from ``state.position`` on while each is in step and in order; return the number found.
+
+    It takes what the rules below take, and leaves the first record that needs a closer look.
+    """
+    position, time_us, marked = state.position, state.time_us, state.marked
+    ahead, boot = state.base - GUARD, state.boot
+    while position + HEAD <= size and begins(data, position):
+        number = data[position + 2]
+        kind = types[number]
+        end = position + kind.length
+        if kind.length == 0 or number == FMT or end + 2 > size or not begins(data, end):
+            break
+        if kind.timed:
+            told_us = time_at(data, position)
+            if time_us < 0 or not is_near(told_us, time_us):
+                break
+            time_us, marked = told_us, 0
+        row = rows[found]
+        row.offset = ahead + position
+        row.time_us = time_us
+        row.boot = boot
+        row.definition = kind.definition
+        row.flags = 0
+        found += 1
+        position = end
+    state.position, state.time_us, state.marked = position, time_us, marked
+    return found
+
+
+@kernel
 def scan(
     data: NDArray[np.uint8],
     size: int,
@@ -232,6 +266,10 @@ def scan(
     found = 0
     ended = 0
     while position < size:
+        if state.skipped == 0 and state.old_from < 0:
+            state.position = position
+            found = _run_in_step(data, size, state, types, rows, found)
+            position = state.position
         end = _end_of(data, size, position, types)
         counts, flags, kind = _counts(data, size, position, end, state, final), 0, 0
         if counts == YES:

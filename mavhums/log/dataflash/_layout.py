@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.mavlink._crc import load_word
+from mavhums.log.words import load_word
 
 __all__ = [
     "BODY",

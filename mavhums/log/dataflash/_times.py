@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.dataflash._layout import HEAD, WAIT, begins, time_at
 
-__all__ = ["AHEAD", "BACK", "GAP_US", "IN_ORDER", "ODD", "judge_time"]
+__all__ = ["AHEAD", "BACK", "GAP_US", "IN_ORDER", "ODD", "is_near", "judge_time"]
 
 IN_ORDER, AHEAD, BACK, ODD = 1, 2, 3, 4
 """A time near the one before, a step forward, a step back, and a damaged stamp."""
@@ -61,12 +61,18 @@ def _confirm(
 
 
 @inlined
+def is_near(time_us: int, last: int) -> bool:
+    """Return whether a time is in order after ``last``."""
+    return bool(-_TOLERANCE_US <= time_us - last <= _TOLERANCE_US)
+
+
+@inlined
 def judge_time(
     data: NDArray[np.uint8], size: int, end: int, time_us: int, last: int, types: NDArray[np.void],
     final: bool,
 ) -> int:  # fmt: skip
     """Compare the time of a record that ends at ``end`` with ``last``, -1 if there is none."""
-    if last >= 0 and -_TOLERANCE_US <= time_us - last <= _TOLERANCE_US:
+    if last >= 0 and is_near(time_us, last):
         return IN_ORDER
     if not 0 <= time_us < _LATEST_US:
         return ODD

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.log.mavlink.flags import ODD_TIME
+from mavhums.log.flags import ODD_TIME
 from mavhums.log.tables import Table
 
 __all__ = ["NEEDED", "Dating"]

@@ -15,7 +15,7 @@ from mavhums.log.dataflash import _kernel
 from mavhums.log.dataflash._gather import SPARE
 from mavhums.log.dataflash._layout import BODY, DEFINITIONS, FMT, FMT_SIZE, TYPE
 from mavhums.log.dataflash.definitions import FMT_BODY
-from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.words import GUARD
 
 __all__ = ["Batch", "RecordScanner", "Totals"]
 
@@ -71,6 +71,8 @@ class RecordScanner:
         self._carried = np.zeros(1, dtype=_kernel.STATE)
         self._carried["time_us"] = self._carried["old_from"] = -1
         self._carried["definitions"] = 1
+        self._rows = np.empty(0, dtype=_kernel.ROW)
+        self._ended = np.empty(0, dtype=_kernel.REGION)
         self._rest = bytes(GUARD)
         self._skipped = self._count = 0
         self._cut = self._filler = 0
@@ -86,19 +88,20 @@ class RecordScanner:
         data = np.frombuffer(joined, dtype=np.uint8)
         size = data.size - SPARE
         most = (size - GUARD) // _SHORTEST_RECORD + 1
-        rows = np.empty(most, dtype=_kernel.ROW)
-        regions = np.empty(most + 1, dtype=_kernel.REGION)
+        if self._rows.size < most:
+            self._rows = np.empty(most, dtype=_kernel.ROW)
+            self._ended = np.empty(most + 1, dtype=_kernel.REGION)
         base = int(self._carried["base"][0])
         found, ended = _kernel.scan(
-            data, size, final, self._carried, self._types, self._bodies, rows, regions
+            data, size, final, self._carried, self._types, self._bodies, self._rows, self._ended
         )
-        self._keep(regions[:ended])
+        self._keep(self._ended[:ended])
         position = int(self._carried["position"][0])
         self._rest = joined[position - GUARD : size]
         self._carried["base"] += position - GUARD
         if final:
             self._finish()
-        return Batch(data, base, rows[:found])
+        return Batch(data, base, self._rows[:found].copy())
 
     @property
     def position(self) -> int:

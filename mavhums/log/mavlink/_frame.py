@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined
-from mavhums.log.mavlink.flags import MAVLINK1, SIGNED
+from mavhums.log.flags import MAVLINK1, SIGNED
 
 __all__ = [
     "HEAD_V1",

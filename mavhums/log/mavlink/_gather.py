@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.mavlink._crc import GUARD, load_word, store_word
-from mavhums.log.mavlink.flags import MAVLINK1
+from mavhums.log.flags import MAVLINK1
+from mavhums.log.words import GUARD, load_word, store_word
 
 __all__ = ["SPARE", "count", "gather"]
 

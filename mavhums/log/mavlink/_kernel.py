@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.mavlink._crc import GUARD, crc_of, finish_crc, seed_of
+from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
+from mavhums.log.mavlink._crc import crc_of, finish_crc, seed_of
 from mavhums.log.mavlink._frame import (
     NO,
     SIGNATURE,
@@ -35,7 +36,7 @@ from mavhums.log.mavlink._frame import (
     parts_of,
 )
 from mavhums.log.mavlink._times import DAY_US, judge_time, plausible, stamp_at, time_without_stamp
-from mavhums.log.mavlink.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
+from mavhums.log.words import GUARD
 
 __all__ = ["REGION", "ROW", "STATE", "scan"]
 

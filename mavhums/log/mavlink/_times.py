@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.mavlink._crc import load_word
 from mavhums.log.mavlink._frame import NO, WAIT, YES, follows, frame_end
+from mavhums.log.words import load_word
 
 __all__ = ["DAY_US", "STAMP", "judge_time", "plausible", "stamp_at", "time_without_stamp"]
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log.mavlink import _kernel
-from mavhums.log.mavlink._crc import GUARD
 from mavhums.log.mavlink.dialect import Dialect
+from mavhums.log.words import GUARD
 
 __all__ = ["Batch", "FrameScanner", "Totals"]
 

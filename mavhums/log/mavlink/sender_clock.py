@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.flags import MAVLINK1
 from mavhums.log.mavlink.dialect import Dialect
-from mavhums.log.mavlink.flags import MAVLINK1
 from mavhums.log.mavlink.scanner import Batch
+from mavhums.log.words import GUARD
 
 __all__ = ["SenderClocks"]
 

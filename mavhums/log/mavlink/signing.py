@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.errors import MavhumsError
-from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.flags import MAVLINK1, SIGNED
 from mavhums.log.mavlink._frame import HEAD_V1, HEAD_V2, SIGNATURE
-from mavhums.log.mavlink.flags import MAVLINK1, SIGNED
 from mavhums.log.mavlink.scanner import Batch
+from mavhums.log.words import GUARD
 
 __all__ = ["TICKS_PER_MINUTE", "Guard", "KeyFileError", "frame_sizes", "load_key", "signing_ticks"]
 

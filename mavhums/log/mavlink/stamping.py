@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import kernel
-from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.flags import MAVLINK1
 from mavhums.log.mavlink.dialect import Dialect
-from mavhums.log.mavlink.flags import MAVLINK1
 from mavhums.log.mavlink.scanner import Batch, FrameScanner
 from mavhums.log.mavlink.signing import Guard, frame_sizes
+from mavhums.log.words import GUARD
 
 __all__ = ["Counts", "Piece", "Stamper"]
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import kernel
-from mavhums.log.mavlink._crc import load_word, store_word
 from mavhums.log.ulog._headers import BODY
+from mavhums.log.words import load_word, store_word
 
 __all__ = ["SPARE", "count", "gather"]
 

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.mavlink._crc import load_word
 from mavhums.log.ulog._headers import (
     BODY,
     NO,
@@ -29,6 +28,7 @@ from mavhums.log.ulog._headers import (
     size_of,
     topic_of,
 )
+from mavhums.log.words import load_word
 
 __all__ = ["MOST_PAUSES", "REGION", "ROW", "STATE", "scan"]
 

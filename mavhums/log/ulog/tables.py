@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.log.mavlink.flags import ODD_TIME
+from mavhums.log.flags import ODD_TIME
 from mavhums.log.tables import Table
 from mavhums.log.ulog._gather import SPARE, count, gather
 from mavhums.log.ulog.layouts import Layout

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from mavhums.log.dataflash.scanner import RecordScanner
-from mavhums.log.mavlink._crc import GUARD
-from mavhums.log.mavlink.flags import ODD_TIME
+from mavhums.log.flags import ODD_TIME
+from mavhums.log.words import GUARD
 from tests.log.dataflash import reference
 from tests.log.dataflash.reference import Record
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from mavhums.log.mavlink._crc import GUARD
+from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.mavlink.scanner import Batch, FrameScanner
+from mavhums.log.words import GUARD
 from tests.log.mavlink import reference
 from tests.log.mavlink.reference import Frame
 from tests.strategies import blocks

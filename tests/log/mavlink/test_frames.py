@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder, Table
+from mavhums.log.flags import PADDED
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.flags import PADDED
 from mavhums.log.mavlink.scanner import FrameScanner
 from tests.log.mavlink.kernel_check import agree, frames_of, scan
 from tests.log.mavlink.reference import DAY_US

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mavhums import read_log
 from mavhums.core.errors import UnreadableLogError
-from mavhums.log.mavlink.flags import ODD_TIME
+from mavhums.log.flags import ODD_TIME
 from tests.log.ulog import writer
 from tests.log.ulog.peer import decode
 

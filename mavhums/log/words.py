@@ -1,0 +1,66 @@
+"""Eight bytes at a time from and to a buffer of bytes, for the compiled loops of every format."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from mavhums.core.kernels import inlined
+
+__all__ = ["GUARD", "load_word", "store_word"]
+
+GUARD = 32
+"""Readable bytes before a buffer's first frame or record: MAVLink's signature and stamp, and a word."""
+
+
+def _load_word(typing_context: Any, data: Any, index: Any) -> Any:
+    """Load the eight bytes at ``index`` of a contiguous uint8 array, little endian."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        place = builder.gep(array.data, [arguments[1]])
+        word = builder.load(builder.bitcast(place, ir.IntType(64).as_pointer()))
+        word.align = 1
+        return word
+
+    return types.uint64(data, types.int64), generate
+
+
+def _store_word(typing_context: Any, data: Any, index: Any, word: Any) -> Any:
+    """Store eight bytes at ``index`` of a contiguous uint8 array, little endian."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        place = builder.gep(array.data, [arguments[1]])
+        store = builder.store(arguments[2], builder.bitcast(place, ir.IntType(64).as_pointer()))
+        store.align = 1
+        return context.get_dummy_value()
+
+    return types.void(data, types.int64, types.uint64), generate
+
+
+def _load_bytes(data: NDArray[np.uint8], index: int) -> Any:
+    if index < 0:
+        raise IndexError
+    word = np.uint64(0)
+    for k in range(8):
+        word |= np.uint64(data[index + k]) << np.uint64(8 * k)
+    return word
+
+
+def _store_bytes(data: NDArray[np.uint8], index: int, word: Any) -> None:
+    if index < 0:
+        raise IndexError
+    for k in range(8):
+        data[index + k] = (word >> np.uint64(8 * k)) & np.uint64(0xFF)
+
+
+# With NUMBA_BOUNDSCHECK=1 every access of the kernels is checked, including these.
+_CHECKED = bool(getattr(config, "BOUNDSCHECK", False))
+load_word: Any = inlined(_load_bytes) if _CHECKED else intrinsic(_load_word)
+store_word: Any = inlined(_store_bytes) if _CHECKED else intrinsic(_store_word)
