@@ -44,9 +44,9 @@ class AxisLimits(Contract):
         "Healthy flights of one aircraft scatter by 0.01 to 0.02.",
     )
     roll_tracking_deviations: _Deviations = Field(
-        default=11.0,
+        default=8.0,
         description="Distance of the roll angle from its demand, in standard deviations of the flight's "
-        "beginning. A fifth above the highest value of healthy flights.",
+        "beginning. A quarter above the highest value of healthy flights.",
     )
     pitch_tracking_deviations: _Deviations = Field(
         default=7.5,

@@ -35,17 +35,19 @@ class TrackingDetector:
         The model of the axis.
     limit
         Deviations from the healthy flight from which it is an emergency.
+    seconds
+        Seconds in a row for which the limit must be exceeded.
     """
 
     inspect: ClassVar[Mapping[str, str]] = {
         "tracking": "every surface of the axis, and whether the autopilot was overridden"
     }
 
-    def __init__(self, axis: str, tracking: RollTracking | PitchTracking, limit: float) -> None:
+    def __init__(self, axis: str, tracking: RollTracking | PitchTracking, limit: float, seconds: int) -> None:
         self._axis = axis
         self._limit = limit
         self._residual = Residual(tracking)
-        self._persistent = Persistent(self._limit)
+        self._persistent = Persistent(self._limit, seconds)
 
     def feed(self, seen: Seen) -> list[Shown]:
         """Return the seconds in which the attitude is away for certain."""

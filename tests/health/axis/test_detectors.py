@@ -67,7 +67,7 @@ def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fau
 
 
 @pytest.mark.parametrize(
-    ("spacing", "away", "alarmed"), [(0.1, 0.4, True), (0.5, 0.4, False), (0.5, 0.6, True)]
+    ("spacing", "away", "alarmed"), [(0.1, 0.35, True), (0.5, 0.35, False), (0.5, 0.5, True)]
 )
 def test_coarse_samples_need_a_larger_distance(spacing: float, away: float, alarmed: bool) -> None:
     flight = controlled(160)
