@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from itertools import islice
 from threading import Thread
 from typing import Any, Final, Generic, NamedTuple, TypeVar
@@ -100,7 +101,8 @@ class _Pool(Generic[Item, Result]):
         self._executor = ProcessPoolExecutor(jobs, context, _begin, (function, prepare))
 
     def submit(self, item: Item) -> Future[Result]:
-        return self._executor.submit(_run, item)
+        with _uninterrupted():
+            return self._executor.submit(_run, item)
 
     def end(self) -> None:
         """End the processes, whatever they are doing."""
@@ -108,6 +110,19 @@ class _Pool(Generic[Item, Result]):
         for process in set(multiprocessing.active_children()) - self._others:
             process.terminate()
         self._executor.shutdown(wait=True)
+
+
+@contextmanager
+def _uninterrupted() -> Generator[None]:
+    """Let Ctrl-C wait while a process is being started: one that is half started prints a traceback."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 _function: Callable[[Any], Any]

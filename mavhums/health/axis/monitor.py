@@ -214,7 +214,7 @@ class AxisMonitor:
                 held.since_s = worst.since_s if fresh else min(worst.since_s, held.since_s or worst.since_s)
             for one in found:
                 self._extend(held, one)
-            self._measure(held, worst, second, fresh=fresh)
+            self._measure(held, found, second, fresh=fresh)
             fault, rule = worst.fault, worst.rule
             finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
         elif second is not None and self._well(held):
@@ -245,11 +245,12 @@ class AxisMonitor:
         if whole and not held.lost:
             self._average(held, second.value, second.error)
 
-    def _measure(self, held: _Axis, worst: Shown, second: Second | None, *, fresh: bool) -> None:
-        """Take the effectiveness since the onset of a loss; it and the reason are of the same seconds."""
+    def _measure(self, held: _Axis, found: list[Shown], second: Second | None, *, fresh: bool) -> None:
+        """Take the effectiveness since the onset of a loss: that of the second which the reason names."""
         if fresh:
             held.value = None
-        if worst.fault == "effectiveness" and SEVERITY[worst.condition] >= SEVERITY[held.condition]:
+        rules = {one.rule for one in found if one.fault == "effectiveness"}
+        if any(episode.fault == "effectiveness" and episode.rule in rules for episode in held.episodes[-3:]):
             held.lost = True
             if second is not None and second.left_over is not None:
                 k, half = second.left_over, 1.96 * second.left_error

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mavhums.actuator import load_airframe
@@ -79,6 +79,7 @@ def test_a_tolerant_limit_tolerates_a_weaker_surface() -> None:
 
 @settings(max_examples=8, deadline=None)
 @given(left=st.floats(0.0, 0.6), at_s=st.integers(70, 110), seconds=st.integers(25, 70))
+@example(left=0.0, at_s=94, seconds=36)
 def test_table_and_reason_name_the_same_figure(left: float, at_s: int, seconds: int) -> None:
     monitor = AxisMonitor(1)
     changes_of(monitor, rolling(at_s + seconds, lambda t: 2.2 * np.where(t >= at_s, left, 1.0)))
