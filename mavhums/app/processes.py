@@ -11,7 +11,9 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
-from threading import Thread
+from multiprocessing import resource_tracker
+from threading import Thread, current_thread, main_thread
+from types import FrameType
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 __all__ = ["Crashed", "in_processes"]
@@ -101,7 +103,7 @@ class _Pool(Generic[Item, Result]):
         self._executor = ProcessPoolExecutor(jobs, context, _begin, (function, prepare))
 
     def submit(self, item: Item) -> Future[Result]:
-        with _uninterrupted():
+        with _interrupts_wait():
             return self._executor.submit(_run, item)
 
     def end(self) -> None:
@@ -113,11 +115,34 @@ class _Pool(Generic[Item, Result]):
 
 
 @contextmanager
-def _uninterrupted() -> Generator[None]:
+def _interrupts_wait() -> Generator[None]:
     """Let Ctrl-C wait while a process is being started: one that is half started prints a traceback."""
+    if current_thread() is not main_thread():  # interrupts are handled by the main thread only
+        yield
+        return
+    told = False
+
+    def tell(number: int, frame: FrameType | None) -> None:
+        nonlocal told
+        told = True
+
+    before = signal.signal(signal.SIGINT, tell)
+    try:
+        with _blocked_in_children():
+            yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if told:
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _blocked_in_children() -> Generator[None]:
+    """Start processes with Ctrl-C blocked: each inherits it, and ignores Ctrl-C once it has begun."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    resource_tracker.ensure_running()  # its start would unblock Ctrl-C
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

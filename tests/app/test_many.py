@@ -176,6 +176,33 @@ def test_ctrl_c_ends_all_processes_and_leaves_whole_json(
     assert rest.endswith('],\n  "failures": []\n}\n')
 
 
+INTERRUPTED_START = """
+import os, signal, sys, threading
+from multiprocessing import forkserver
+from mavhums.app.processes import in_processes
+
+def connect(files, start=forkserver.connect_to_new_process):
+    ends = start(files)
+    os.kill(os.getpid(), signal.SIGINT)
+    return ends
+
+if __name__ == "__main__":
+    threading.Thread(target=threading.Event().wait, daemon=True).start()  # takes signals that main blocks
+    forkserver.connect_to_new_process = connect
+    try:
+        list(in_processes(abs, range(9), 2))
+    except KeyboardInterrupt:
+        sys.exit(130)
+"""
+
+
+def test_ctrl_c_while_a_process_starts_is_silent(tmp_path: Path) -> None:
+    script = tmp_path / "interrupted.py"
+    script.write_text(INTERRUPTED_START)
+    done = subprocess.run([sys.executable, script], check=False, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_the_processes_end_with_a_command_that_is_killed(stuck: subprocess.Popen[str]) -> None:
     children = psutil.Process(stuck.pid).children(recursive=True)
     assert children
