@@ -65,11 +65,11 @@ def in_processes(
                 result: Result | Crashed = future.result()
             except BrokenProcessPool:
                 pool.end()
+                pool = _Pool(function, jobs, prepare)
                 suspects = [item, *(each for each, _ in ahead)]
                 ahead.clear()
                 for suspect in suspects:
                     yield _tried_alone(function, suspect, prepare)
-                pool = _Pool(function, jobs, prepare)
             else:
                 yield result
             most = jobs * _AHEAD
@@ -108,15 +108,17 @@ class _Pool(Generic[Item, Result]):
 
     def end(self) -> None:
         """End the processes, whatever they are doing."""
-        self._executor.shutdown(wait=False, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - self._others:
-            process.terminate()
-        self._executor.shutdown(wait=True)
+        with _interrupts_wait():
+            self._executor.shutdown(wait=False, cancel_futures=True)
+            for process in set(multiprocessing.active_children()) - self._others:
+                process.terminate()
+            self._executor.shutdown(wait=True)
+            del self._executor  # its last act is a callback, in which an interrupt would be lost
 
 
 @contextmanager
 def _interrupts_wait() -> Generator[None]:
-    """Let Ctrl-C wait while a process is being started: one that is half started prints a traceback."""
+    """Let Ctrl-C wait while processes start or end: one that is half started prints a traceback."""
     if current_thread() is not main_thread():  # interrupts are handled by the main thread only
         yield
         return

@@ -7,7 +7,7 @@ import sys
 from types import FrameType
 from typing import Never
 
-__all__ = ["heed_signals"]
+__all__ = ["heed_signals", "interrupts_end_silently"]
 
 _BY_SIGNAL = 128
 
@@ -22,6 +22,11 @@ def heed_signals() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, _end)
+
+
+def interrupts_end_silently() -> None:
+    """Let Ctrl-C end the program without a word: what it had to do is done, and the interpreter exits."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _end(number: int, _: FrameType | None) -> Never:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from mavhums.cli.ending import heed_signals
+from mavhums.cli.ending import heed_signals, interrupts_end_silently
 from mavhums.cli.fleet import fleet
 from mavhums.cli.judging import TellsJson, TellsTables, Told, open_recordings, recordings_of
 from mavhums.cli.learn import precedents, study, train
@@ -213,3 +213,5 @@ def main() -> None:
         except (click.Abort, KeyboardInterrupt):
             say("mavhums: stopped; no output was left half-written", err=True)
             sys.exit(130)
+        finally:
+            interrupts_end_silently()
