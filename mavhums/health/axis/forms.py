@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 
 
 class RollForm:
-    """``p = K·v·δ + b·v``: roll rate p, relative airspeed v, demand δ by the ailerons."""
+    """``p = K·v·δ + b·v + c·r``: roll rate p, relative airspeed v, demand δ by the ailerons, yaw rate r."""
 
     axis = "roll"
-    nuisances = 1
+    nuisances = 2
     derivative = False
 
     def drive(self, demand: Array, relative: Array) -> Array:
@@ -32,8 +32,8 @@ class RollForm:
         return relative * demand
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
-        """Return v, for the trim."""
-        return relative[:, None]
+        """Return v for the trim, and the yaw rate: in a turn the outer wing is faster and lifts more."""
+        return np.column_stack([relative, rows.yaw_rate])
 
     def answer(self, rows: Rows) -> Array:
         """Return the roll rate."""
