@@ -39,6 +39,10 @@ class RollForm:
         """Return the roll rate."""
         return rows.roll_rate
 
+    def possible(self, others: Array) -> bool:
+        """Return True: no sign is certain."""
+        return True
+
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return the demand that keeps the wings level, −b/K."""
         return {"hard_over": -beta[1] / beta[0]}
@@ -62,6 +66,10 @@ class PitchForm:
     def answer(self, rows: Rows) -> Array:
         """Return the pitch rate; its rate of change is the response."""
         return rows.pitch_rate
+
+    def possible(self, others: Array) -> bool:
+        """Return whether pitching is damped: else the autopilot's feedback was found, not the aircraft."""
+        return bool(others[1] < 0.0)
 
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return the steady load factor by the full demand, over the square of the speed, |K/c|/V²."""
@@ -89,6 +97,10 @@ class YawForm:
     def answer(self, rows: Rows) -> Array:
         """Return the side force."""
         return rows.side_force
+
+    def possible(self, others: Array) -> bool:
+        """Return True: no sign is certain."""
+        return True
 
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return nothing: beside the gain itself, no constant of yaw is known well enough."""
