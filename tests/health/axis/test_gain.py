@@ -106,6 +106,21 @@ def test_pitch_needs_ten_hertz() -> None:
         assert gain.too_slow is refused
 
 
+@pytest.mark.parametrize(("damping", "told"), [(-2.0, True), (2.0, False)])
+def test_a_pitch_reference_without_damping_is_refused(damping: float, told: bool) -> None:
+    """An undamped aircraft flies under an autopilot that damps it, and q̇ answers to its demand as well."""
+    flight, demand = steady(60), excited(60)
+    rate = np.zeros(demand.size)
+    for k in range(1, rate.size):
+        trim = -8.0 * rate[k - 1] if damping > 0 else 0.0
+        flight["outputs"][k, 1] = demand[k] + trim / 6.0
+        rate[k] = rate[k - 1] + (6.0 * flight["outputs"][k, 1] + damping * rate[k - 1]) / 20
+    flight["pitch_rate"] = rate
+    gain = new_gain("pitch")
+    gain.feed(rows(flight))
+    assert (gain.reference is not None) is told
+
+
 def test_a_doubted_airspeed_gives_no_effectiveness() -> None:
     flight = rolling(200, lost(100, 0.4))
     flight.trusted[95 * 20 :] = False
