@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Any
 
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.history.flights import FlightHistory, PastFlight, Since, is_healthy
-from mavhums.report.assessment import Assessment
 from mavhums.report.flight import CLOCKS_APART_S
 
 __all__ = ["Known"]
@@ -77,7 +76,7 @@ class Known:
             group.wanted |= other.wanted
             self._open.remove(other)
         self._open.append(group)
-        self._slim.append(replace(flown, assessment=_slim(flown.assessment)))
+        self._slim.append(flown.slim())
 
     def divided(self, rows: Iterable[_Row]) -> tuple[list[_Row], list[_Row]]:
         """Return the rows of the recordings that count, and one row for each log with one that does not."""
@@ -123,10 +122,3 @@ def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
         for own in flown.recordings
         for each in other.recordings
     )
-
-
-def _slim(assessment: Assessment) -> Assessment:
-    """Return an assessment with only the data that the own-scale equations need from it."""
-    nothing: dict[str, object] = {"evidence": (), "indicators": (), "provenance": {}}
-    slim = tuple(verdict.model_copy(update=nothing) for verdict in assessment.verdicts)
-    return assessment.model_copy(update={"verdicts": slim})
