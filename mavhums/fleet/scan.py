@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from glob import glob, has_magic
@@ -15,12 +15,13 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.app.options import Options
-from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.errors import MavhumsError
 from mavhums.fleet.installed import reassigned
 from mavhums.fleet.past import hold_against_past
 from mavhums.fleet.repairs import Repairs, add_repairs
 from mavhums.fleet.rows import LogFile, Row, crashed, judge, judge_several, settings_of
 from mavhums.fleet.store import Store
+from mavhums.fleet.workers import batches, connected, count
 from mavhums.history.aircraft import Whose
 from mavhums.history.aircraft_table import AircraftTable
 
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ScanOptions", "Scanned", "logs_in", "scan"]
 
-_BATCH: Final = 20
 _IN_FLIGHT: Final = 8
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
@@ -210,32 +210,8 @@ def _rows(files: Sequence[LogFile], options: ScanOptions, settings: str, whose: 
     if options.workers == 0 and options.scheduler is None:
         yield from (judge(file, options.judging, settings, whose) for file in files)
         return
-    with _cluster(options) as client:
+    with connected(options.workers, options.scheduler) as client:
         yield from _judged(client, files, options, settings, whose)
-
-
-@contextmanager
-def _cluster(options: ScanOptions) -> Iterator[Client]:
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise MissingExtraError("scanning a fleet", "fleet") from error
-    if options.scheduler:
-        try:
-            client = Client(options.scheduler, timeout=10)
-        except (OSError, ValueError) as error:
-            problem = f"{options.scheduler}: no scheduler answers"
-            raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
-        with client:
-            yield client
-        return
-    with (
-        LocalCluster(
-            n_workers=options.workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
 
 
 def _judged(
@@ -248,7 +224,8 @@ def _judged(
     """
     from distributed import as_completed, wait
 
-    waiting = iter([tuple(files[k : k + _BATCH]) for k in range(0, len(files), _BATCH)])
+    workers = count(client)
+    waiting = batches(files, workers)
     running: Any = as_completed()
     pending: dict[str, tuple[LogFile, ...]] = {}
     suspects: list[LogFile] = []
@@ -258,7 +235,7 @@ def _judged(
         pending[future.key] = several
         running.add(future)
 
-    for several in islice(waiting, _IN_FLIGHT * max(options.workers, 1)):
+    for several in islice(waiting, _IN_FLIGHT * workers):
         submit(several)
     for future in running:
         several = pending.pop(future.key)
