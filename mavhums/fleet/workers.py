@@ -67,7 +67,8 @@ def connected(workers: int, scheduler: str | None) -> Iterator[Client]:
 
 def count(client: Client) -> int:
     """Return the number of tasks that run at once, at least 1."""
-    return max(sum(client.ncores().values()), 1)
+    cores: dict[str, int] = client.ncores()
+    return max(sum(cores.values()), 1)
 
 
 def batches(files: Sequence[LogFile], workers: int) -> Iterator[tuple[LogFile, ...]]:
