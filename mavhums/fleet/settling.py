@@ -71,11 +71,12 @@ def _by_workers(store: Store, aircraft: Iterator[str], client: Client) -> None:
         if not committed:
             settle(store, [settling.aircraft])
 
-    def start(most: int) -> None:
-        for name in islice(aircraft, most):
+    def start(several: int) -> None:
+        for name in islice(aircraft, several):
             go_on(Settling(store, name))
 
-    start(_AT_ONCE * count(client))
+    most = _AT_ONCE * count(client)
+    start(most)
     for future in running:
         settling = active.pop(future.key)
         if future.status == "finished":
@@ -84,7 +85,7 @@ def _by_workers(store: Store, aircraft: Iterator[str], client: Client) -> None:
         else:  # the worker died, or the flights cannot be read: this process tells
             settle(store, [settling.aircraft])
         future.release()
-        start(_AT_ONCE * count(client) - len(active))
+        start(most - len(active))
 
 
 class Settling:
