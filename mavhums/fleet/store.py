@@ -30,6 +30,7 @@ OF_THIS_FORMAT: Final = f"coalesce(format, 1) = {FORMAT}"
 Result = TypeVar("Result")
 
 _COMPACT_FILES: Final = 64
+_FEW: Final = 1_000
 _ATTEMPTS: Final = 12
 _PAUSE_S: Final = 0.2
 
@@ -208,10 +209,11 @@ class Store:
             self._write(table, [], mode="ignore")
         self._write(table, rows, mode="overwrite", predicate=predicate)
 
-    def known(self) -> dict[LogFile, str]:
-        """Return the scanned logs, each with the settings of its latest judgement."""
+    def known(self, files: Sequence[LogFile]) -> dict[LogFile, str]:
+        """Return those of the logs that were scanned, each with the settings of its latest judgement."""
+        few = f" AND path IN ({_listed({file.path for file in files})})" if 0 < len(files) <= _FEW else ""
         rows = self.query(
-            f"SELECT path, size, time_ns, settings FROM logs WHERE {OF_THIS_FORMAT} ORDER BY scanned"
+            f"SELECT path, size, time_ns, settings FROM logs WHERE {OF_THIS_FORMAT}{few} ORDER BY scanned"
         ).fetchall()
         return {LogFile(*file): settings for *file, settings in rows}
 
