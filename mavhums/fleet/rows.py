@@ -16,8 +16,9 @@ from mavhums.engine.options import EngineOptions
 from mavhums.history.aircraft import UNKNOWN, Whose, board_of
 from mavhums.history.comparison import packed
 from mavhums.history.flights import PastFlight, UndatedError
+from mavhums.report.assessment import Assessment
 
-__all__ = ["LogFile", "Row", "crashed", "judge", "judge_several", "settings_of"]
+__all__ = ["LogFile", "Row", "aircraft_in_store", "crashed", "judge", "judge_several", "settings_of"]
 
 
 class LogFile(NamedTuple):
@@ -86,14 +87,12 @@ def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
     except UndatedError:
         start_us = None
     log = flight.assessment.log
-    board = board_of(flight.assessment)
-    aircraft = whose.name(file.path, board, log.start_utc) or (f"board {board}" if board else UNKNOWN)
     return Row(
         *file,
         settings=settings,
         sha256=log.sha256,
-        aircraft=aircraft,
-        board=board,
+        aircraft=aircraft_in_store(file.path, flight.assessment, whose),
+        board=board_of(flight.assessment),
         start_us=start_us,
         duration_s=log.duration_s,
         losses=bool(log.losses.any),
@@ -101,6 +100,12 @@ def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
         problem=None,
         remedy=None,
     )
+
+
+def aircraft_in_store(path: str, assessment: Assessment, whose: Whose) -> str:
+    """Return the aircraft's name in a store: that of the operator, else of its board, else none."""
+    board = board_of(assessment)
+    return whose.name(path, board, assessment.log.start_utc) or (f"board {board}" if board else UNKNOWN)
 
 
 def crashed(file: LogFile, settings: str, whose: Whose) -> Row:
