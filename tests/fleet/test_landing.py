@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 
 from mavhums import fleet
+from mavhums.cli import page_worker
 from mavhums.fleet.store import Store
 from mavhums.fleet.tables import LOGS, Tables
 
@@ -172,3 +174,22 @@ def test_a_store_keeps_repairs_itself(run: Run, kept: Path) -> None:
     assert "fleet repairs" in outcome.err
     assert "AIRCRAFT/rudder=2026-03-01" in outcome.err
     assert "a store names logs" in run("analyse", "-", "--history", kept / "store").err
+
+
+@pytest.mark.slow
+def test_the_page_judges_by_the_flights_in_its_store(kept: Path, tmp_path: Path) -> None:
+    """On the page the board names the aircraft."""
+    healthy, log = sorted((kept / "D-A").glob("[01]*")), kept / "D-A" / "landed.tlog"
+    assert page_worker.among(tmp_path / "store", str(log), mavhums.Options()).history is None
+    fleet.scan(healthy, tmp_path / "store", fleet.ScanOptions(workers=0))
+    command = [sys.executable, "-m", "mavhums.cli.page_worker", str(2 << 30), str(tmp_path / "store")]
+    job = {"do": "judge", "log": str(log), "report": str(tmp_path / "report.html"), "options": {}}
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
+        assert worker.stdin
+        assert worker.stdout
+        worker.stdin.write(json.dumps(job) + "\n")
+        worker.stdin.flush()
+        answer = next(line for line in worker.stdout if "brief" in line or "problem" in line)
+        worker.stdin.close()
+    assert json.loads(answer)["brief"]["condition"] == "degraded"
+    assert fleet.status(tmp_path / "store").judged == FLIGHTS
