@@ -6,27 +6,24 @@ import hashlib
 import json
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from mavhums import __version__
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
+from mavhums.fleet.sources import LogFile, UnreachedError, at_hand
 from mavhums.history.aircraft import UNKNOWN, Whose, board_of
-from mavhums.history.comparison import packed
+from mavhums.history.comparison import LoneFlight, packed
 from mavhums.history.flights import PastFlight, UndatedError
 from mavhums.report.assessment import Assessment
 
-__all__ = ["LogFile", "Row", "aircraft_in_store", "crashed", "judge", "judge_several", "settings_of"]
+__all__ = ["Row", "aircraft_in_store", "crashed", "judge", "judge_several", "settings_of"]
 
 
-class LogFile(NamedTuple):
-    """A log on disk; ``time_ns`` is its time of modification."""
-
-    path: str
-    size: int
-    time_ns: int
+_AGAIN: Final = ""
+"""Settings of a log that the next scan judges again."""
 
 
 class Row(NamedTuple):
@@ -75,10 +72,14 @@ def judge_several(files: tuple[LogFile, ...], options: Options, settings: str, w
 def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
     """Judge a log alone; a log that cannot be judged gives a row with the reason."""
     aircraft = whose.name(file.path, None, None) or UNKNOWN
+    path = file.path
     try:
-        flight = analyse_alone(file.path, _resolved(options))
+        with at_hand(file) as path:
+            flight = _named(analyse_alone(path, _resolved(options)), file)
+    except UnreachedError as error:
+        return _failed(file, _AGAIN, aircraft, error.problem, error.remedy)
     except MavhumsError as error:
-        return _failed(file, settings, aircraft, error.problem, error.remedy)
+        return _failed(file, settings, aircraft, error.problem.replace(path, file.path), error.remedy)
     except Exception as error:
         told = f"{file.path}: {type(error).__name__}: {str(error)[:200]}"
         return _failed(file, settings, aircraft, told, "report it with the log")
@@ -100,6 +101,12 @@ def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
         problem=None,
         remedy=None,
     )
+
+
+def _named(flight: LoneFlight, file: LogFile) -> LoneFlight:
+    """Return a flight under the path of its log, wherever its copy lay."""
+    log = flight.assessment.log.model_copy(update={"path": file.path})
+    return flight._replace(assessment=flight.assessment.model_copy(update={"log": log}))
 
 
 def aircraft_in_store(path: str, assessment: Assessment, whose: Whose) -> str:

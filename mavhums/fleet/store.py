@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.fleet.rows import LogFile, Row
+from mavhums.fleet.rows import Row
+from mavhums.fleet.sources import LogFile
 from mavhums.fleet.tables import COPIES, INSTALLED, LOGS, VERDICTS, Tables, schemas
 
 __all__ = ["FORMAT", "OF_THIS_FORMAT", "Store"]
