@@ -87,8 +87,9 @@ def status(store: str | os.PathLike[str]) -> Status:
         " COUNT(DISTINCT CASE WHEN aircraft = '' THEN sha256 END) FROM logs WHERE flight IS NOT NULL"
     ).fetchone()
     failures = kept.query(
-        "SELECT problem, remedy FROM logs WHERE problem IS NOT NULL"
-        " QUALIFY row_number() OVER (PARTITION BY path ORDER BY scanned DESC) = 1 ORDER BY path"
+        "SELECT problem, remedy FROM"
+        " (FROM logs QUALIFY row_number() OVER (PARTITION BY path ORDER BY scanned DESC) = 1)"
+        " WHERE problem IS NOT NULL ORDER BY path"
     ).fetchall()
     copies = kept.query("SELECT DISTINCT path, counted FROM copies ORDER BY path").fetchall()
     return Status(judged, aircraft, unknown, tuple(failures), tuple(copies))
