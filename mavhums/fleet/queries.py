@@ -133,7 +133,12 @@ def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Ve
     rows = (
         Store(store)
         .opened()
-        .query("SELECT path, verdict FROM verdicts WHERE aircraft = ? ORDER BY start_us, path", aircraft)
+        .query(
+            "SELECT path, verdict FROM"
+            " (SELECT *, row_number() OVER () AS place FROM verdicts WHERE aircraft = ?)"
+            " ORDER BY start_us, path, place",
+            aircraft,
+        )
         .fetchall()
     )
     return [(path, Verdict.model_validate_json(verdict)) for path, verdict in rows]
