@@ -21,6 +21,7 @@ __all__ = [
     "KEY",
     "LOG",
     "LOGS",
+    "NAMED_DATE",
     "PATH",
     "PLACE",
     "REPAIRS",
@@ -118,10 +119,11 @@ BASELINE_FROM = click.option(
     help="Earlier flights do not count, as after a repair; of all actuators, or of one. Can be repeated.",
 )
 
+NAMED_DATE = _NamedDate()
 REPAIRS = click.option(
     "--baseline-from",
     "dates",
-    type=_NamedDate(),
+    type=NAMED_DATE,
     multiple=True,
     metavar="[[AIRCRAFT/]ACTUATOR=]DATE",
     help="Flights from then on are held against none before, as after a repair: D-EABC/rudder=2026-03-01, or"

@@ -199,6 +199,10 @@ class Store:
         """Replace the actuators of an aircraft, in one transaction."""
         self._replace(INSTALLED, aircraft, rows)
 
+    def rewrite(self, table: str, rows: Callable[[], Sequence[dict[str, object]]]) -> None:
+        """Replace all rows of a table, in one transaction; they are computed again for each attempt."""
+        self.settle(lambda: self._write(table, rows(), mode="overwrite"))
+
     def rename(self, names: Mapping[str, str]) -> None:
         """Give the logs with these hashes to other aircraft, in one transaction."""
         if names:

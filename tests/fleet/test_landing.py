@@ -176,6 +176,27 @@ def test_a_store_keeps_repairs_itself(run: Run, kept: Path) -> None:
     assert "a store names logs" in run("analyse", "-", "--history", kept / "store").err
 
 
+def test_a_repair_that_was_a_mistake_leaves_nothing(
+    run: Run, kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = shutil.copytree(kept / "scanned", tmp_path / "store")
+    monkeypatch.setattr("mavhums.fleet.rows.analyse_alone", None)  # no log is opened
+    before = fleet.verdicts(store, "D-A")
+    assert run("fleet", "repairs", store).out == "no repairs\n"
+    added = run("fleet", "repairs", store, "--add", "D-A/elevator=2026-01-05")
+    assert added.out == "D-A/elevator=2026-01-05\n"
+    assert "friction_drift" not in str(fleet.verdicts(store, "D-A"))
+    assert json.loads(run("fleet", "repairs", store, "--json").out) == [
+        {"aircraft": "D-A", "actuator": "elevator", "at": "2026-01-05T00:00:00+00:00"}
+    ]
+    wrong = run("fleet", "repairs", store, "--remove", "D-A/rudder=2026-01-05")
+    assert wrong.code == ExitCode.ERROR
+    assert "the store has: D-A/elevator=2026-01-05" in wrong.err
+    assert run("fleet", "repairs", store, "--remove", "D-A/elevator=2026-01-05").out == "no repairs\n"
+    assert fleet.verdicts(store, "D-A") == before
+    assert "friction_drift" in str(before)
+
+
 @pytest.mark.slow
 def test_the_page_judges_by_the_flights_in_its_store(kept: Path, tmp_path: Path) -> None:
     """On the page the board names the aircraft."""
