@@ -12,13 +12,14 @@ from mavhums.core.collecting import no_collection
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.fleet.installed import installed_in
+from mavhums.fleet.repairs import repairs_of
 from mavhums.fleet.store import Store
 from mavhums.history.aircraft import UNKNOWN
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
-from mavhums.report.trend import TrendReport
+from mavhums.report.trend import RepairDate, TrendReport
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -160,7 +161,10 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
         if not flown:
             raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", _aircraft_in(kept))
         since = installed_in(kept, aircraft).since(aircraft, flown[-1].end)
-        return trend_report(FlightHistory(flown), since=since)
+        report = trend_report(FlightHistory(flown), since=since)
+    repaired = sorted(repairs_of(kept, aircraft), key=lambda repair: repair.at)
+    told = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repaired)
+    return report.model_copy(update={"repairs": told})
 
 
 def past_flights(store: Store, aircraft: str) -> Iterator[PastFlight]:

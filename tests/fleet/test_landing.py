@@ -189,6 +189,7 @@ def test_a_repair_that_was_a_mistake_leaves_nothing(
     assert json.loads(run("fleet", "repairs", store, "--json").out) == [
         {"aircraft": "D-A", "actuator": "elevator", "at": "2026-01-05T00:00:00+00:00"}
     ]
+    assert "Repaired: elevator 2026-01-05" in run("fleet", "trend", store, "D-A").out
     wrong = run("fleet", "repairs", store, "--remove", "D-A/rudder=2026-01-05")
     assert wrong.code == ExitCode.ERROR
     assert "the store has: D-A/elevator=2026-01-05" in wrong.err
