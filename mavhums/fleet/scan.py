@@ -120,7 +120,7 @@ def scan(
     kept = Store(store)
     files = logs_in(sources)
     with kept.locked():
-        known = kept.known()
+        known = kept.known(files)
         new = [file for file in files if known.get(file) != settings]
         commits = _Commits(kept, reassigned(kept, whose.table) | add_repairs(kept, options.repairs))
         engine = ExitStack()

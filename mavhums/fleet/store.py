@@ -31,6 +31,7 @@ OF_THIS_FORMAT: Final = f"coalesce(format, 1) = {FORMAT}"
 Result = TypeVar("Result")
 
 _COMPACT_FILES: Final = 64
+_FEW: Final = 1_000
 _ATTEMPTS: Final = 12
 _PAUSE_S: Final = 0.2
 
@@ -177,13 +178,10 @@ class Store:
     ) -> None:
         """Commit the verdicts on logs that have none, and the names of those that do not count."""
         for table, several in ((VERDICTS, rows), (COPIES, copies)):
-            if not several:
-                continue
-            if self.is_shared and self._has(table):  # another scan may have judged the same logs
+            if several and self.is_shared:  # another scan may have judged the same logs
                 logs = _listed({str(row["sha256"]) for row in several})
-                predicate = f"aircraft = {_quoted(aircraft)} AND sha256 IN ({logs})"
-                self._write(table, several, mode="overwrite", predicate=predicate)
-            else:
+                self._overwrite(table, several, f"aircraft = {_quoted(aircraft)} AND sha256 IN ({logs})")
+            elif several:
                 self._write(table, several, mode="append")
 
     def replace_verdicts(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
@@ -209,15 +207,18 @@ class Store:
             self.settle(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
 
     def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
-        if self._has(table):
-            self._write(table, rows, mode="overwrite", predicate=f"aircraft = {_quoted(aircraft)}")
-        else:
-            self._write(table, rows, mode="append")
+        self._overwrite(table, rows, f"aircraft = {_quoted(aircraft)}")
 
-    def known(self) -> dict[LogFile, str]:
-        """Return the scanned logs, each with the settings of its latest judgement."""
+    def _overwrite(self, table: str, rows: Sequence[dict[str, object]], predicate: str) -> None:
+        if not self._has(table):  # first without rows: two scans that create it must not both add theirs
+            self._write(table, [], mode="ignore")
+        self._write(table, rows, mode="overwrite", predicate=predicate)
+
+    def known(self, files: Sequence[LogFile]) -> dict[LogFile, str]:
+        """Return those of the logs that were scanned, each with the settings of its latest judgement."""
+        few = f" AND path IN ({_listed({file.path for file in files})})" if 0 < len(files) <= _FEW else ""
         rows = self.query(
-            f"SELECT path, size, time_ns, settings FROM logs WHERE {OF_THIS_FORMAT} ORDER BY scanned"
+            f"SELECT path, size, time_ns, settings FROM logs WHERE {OF_THIS_FORMAT}{few} ORDER BY scanned"
         ).fetchall()
         return {LogFile(*file): settings for *file, settings in rows}
 
