@@ -280,11 +280,12 @@ class IndexedFolder:
         same = f"{outcome.log}\n{judged}"
         self._base.execute("INSERT INTO flight VALUES (?, ?, ?, ?)", (name, place, same, outcome.log))
         times = _microseconds(outcome.start), name, place, _microseconds(outcome.end)
+        slim = outcome.without("evidence", "provenance", "indicators")
         content = _SLIM.dump_json(
-            _Slim(outcome.slim().assessment, outcome.recordings), by_alias=True, exclude_defaults=True
+            _Slim(slim.assessment, outcome.recordings), by_alias=True, exclude_defaults=True
         )
-        slim = (name, times[0], times[-1], outcome.written, zlib.compress(content, 1))
-        self._base.execute("INSERT INTO slim VALUES (?, ?, ?, ?, ?)", slim)
+        row = (name, times[0], times[-1], outcome.written, zlib.compress(content, 1))
+        self._base.execute("INSERT INTO slim VALUES (?, ?, ?, ?, ?)", row)
         recordings = [(each, _CONTENT.dump_json(each).decode()) for each in outcome.recordings]
         self._base.executemany(
             "INSERT INTO owner VALUES (?, ?, ?, ?, ?, ?)",
