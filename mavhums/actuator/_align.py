@@ -34,6 +34,15 @@ def _first(values: Integers, start: int, end: int, least: int) -> int:
 
 
 @kernel
+def _near(values: Integers, start: int, end: int, least: int, guess: int) -> int:
+    """Return what :func:`_first` returns, at once if it is the guess or the index after the guess."""
+    for index in range(max(guess, start), min(guess + 2, end)):
+        if values[index] >= least and (index == start or values[index - 1] < least):
+            return index
+    return _first(values, start, end, least)
+
+
+@kernel
 def _merge(
     rows: Rows,
     bounds: Integers,
@@ -166,18 +175,19 @@ def limits(
     count = len(due)
     out = np.empty(count, dtype=np.int64)
     settler = 0
+    ahead, own, beside = bounds[:-1].copy(), 0, bounds[:-1].copy()
     for i in range(count):
         at_us, own_frame, clock = due[i]
         while settler < count and due[settler, 0] < at_us + settle_us:
             settler += 1
         limit = due[settler, 1] if settler < count else NEVER
         for k in range(rank.size):
-            row = _first(time, bounds[k], bounds[k + 1], at_us + keep_us)
+            row = ahead[k] = _near(time, bounds[k], bounds[k + 1], at_us + keep_us, ahead[k])
             limit = min(limit, frame[row] if row < bounds[k + 1] else NEVER)
         if limit < own_frame:
             limit = 0
         if at_us >= known_from_us:
-            own = _first(time, bounds[clock], bounds[clock + 1], at_us)
+            own = _near(time, bounds[clock], bounds[clock + 1], at_us, own)
             complete = own_frame
             for k in range(rank.size):
                 if k == clock or own_frame <= first_frame[k]:
@@ -186,7 +196,7 @@ def limits(
                 for column in range(values.shape[1]):
                     adds = adds or (gives[k, column] and np.isnan(values[own, column]))
                 if adds:
-                    row = _first(time, bounds[k], bounds[k + 1], at_us)
+                    row = beside[k] = _near(time, bounds[k], bounds[k + 1], at_us, beside[k])
                     complete = max(complete, frame[row] if row < bounds[k + 1] else NEVER)
             limit = min(limit, complete + 1)
         if limit >= NEVER and not final:
@@ -213,13 +223,14 @@ def combine(
     columns = values.shape[1]
     out = np.full((at_us.size, columns), np.nan)
     origin = np.full((at_us.size, columns), -1, dtype=np.int8)
+    rights, knowns = bounds[:-1].copy(), bounds[:-1].copy()
     for i in range(at_us.size):
         missing = columns
         for k in order:
             if missing == 0:
                 break
-            right = _first(time, bounds[k], bounds[k + 1], at_us[i])
-            known = _first(frame, bounds[k], bounds[k + 1], limit[i])
+            right = rights[k] = _near(time, bounds[k], bounds[k + 1], at_us[i], rights[k])
+            known = knowns[k] = _near(frame, bounds[k], bounds[k + 1], limit[i], knowns[k])
             if right >= known or time[known - 1] - at_us[i] > keep_us:
                 continue
             left, part = right, 0.0

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
 from mavhums.fleet.known_state import State, unpacked_state
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.history.flights import FlightHistory, PastFlight, Since, is_healthy
-from mavhums.report.assessment import Assessment
 from mavhums.report.flight import CLOCKS_APART_S
 
 __all__ = ["Copies", "Known", "NotKeptError"]
@@ -131,7 +130,7 @@ class Known:
         same = [group for group in self._open if _is_near(flown, group.flights)]
         if any(group.settled for group in same):
             raise NotKeptError
-        group = _Group([replace(flown, assessment=_without(flown.assessment, own=()))])
+        group = _Group([flown.without("evidence", "provenance", "own")])
         group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in self._shown(flown))
         for other in same:
             group.flights += other.flights
@@ -139,7 +138,7 @@ class Known:
             self._open.remove(other)
         self._open.append(group)
         if self._slim is not None:
-            self._slim.append(replace(flown, assessment=_without(flown.assessment, indicators=())))
+            self._slim.append(flown.without("evidence", "provenance", "indicators"))
 
     @property
     def copies(self) -> Copies:
@@ -194,10 +193,3 @@ def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
         for own in flown.recordings
         for each in other.recordings
     )
-
-
-def _without(assessment: Assessment, **nothing: object) -> Assessment:
-    """Return an assessment without what a later flight never needs, and without what is named."""
-    nothing |= {"evidence": (), "provenance": {}}
-    slim = tuple(verdict.model_copy(update=nothing) for verdict in assessment.verdicts)
-    return assessment.model_copy(update={"verdicts": slim, "usage": ()})

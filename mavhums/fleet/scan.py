@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from glob import glob, has_magic
 from itertools import islice
-from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.app.options import Options
-from mavhums.core.errors import MavhumsError
 from mavhums.fleet.installed import reassigned
 from mavhums.fleet.repairs import Repairs, add_repairs
-from mavhums.fleet.rows import LogFile, Row, crashed, judge, judge_several, settings_of
+from mavhums.fleet.rows import Row, crashed, judge, judge_several, settings_of
 from mavhums.fleet.settling import settle
+from mavhums.fleet.sources import LogFile, logs_in
 from mavhums.fleet.store import Store
 from mavhums.fleet.workers import batches, connected, count
 from mavhums.history.aircraft import Whose
@@ -27,13 +24,12 @@ from mavhums.history.aircraft_table import AircraftTable
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["ScanOptions", "Scanned", "logs_in", "scan"]
+__all__ = ["ScanOptions", "Scanned", "scan"]
 
 _IN_FLIGHT: Final = 8
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
 _ROUNDS: Final = 2  # in the second, what another scan of an object store committed in between
-_LOG: Final = re.compile(r".+\.(tlog|bin|ulg)(\.(gz|xz|bz2|zst))?", re.IGNORECASE)
 
 Progress = Callable[[int, int], None]
 
@@ -94,9 +90,9 @@ def scan(
     Parameters
     ----------
     sources
-        Logs, folders with logs at any depth, or patterns.
+        Logs, folders with logs at any depth, or patterns; paths, or addresses such as ``s3://bucket/logs``.
     store
-        Folder of the store.
+        Folder of the store, or its address.
     options
         Options of the scan; the defaults if None.
     progress
@@ -143,38 +139,6 @@ def scan(
         with engine:
             commits.close(client)
     return Scanned(commits.judged, commits.failed, len(files) - len(new))
-
-
-def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
-    """Return the logs that the sources name, each once, by path.
-
-    Raises
-    ------
-    MavhumsError
-        If a source matches nothing.
-    """
-    paths: set[Path] = set()
-    for source in (os.fspath(each) for each in sources):
-        if Path(source).is_dir():
-            found = [path for path in Path(source).rglob("*") if _LOG.fullmatch(path.name)]
-        elif has_magic(source) and not Path(source).exists():
-            found = [Path(path) for path in glob(source, recursive=True)]  # noqa: PTH207 — an absolute pattern
-            if not found:
-                raise MavhumsError(f"{source}: matches no log", "check the pattern")
-        else:
-            found = [Path(source)]
-            if not found[0].exists():
-                raise MavhumsError(f"{source}: no such file or folder", "check the path")
-        paths.update(path.absolute() for path in found if not path.is_dir())
-    return [_file(path) for path in sorted(paths)]
-
-
-def _file(path: Path) -> LogFile:
-    try:
-        status = path.stat()
-    except OSError:  # a dangling link: the worker reports the error
-        return LogFile(str(path), -1, 0)
-    return LogFile(str(path), status.st_size, status.st_mtime_ns)
 
 
 class _Commits:

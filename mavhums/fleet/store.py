@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.fleet.rows import LogFile, Row
+from mavhums.fleet.rows import Row
+from mavhums.fleet.sources import LogFile
 from mavhums.fleet.tables import COPIES, INSTALLED, LOGS, SETTLED, VERDICTS, Tables, schemas
 
 __all__ = ["FORMAT", "OF_THIS_FORMAT", "Store"]
@@ -195,6 +196,10 @@ class Store:
     def replace_installed(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         """Replace the actuators of an aircraft, in one transaction."""
         self._replace(INSTALLED, aircraft, rows)
+
+    def rewrite(self, table: str, rows: Callable[[], Sequence[dict[str, object]]]) -> None:
+        """Replace all rows of a table, in one transaction; they are computed again for each attempt."""
+        self.settle(lambda: self._write(table, rows(), mode="overwrite"))
 
     def rename(self, names: Mapping[str, str]) -> None:
         """Give the logs with these hashes to other aircraft, in one transaction."""

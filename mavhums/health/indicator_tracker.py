@@ -108,7 +108,8 @@ class IndicatorTracker:
             at.tolist(), *(column[at].tolist() for column in columns), strict=True
         ):
             here = abs(signed) if self.detector.two_sided else signed
-            if end >= self.next_due_s:
+            separate = end >= self.next_due_s
+            if separate:
                 self._feed_separate(signed, error, freedom, end)
             severity = self._shown(said, here)
             decided = self.decision.feed(severity, end - self.window_s, end, sure=certain)
@@ -119,7 +120,7 @@ class IndicatorTracker:
             else:
                 agrees = severity == SEVERITY[self.decision.condition]
                 self.episodes.extend(here, end, agrees=agrees)
-            if self.condition != before:
+            if (decided or separate) and self.condition != before:
                 before = self.condition
                 changes.append(Change(k, before, self.since_s or 0.0, self.rule(before)))
         self.latest = Estimate(*(float(column[at[-1]]) for column in look.own))

@@ -84,8 +84,8 @@ def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Arr
     p = len(mean)
     coefficients, errors = np.empty((W, p)), np.empty((W, p))
     variance, inverse = np.empty(W), np.empty((W, p, p))
-    total, rest, weights, unit = np.empty(m), np.empty(m), np.zeros(p), np.zeros(p)
-    factor, without = np.empty((p, p)), np.empty(p)
+    total, rest, weights = np.empty(m), np.empty(m), np.zeros(p)
+    factor, without, zero = np.empty((p, p)), np.empty(p), np.zeros(p)
     for w in range(W):
         total[:] = 0.0
         filled = 0
@@ -94,7 +94,7 @@ def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Arr
             filled += sums[w, s, 0] > 0.0
 
         weights[:] = 0.0
-        _posterior(total, weights, np.zeros(p), factor, without)
+        _posterior(total, weights, zero, factor, without)
         explained = 0.0
         for j in range(p):
             explained += without[j] * total[2 + j]
@@ -103,10 +103,10 @@ def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Arr
         for j in range(p):
             weights[j] = variance[w] / (deviation[j] * deviation[j])
         _posterior(total, weights, mean, factor, coefficients[w])
+        inverse[w] = 0.0
         for j in range(p):
-            unit[:] = 0.0
-            unit[j] = 1.0
-            _substitute(factor, unit, inverse[w, j])
+            inverse[w, j, j] = 1.0
+            _substitute(factor, inverse[w, j])
 
         errors[w] = 0.0
         for s in range(S):
@@ -142,15 +142,14 @@ def _posterior(total: Array, weights: Array, mean: Array, factor: Array, out: Ar
             for k in range(j):
                 factor[i, j] -= factor[i, k] * factor[j, k]
             factor[i, j] /= factor[j, j]
-    _substitute(factor, out.copy(), out)
+    _substitute(factor, out)
 
 
 @kernel
-def _substitute(factor: Array, right: Array, out: Array) -> None:
-    """Solve for one right side with a matrix's lower Cholesky factor."""
-    p = len(right)
+def _substitute(factor: Array, out: Array) -> None:
+    """Replace one right side by its solution, given a matrix's lower Cholesky factor."""
+    p = len(out)
     for j in range(p):
-        out[j] = right[j]
         for k in range(j):
             out[j] -= factor[j, k] * out[k]
         out[j] /= factor[j, j]

@@ -57,7 +57,7 @@ class Panel:
         self._two_sided = np.array([[detector.two_sided] for detector in detectors])
         limits = np.array([bounds(detector.levels) for detector in detectors])
         self._normal, self._emergency = limits[:, :1], limits[:, 1:]
-        self._tails = tail_of(false_alarms) ** np.array([0.5, 1.0])[:, None, None]
+        self._tails = tail_of(false_alarms) ** np.array([0.5, 1.0])[:, None]
         self._errors = PooledErrors()
 
     def feed(self, estimates: Sequence[Estimates], windows: NDArray[np.bool_]) -> list[Look]:

@@ -166,22 +166,21 @@ class SlotCutter:
     def _close(self, horizon: float) -> Slots | None:
         if not self._times:
             return None
-        time_s, values = np.concatenate(self._times), np.concatenate(self._values)
+        time_s, values = _joined(self._times), _joined(self._values)
         if not (time_s[1:] > time_s[:-1]).all():
             time_s, first = np.unique(time_s, return_index=True)
             values = values[first]
         done = int(np.searchsorted(time_s, horizon))
         self._times, self._values = [time_s[done:]], [values[done:]]
-        time_s = np.concatenate([self._pending[0], time_s[:done]])
-        values = np.concatenate([self._pending[1], values[:done]])
+        lead = self._before[0].size
+        whole_t = np.concatenate([self._before[0], self._pending[0], time_s[:done]])
+        whole_v = np.concatenate([self._before[1], self._pending[1], values[:done]])
+        time_s, values = whole_t[lead:], whole_v[lead:]
         confirmed_by = np.searchsorted(time_s, time_s + GUARD_S) + 1
         ready = int(np.searchsorted(confirmed_by, time_s.size))
         self._pending = time_s[ready:], values[ready:]
         if not ready:
             return None
-        lead = self._before[0].size
-        whole_t = np.concatenate([self._before[0], time_s])
-        whole_v = np.concatenate([self._before[1], values])
         slots = np.floor(time_s[confirmed_by[:ready]] / self._slot_s).astype(np.int64)
         start = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
         next_s = time_s[ready] if ready < time_s.size else np.inf
@@ -189,3 +188,7 @@ class SlotCutter:
         keep = max(min(keep, lead + ready - 1) - 1, 0)
         self._before = whole_t[keep : lead + ready], whole_v[keep : lead + ready]
         return Slots(slots[start], start, slice(lead, lead + ready), whole_t, whole_v)
+
+
+def _joined(parts: list[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)

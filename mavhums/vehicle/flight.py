@@ -97,14 +97,17 @@ class Rows:
     def cut(self, first: int, last: int) -> Rows:
         """Return the seconds from ``first`` to before ``last``, as indices into these seconds."""
         a, b = first * RATE_HZ, last * RATE_HZ
-        arrays = {f.name: getattr(self, f.name)[a:b] for f in fields(self)[2:]}
-        return Rows(self.second + first, self.fresh and first == 0, **arrays)
+        arrays = (getattr(self, name)[a:b] for name in _ARRAYS)
+        return Rows(self.second + first, self.fresh and first == 0, *arrays)
 
     @classmethod
     def join(cls, parts: list[Rows]) -> Rows:
         """Join consecutive rows."""
-        arrays = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)[2:]}
-        return cls(parts[0].second, parts[0].fresh, **arrays)
+        arrays = (np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS)
+        return cls(parts[0].second, parts[0].fresh, *arrays)
+
+
+_ARRAYS: Final = tuple(field.name for field in fields(Rows)[2:])
 
 
 class Flight:

@@ -29,7 +29,7 @@ distributed = pytest.importorskip("distributed")
 cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
-from mavhums.fleet.scan import logs_in  # noqa: E402
+from mavhums.fleet.sources import logs_in  # noqa: E402
 from mavhums.fleet.store import Store  # noqa: E402
 from mavhums.fleet.tables import LOGS  # noqa: E402
 

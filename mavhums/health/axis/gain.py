@@ -189,25 +189,39 @@ class Gain:
 
     def feed(self, rows: Rows) -> list[Second]:
         """Process rows; return the results of their seconds, from the first second with a reference on."""
-        first = 0
-        while self.reference is None and first < rows.seconds:
-            self._wait(rows.cut(first, first + 1))
-            first += 1
-        if self.reference is None or first >= rows.seconds:
-            return []
-        return self._judge(rows.cut(first, rows.seconds))
+        first = self._wait(rows) if self.reference is None else 0
+        return self._judge(rows.cut(first, rows.seconds)) if first < rows.seconds else []
 
-    def _wait(self, rows: Rows) -> None:
+    def _wait(self, rows: Rows) -> int:
+        """Wait for a reference; return the number of these seconds that passed without one."""
         if rows.fresh:
             self._waiting.clear()
-        self._waiting.append(rows)
-        del self._waiting[:-_LONGEST_S]
         flying = rows.flying & np.isfinite(rows.demand(self._form.axis))
-        self.usable_s += int(flying.sum() >= _LEAST_ROWS)
-        self._tried += 1
-        if REFERENCE_S <= self.usable_s <= _LATEST_S and self._tried >= _RETRY_S:
-            self._tried = 0
-            self._refer(Rows.join(self._waiting))
+        usable = flying.reshape(-1, RATE_HZ).sum(axis=1) >= _LEAST_ROWS
+        kept = 0
+        for end, counts in enumerate(usable.tolist(), start=1):
+            self.usable_s += counts
+            self._tried += 1
+            if REFERENCE_S <= self.usable_s <= _LATEST_S and self._tried >= _RETRY_S:
+                self._tried = 0
+                self._keep(rows.cut(kept, end))
+                kept = end
+                self._refer(Rows.join(self._waiting))
+            if self.reference is not None:
+                return end
+        if kept < rows.seconds:
+            self._keep(rows.cut(kept, rows.seconds))
+        return rows.seconds
+
+    def _keep(self, rows: Rows) -> None:
+        """Add rows to those that wait, and drop what is older than the longest reference."""
+        self._waiting.append(rows)
+        excess = sum(part.seconds for part in self._waiting) - _LONGEST_S
+        while excess > 0:
+            oldest = self._waiting.pop(0)
+            if oldest.seconds > excess:
+                self._waiting.insert(0, oldest.cut(excess, oldest.seconds))
+            excess -= oldest.seconds
 
     def _refer(self, rows: Rows) -> None:
         """Use the buffered rows as the reference if they meet the requirements."""

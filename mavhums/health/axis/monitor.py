@@ -179,7 +179,9 @@ class AxisMonitor:
                 self._skidded_s = end_s
             for axis in AXES:
                 found = [one for one in now if one.axis == axis and not self._masked(one, end_s)]
-                yield from self._take(axis, judged[axis].get(end_s), found, end_s)
+                second = judged[axis].get(end_s)
+                if found or second is not None:
+                    yield from self._take(axis, second, found, end_s)
 
     def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
         for axis, found in seconds.items():

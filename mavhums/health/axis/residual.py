@@ -68,21 +68,25 @@ class Residual:
         if rows.fresh:
             self._window.clear()
         design, answer, good = self._model.feed(rows)
-        found = []
-        for k in range(rows.seconds):
-            at = slice(k * RATE_HZ, (k + 1) * RATE_HZ)
-            if self._beta is None:
-                self._refer(design[at][good[at]], answer[at][good[at]], rows.second + k + 1)
-            else:
-                found.append(self._second(rows.second + k + 1, design[at], answer[at], good[at]))
-        return found
+        first = self._wait(rows.second, design, answer, good) if self._beta is None else 0
+        seconds = ((k, slice(k * RATE_HZ, (k + 1) * RATE_HZ)) for k in range(first, rows.seconds))
+        return [self._second(rows.second + k + 1, design[at], answer[at], good[at]) for k, at in seconds]
 
-    def _refer(self, design: Array, answer: Array, end_s: int) -> None:
-        self._design.append(design)
-        self._answer.append(answer)
-        self._rows += len(answer)
-        if self._rows < REFERENCE_S * RATE_HZ:
-            return
+    def _wait(self, second: int, design: Array, answer: Array, good: NDArray[np.bool_]) -> int:
+        """Collect whole seconds for the reference; return the number of those that it needed."""
+        usable = self._rows + good.reshape(-1, RATE_HZ).sum(axis=1).cumsum()
+        complete = int(np.searchsorted(usable, REFERENCE_S * RATE_HZ))
+        taken = min(complete + 1, len(usable))
+        at = np.flatnonzero(good[: taken * RATE_HZ])
+        self._design.append(design[at])
+        self._answer.append(answer[at])
+        self._rows += len(at)
+        if complete < len(usable):
+            self._refer(second + taken)
+        return taken
+
+    def _refer(self, end_s: int) -> None:
+        """Fit the reference, which ends with this second, to the collected rows."""
         x, y = np.concatenate(self._design), np.concatenate(self._answer)
         own = self._model.floor
         weights = np.array([own / spread for spread in self._model.spreads]) * np.sqrt(RATE_HZ)
