@@ -1,10 +1,12 @@
 """Faults that are there from the start of a flight, found against the aircraft's earlier healthy flights.
 
     python benchmarks/control_history.py [--aircraft N] [--first A] [--flights N] [--tests N] [--jobs J]
+        [--fault NAME]
 
 Each of several individual aircraft of the closed-loop simulator flies ``--flights`` healthy flights in winds
 and turbulence that change from flight to flight. Then come ``--tests`` more healthy ones and the same number
-of each fault, all compared with the same earlier flights. Aircraft 0 to 2 were used to choose the method.
+of each fault, all compared with the same earlier flights; ``--fault none`` flies healthy ones only.
+Aircraft 0 to 2 were used to choose the method.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,10 +78,12 @@ def judged(flown: Flown) -> LoneFlight:
     return flown.judged()
 
 
-def plan(aircraft: int, flights: int, tests: int) -> Iterator[Flown]:
+def plan(aircraft: int, flights: int, tests: int, faults: Collection[str]) -> Iterator[Flown]:
     """Yield the flights of one aircraft: the earlier ones first."""
     yield from (Flown(aircraft, day, "none") for day in range(flights))
     for k, fault in enumerate(FAULTS):
+        if fault not in faults:
+            continue
         yield from (Flown(aircraft, 100 + 50 * k + test, fault) for test in range(tests))
 
 
@@ -91,11 +95,12 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=10)
     parser.add_argument("--tests", type=int, default=6)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--fault", action="append", choices=FAULTS, help="can be repeated; all if absent")
     options = parser.parse_args()
     alone, found, wrong, shares = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
     with ProcessPoolExecutor(options.jobs) as pool:
         for aircraft in range(options.first, options.first + options.aircraft):
-            flown = [*plan(aircraft, options.flights, options.tests)]
+            flown = [*plan(aircraft, options.flights, options.tests, options.fault or FAULTS)]
             flights = [*pool.map(judged, flown)]
             past = FlightHistory(tuple(PastFlight.of(one.assessment) for one in flights[: options.flights]))
             for one, flight in zip(flown[options.flights :], flights[options.flights :], strict=True):

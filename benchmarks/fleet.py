@@ -8,6 +8,8 @@ memory     largest memory of driver and worker while they scan 100 and 2,000 log
 growth     ten new logs into a store of 10,000
 questions  `worst` and one aircraft's trend, of 1,000,000 verdicts
 landings   one more flight in a folder of 10, 1,000 and 10,000
+stored     one more flight in a store with 10, 1,000 and 10,000 of its aircraft, judged by this process; then
+           a late log, for which all of them are judged again
 many       `analyse` of many logs by one process and by two
 """
 
@@ -33,6 +35,7 @@ from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
 from mavhums.fleet.past import rows_of
 from mavhums.fleet.queries import exit_code
+from mavhums.fleet.settling import settle
 from mavhums.fleet.store import Store
 from mavhums.history.comparison import LoneFlight
 from mavhums.history.files import keep_assessment
@@ -261,8 +264,37 @@ def landings(folder: Path) -> None:
                 IndexedFolder(history).baselines("paper", after)
 
 
+def stored(folder: Path) -> None:
+    made = kinds(folder, 40.0)
+    (folder / "one.tlog").write_bytes(made[0])
+    alone = analyse_alone(folder / "one.tlog", Options().resolved())
+    options = fleet.ScanOptions(aircraft="folder", workers=0)
+
+    def land(what: str, store: Path, day: float) -> None:
+        log = store / "logs" / "D-000" / f"{day:g}.tlog"
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.write_bytes(moved(made[1], DAY_S * day))
+        with told(what):
+            fleet.scan([log], store, options)
+
+    for count in LANDINGS:
+        place = folder / str(count)
+        store = Store(place)
+        for aircraft in range(3):
+            name, flights = f"D-{aircraft:03}", copies_of(alone, folder, aircraft, count)
+            store.add_logs([row_of(flight.assessment, name, flight) for flight in flights])
+            if aircraft:
+                judged = [flight.assessment for flight in copies_of(alone, folder, aircraft, count)]
+                store.append("verdicts", [row for each in judged for row in rows_of(name, each)])
+        with told(f"second pass of {count} flights of one aircraft", count, "flights"):
+            settle(store, ["D-000"])
+        for again in range(3):
+            land(f"landing after {count} flights of the aircraft, {3 * count} in all", place, 20_000 + again)
+    land(f"late log among {count} flights", place, 0.5)
+
+
 PARTS: dict[str, Callable[[Path], None]] = {
-    part.__name__: part for part in (landings, questions, growth, many, scans, memory)
+    part.__name__: part for part in (landings, stored, questions, growth, many, scans, memory)
 }
 
 

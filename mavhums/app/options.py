@@ -9,12 +9,14 @@ from functools import partial
 from pathlib import Path
 
 from mavhums.actuator.profile import Airframe, load_airframe
+from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.history.aircraft import Whose, hold_rule
 from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
 from mavhums.history.flights import FlightHistory, Since
 from mavhums.history.index import IndexedFolder
+from mavhums.history.stores import is_store
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 
@@ -119,7 +121,18 @@ class Options:
         return (self.model,) if isinstance(self.model, Model) else self.model
 
     def flights(self) -> History:
-        """Return the earlier flights, or an empty history."""
+        """Return the earlier flights, or an empty history.
+
+        Raises
+        ------
+        MavhumsError
+            If there is no folder for the history, or it is a fleet's store.
+        """
         if isinstance(self.history, FlightHistory | IndexedFolder):
             return self.history
-        return FlightHistory() if self.history is None else IndexedFolder(self.history)
+        if self.history is None:
+            return FlightHistory()
+        if is_store(self.history):
+            problem = f"{self.history}: is a fleet's store, not a folder of one aircraft's flights"
+            raise MavhumsError(problem, "take the options that mavhums.fleet.against(log, store) returns")
+        return IndexedFolder(self.history)

@@ -17,6 +17,7 @@ from mavhums.cli.options import (
     FALSE_ALARMS,
     JSON,
     KEY,
+    NAMED_DATE,
     PATH,
     REPAIRS,
 )
@@ -175,6 +176,53 @@ def trend(store: str, aircraft: str, as_json: bool) -> None:
 
         render_trends(report, Console())
     raise SystemExit(report.exit_code)
+
+
+@fleet.command()
+@_STORE
+@click.option(
+    "--add",
+    type=NAMED_DATE,
+    multiple=True,
+    metavar="[[AIRCRAFT/]ACTUATOR=]DATE",
+    help="Flights from then on are held against none before: D-EABC/rudder=2026-03-01, or D-EABC/=2026-03-01"
+    " for all its actuators. Can be repeated.",
+)
+@click.option(
+    "--remove",
+    type=NAMED_DATE,
+    multiple=True,
+    metavar="[[AIRCRAFT/]ACTUATOR=]DATE",
+    help="Remove one that was entered by mistake, as it is listed. Can be repeated.",
+)
+@JSON
+def repairs(
+    store: str,
+    add: tuple[tuple[str | None, datetime], ...],
+    remove: tuple[tuple[str | None, datetime], ...],
+    as_json: bool,
+) -> None:
+    """List the repairs that STORE keeps; add one, or remove one.
+
+    The verdicts on the flights of their aircraft are made again at once; no log is opened for it.
+    """
+    from mavhums import fleet as stores
+
+    if add or remove:
+        there = stores.change_repairs(
+            store,
+            add=[_repair(name, at) for name, at in add],
+            remove=[_repair(name, at) for name, at in remove],
+        )
+    else:
+        there = stores.repairs_in(store)
+    if as_json:
+        say_json(_line([one._asdict() | {"at": one.at.isoformat()} for one in there]))
+        return
+    for one in there:
+        say(str(one))
+    if not there:
+        say("no repairs")
 
 
 @fleet.command()

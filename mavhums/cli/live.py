@@ -15,6 +15,8 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import click
 
+from mavhums.cli.keeping import hold_dates
+from mavhums.cli.live_keeping import Keeper
 from mavhums.cli.options import (
     AIRCRAFT_TABLE,
     AIRFRAME,
@@ -22,6 +24,7 @@ from mavhums.cli.options import (
     DIALECT,
     FALSE_ALARMS,
     HISTORY,
+    KEEP,
     KEY,
     PATH,
 )
@@ -49,7 +52,9 @@ _LEVELS = ("debug", "info", "warning", "error")
 @DIALECT
 @FALSE_ALARMS
 @HISTORY
+@KEEP
 @BASELINE_FROM
+@click.option("--aircraft", metavar="NAME", help="Whose flight it is, where --history is a fleet's STORE.")
 @AIRCRAFT_TABLE
 @KEY
 @click.option(
@@ -109,6 +114,9 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
       mavhums live udpin:14550 --record flight-%Y%m%d-%H%M%S.tlog --alerts
       mavhums live serial:/dev/ttyACM0:115200 --json | tee events.jsonl
 
+    With --history, each actuator is also held against its own first flights; --keep puts the recording's
+    verdicts there at the end, as `mavhums analyse --keep` does.
+
     Ctrl-C, SIGTERM and SIGHUP end the session and print the verdicts. Exit codes are those of analyse.
     Neither recording nor judging waits for an output: what nobody reads is dropped and counted.
     """
@@ -118,8 +126,8 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
         raise click.UsageError("name a link, for example udpin:14550")
     if options["record"] and options["rrd"] and options["record"] == options["rrd"]:
         raise click.UsageError("--record and --rrd name the same file")
-    if options["dates"] and options["history"] is None:
-        raise click.UsageError("--baseline-from needs --history DIR")
+    hold_dates(options["dates"], options["history"])
+    keep = Keeper.of(options)
     level = "info" if verbose and log_level == "warning" else log_level
     from mavhums.live.outlet import Spool
 
@@ -132,9 +140,12 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
             if out.outlet.dropped:
                 _LOG.warning("%s: %d dropped", out.outlet.name, out.outlet.dropped)
             told = err.finish(time.monotonic() + _PATIENCE_S / 2) and told
+    code = keep(assessment) if keep else assessment.exit_code
+    if "duckdb" in sys.modules:
+        gc.unfreeze()  # its binding prints what is never collected
     if not (shown and told):
-        os._exit(assessment.exit_code)  # a hanging thread would delay an orderly end
-    raise SystemExit(assessment.exit_code)
+        os._exit(code)  # a hanging thread would delay an orderly end
+    raise SystemExit(code)
 
 
 def _follow(

@@ -11,6 +11,7 @@ import click
 from mavhums.cli.ending import heed_signals, interrupts_end_silently
 from mavhums.cli.fleet import fleet
 from mavhums.cli.judging import TellsJson, TellsTables, Told, open_recordings, recordings_of
+from mavhums.cli.keeping import divided, hold_dates, judged_in_store
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
 from mavhums.cli.options import (
@@ -89,7 +90,7 @@ def analyse(
     model: str | None,
     dialect: Path | None,
     false_alarms: float,
-    history: Path | None,
+    history: Path | str | None,
     keep: bool,
     dates: tuple[tuple[str | None, datetime], ...],
     aircraft: str | None,
@@ -106,7 +107,8 @@ def analyse(
     Several logs are judged on all cores, and the results come in the order given, each with its log's name.
     With --history, each actuator is also held against its own first flights; --keep makes this flight one of
     them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
-    The flight of another aircraft than those in DIR is refused.
+    The flight of another aircraft than those in DIR is refused. A STORE of `mavhums fleet scan` holds many
+    aircraft: each log is held against the flights of its own, and --keep puts it in as a scan does.
 
     \b
     Exit codes, the first that applies:
@@ -121,12 +123,14 @@ def analyse(
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")
-    if (keep or dates) and history is None:
-        raise click.UsageError(f"{'--keep' if keep else '--baseline-from'} needs --history DIR")
+    if keep and history is None:
+        raise click.UsageError("--keep needs --history DIR")
+    hold_dates(dates, history)
+    folder, store = divided(history)
     options = Options(
         airframe=load_airframe(airframe) if airframe else None,
         model=(load_model(model),) if model else packaged_models(),
-        history=indexed_history(history, may_be_new=keep),
+        history=indexed_history(folder, may_be_new=keep),
         since=dict(dates),
         aircraft=aircraft,
         aircraft_table=aircraft_table,
@@ -137,7 +141,7 @@ def analyse(
     recordings = recordings_of(logs, rrd)
     batch = Batch(
         jobs=jobs,
-        keep=history if keep else None,
+        keep=folder if keep else None,
         recordings=recordings,
         position=not no_position,
         progress=reading,
@@ -147,7 +151,12 @@ def analyse(
         TellsJson(several=len(logs) > 1) if as_json else TellsTables(recordings, several=len(logs) > 1)
     )
     with told:
-        for outcome in analyse_many(logs, options, batch):
+        judged = (
+            analyse_many(logs, options, batch)
+            if store is None
+            else judged_in_store(logs, store, options, batch, keep=keep)
+        )
+        for outcome in judged:
             told.tell(outcome)
     written = [recording for recording in recordings.values() if recording.exists()]
     if open_viewer and written:

@@ -21,7 +21,9 @@ __all__ = [
     "KEY",
     "LOG",
     "LOGS",
+    "NAMED_DATE",
     "PATH",
+    "PLACE",
     "REPAIRS",
 ]
 
@@ -36,8 +38,8 @@ AIRFRAME = click.option(
 AIRCRAFT = click.option(
     "--aircraft",
     metavar="RULE",
-    help="Whose log it is: 'folder' for the name of its folder, or a regular expression of the path with a"
-    " group (?P<aircraft>…). Default: the board's id in the log.",
+    help="Whose log it is: 'folder' for the name of its folder, '=NAME' for this name, or a regular"
+    " expression of the path with a group (?P<aircraft>…). Default: the board's id in the log.",
 )
 AIRCRAFT_TABLE = click.option(
     "--aircraft-table",
@@ -64,11 +66,24 @@ FALSE_ALARMS = click.option(
     help="Allowed false alarms per 100 hours of an actuator: fewer alarms come later, more come earlier.",
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+
+
+class _Place(click.ParamType["Path | str"]):
+    """A path, or the address of an object store, which stays a text."""
+
+    name = "path"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Path | str:
+        return str(value) if "://" in str(value) else Path(str(value))
+
+
+PLACE = _Place()
 HISTORY = click.option(
     "--history",
-    type=PATH,
-    metavar="DIR",
-    help="Folder of the aircraft's earlier assessments, for each actuator's own baseline.",
+    type=PLACE,
+    metavar="DIR|STORE",
+    help="The aircraft's earlier flights, for each actuator's own baseline: a folder of its assessments, or"
+    " the store of a fleet.",
 )
 JOBS = click.option(
     "--jobs",
@@ -76,7 +91,7 @@ JOBS = click.option(
     metavar="N",
     help="Judge so many logs at once. Default: as many as there are cores, but one where the logs are small.",
 )
-KEEP = click.option("--keep", is_flag=True, help="Put the new assessment into the --history folder.")
+KEEP = click.option("--keep", is_flag=True, help="Put the flight into the folder or the store of --history.")
 
 
 class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
@@ -104,10 +119,11 @@ BASELINE_FROM = click.option(
     help="Earlier flights do not count, as after a repair; of all actuators, or of one. Can be repeated.",
 )
 
+NAMED_DATE = _NamedDate()
 REPAIRS = click.option(
     "--baseline-from",
     "dates",
-    type=_NamedDate(),
+    type=NAMED_DATE,
     multiple=True,
     metavar="[[AIRCRAFT/]ACTUATOR=]DATE",
     help="Flights from then on are held against none before, as after a repair: D-EABC/rudder=2026-03-01, or"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from mavhums.cli.keeping import divided, hold_dates
 from mavhums.cli.options import (
     AIRCRAFT,
     AIRCRAFT_TABLE,
@@ -45,7 +46,7 @@ def report(
     model: str | None,
     dialect: Path | None,
     false_alarms: float,
-    history: Path | None,
+    history: Path | str | None,
     dates: tuple[tuple[str | None, datetime], ...],
     aircraft: str | None,
     aircraft_table: Path | None,
@@ -59,12 +60,12 @@ def report(
     from mavhums.app.options import Options
     from mavhums.app.report import write_report
 
-    if dates and history is None:
-        raise click.UsageError("--baseline-from needs --history DIR")
+    hold_dates(dates, history)
+    folder, store = divided(history)
     options = Options(
         airframe=airframe,
         model=model,
-        history=indexed_history(history),
+        history=indexed_history(folder),
         since=dict(dates),
         aircraft=aircraft,
         aircraft_table=aircraft_table,
@@ -72,6 +73,10 @@ def report(
         dialect=dialect,
         key=key,
     )
+    if store is not None:
+        from mavhums.fleet import against
+
+        options = against(log, store, options)
     with reading(log) as progress:
         assessment = write_report(log, output, options, progress=progress)
     say(assessment.summary())

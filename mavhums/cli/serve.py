@@ -84,7 +84,8 @@ def serve(
     """Serve a page in the browser: drop logs, see the verdicts; with STORE, the fleet.
 
     The page works without a network, and logs never leave this computer. Nothing is kept: logs are removed
-    when the session ends, unless you keep one in STORE, a store of `mavhums fleet scan`.
+    when the session ends, unless you keep one in STORE, a store of `mavhums fleet scan`. A log is held
+    against the flights of its aircraft in STORE, or against those in --history.
     """
     from mavhums.serve import Judging, Limits, ServeOptions
     from mavhums.serve import serve as serve_page
@@ -103,7 +104,16 @@ def serve(
         workers=workers,
     )
     fleet = None if store is None else _Store(store, judging)
-    options = ServeOptions(host=host, port=port, judging=judging, limits=limits, fleet=fleet, live=lines)
+    worker = (sys.executable, "-m", "mavhums.cli.page_worker", str(limits.memory_bytes), str(store))
+    options = ServeOptions(
+        host=host,
+        port=port,
+        judging=judging,
+        limits=limits,
+        fleet=fleet,
+        live=lines,
+        worker=None if store is None or history is not None else worker,
+    )
     serve_page(options, say)
 
 

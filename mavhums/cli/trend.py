@@ -139,9 +139,6 @@ def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History
 
     if folder is None or (may_be_new and not folder.exists()):
         return FlightHistory()
-    if (folder / "logs" / "_delta_log").exists():
-        remedy = f"put the log into it: mavhums fleet scan LOG --to {folder} --workers 0"
-        raise MavhumsError(f"{folder}: is a fleet's store, not a folder of one aircraft's flights", remedy)
     with steps("reading the flights before") as progress:
         history = IndexedFolder(folder, progress=progress)
     _tell(history)

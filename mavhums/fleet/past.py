@@ -1,44 +1,87 @@
-"""The second pass: compares each aircraft's flights with its earlier ones, in time order, without a log."""
+"""The second pass: compares an aircraft's flights with its earlier ones, in time order, without a log."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
+from typing import NamedTuple
 
 from mavhums.core.conditions import URGENCY
-from mavhums.fleet.known import Known
-from mavhums.fleet.repairs import since_of
-from mavhums.fleet.store import OF_THIS_FORMAT, Store
+from mavhums.fleet.known import Copies, Known, NotKeptError
 from mavhums.history.aircraft import UNKNOWN
-from mavhums.history.comparison import LoneFlight, compared, unpacked
-from mavhums.history.flights import PastFlight
+from mavhums.history.comparison import compared, unpacked
+from mavhums.history.flights import PastFlight, Since
 from mavhums.report.assessment import Assessment
 
-__all__ = ["hold_against_past", "in_order", "rows_of"]
+__all__ = ["Part", "Replayed", "replayed", "rows_of"]
 
 
-def hold_against_past(store: Store, aircraft: str) -> None:
-    """Judge all flights of an aircraft by its past, and commit the verdicts.
+class Part(NamedTuple):
+    """Some consecutive flights of an aircraft, to be compared with those before.
 
-    A flight that several logs record has the verdicts of the best one; the others are stored as its copies.
+    Attributes
+    ----------
+    aircraft
+        Its name; flights of an unknown one are compared with no other.
+    flights
+        The flights judged alone, as the store keeps them, in time order.
+    since
+        Returns the dates from which an actuator's flights count at a time.
+    known
+        What is known of the flights before, packed; None for the first ones.
+    settled
+        Whether the verdicts on the flights before are final.
+    whole
+        Whether to keep the records of all flights, if these are the first ones.
     """
-    flights = (unpacked(data) for data in _stored(store, aircraft))
-    known = Known(since_of(store, aircraft))
-    held = (flight.assessment for flight in flights) if aircraft == UNKNOWN else in_order(flights, known)
-    rows = [row for assessment in held for row in rows_of(aircraft, assessment)]
-    counted, copies = known.divided(rows)
-    store.replace_verdicts(aircraft, counted)
-    store.replace_copies(aircraft, copies)
+
+    aircraft: str
+    flights: Sequence[bytes]
+    since: Callable[[datetime], Since]
+    known: bytes | None = None
+    settled: bool = False
+    whole: bool = False
 
 
-def in_order(flights: Iterable[LoneFlight], known: Known | None = None) -> Iterator[Assessment]:
-    """Yield the assessments of one aircraft's flights, given in time order, compared with their past."""
-    known = known or Known()
-    for flight in flights:
-        assessment = compared(flight, known.baselines, known.past)
-        yield assessment
-        if assessment.log.start_utc is not None:
-            known.add(PastFlight.of(assessment))
+class Replayed(NamedTuple):
+    """The result of a part.
+
+    Attributes
+    ----------
+    rows
+        The verdicts, as rows of the store.
+    copies, open_copies
+        Recordings that do not count, of flights to which none can be added any more, and of the others.
+    known
+        What the next part needs.
+    """
+
+    rows: list[dict[str, object]]
+    copies: Copies
+    open_copies: Copies
+    known: bytes
+
+
+def replayed(part: Part) -> Replayed | None:
+    """Return the verdicts of a part; None if they need more of the earlier flights than was kept."""
+    if part.known is None:
+        known = Known(part.since, whole=part.whole)
+    else:
+        known = Known.restored(part.known, part.since, settled=part.settled)
+    rows: list[dict[str, object]] = []
+    try:
+        for data in part.flights:
+            flight = unpacked(data)
+            if part.aircraft == UNKNOWN:
+                rows += rows_of(part.aircraft, flight.assessment)
+                continue
+            assessment = compared(flight, known.baselines, known.past)
+            rows += rows_of(part.aircraft, assessment)
+            if assessment.log.start_utc is not None:
+                known.add(PastFlight.of(assessment))
+    except NotKeptError:
+        return None
+    return Replayed(rows, known.copies, known.open_copies(), known.packed())
 
 
 def rows_of(aircraft: str, assessment: Assessment) -> Iterator[dict[str, object]]:
@@ -62,15 +105,3 @@ def rows_of(aircraft: str, assessment: Assessment) -> Iterator[dict[str, object]
             "airframe": assessment.airframe,
             "verdict": verdict.model_dump_json(),
         }
-
-
-def _stored(store: Store, aircraft: str) -> Iterator[bytes]:
-    """Yield an aircraft's flights in time order: each log once, in its latest judgement."""
-    rows = store.query(
-        "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND flight IS NOT NULL"
-        f" AND {OF_THIS_FORMAT}"
-        " GROUP BY sha256 ORDER BY min(start_us), min(path)",
-        aircraft,
-    )
-    while several := rows.fetchmany(100):
-        yield from (data for (data,) in several)

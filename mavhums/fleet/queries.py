@@ -12,13 +12,14 @@ from mavhums.core.collecting import no_collection
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.fleet.installed import installed_in
+from mavhums.fleet.repairs import repairs_of
 from mavhums.fleet.store import Store
 from mavhums.history.aircraft import UNKNOWN
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
-from mavhums.report.trend import TrendReport
+from mavhums.report.trend import RepairDate, TrendReport
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,8 +88,9 @@ def status(store: str | os.PathLike[str]) -> Status:
         " COUNT(DISTINCT CASE WHEN aircraft = '' THEN sha256 END) FROM logs WHERE flight IS NOT NULL"
     ).fetchone()
     failures = kept.query(
-        "SELECT problem, remedy FROM logs WHERE problem IS NOT NULL"
-        " QUALIFY row_number() OVER (PARTITION BY path ORDER BY scanned DESC) = 1 ORDER BY path"
+        "SELECT problem, remedy FROM"
+        " (FROM logs QUALIFY row_number() OVER (PARTITION BY path ORDER BY scanned DESC) = 1)"
+        " WHERE problem IS NOT NULL ORDER BY path"
     ).fetchall()
     copies = kept.query("SELECT DISTINCT path, counted FROM copies ORDER BY path").fetchall()
     return Status(judged, aircraft, unknown, tuple(failures), tuple(copies))
@@ -132,7 +134,12 @@ def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Ve
     rows = (
         Store(store)
         .opened()
-        .query("SELECT path, verdict FROM verdicts WHERE aircraft = ? ORDER BY start_us, path", aircraft)
+        .query(
+            "SELECT path, verdict FROM"
+            " (SELECT *, row_number() OVER () AS place FROM verdicts WHERE aircraft = ?)"
+            " ORDER BY start_us, path, place",
+            aircraft,
+        )
         .fetchall()
     )
     return [(path, Verdict.model_validate_json(verdict)) for path, verdict in rows]
@@ -154,7 +161,10 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
         if not flown:
             raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", _aircraft_in(kept))
         since = installed_in(kept, aircraft).since(aircraft, flown[-1].end)
-        return trend_report(FlightHistory(flown), since=since)
+        report = trend_report(FlightHistory(flown), since=since)
+    repaired = sorted(repairs_of(kept, aircraft), key=lambda repair: repair.at)
+    told = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repaired)
+    return report.model_copy(update={"repairs": told})
 
 
 def past_flights(store: Store, aircraft: str) -> Iterator[PastFlight]:

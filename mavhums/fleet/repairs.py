@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import NamedTuple
 
+from mavhums.core.errors import MavhumsError
 from mavhums.fleet.installed import installed_in
 from mavhums.fleet.store import Store
 from mavhums.fleet.tables import DATES
@@ -14,7 +16,7 @@ from mavhums.history.aircraft import latest
 from mavhums.history.aircraft_table import AircraftTable
 from mavhums.history.flights import Since
 
-__all__ = ["Repair", "Repairs", "add_repairs", "repairs_of", "since_of"]
+__all__ = ["Repair", "Repairs", "add_repairs", "remove_repairs", "repairs_in", "repairs_of", "since_of"]
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -36,6 +38,12 @@ class Repair(NamedTuple):
     actuator: str | None
     at: datetime
 
+    def __str__(self) -> str:
+        at = self.at.isoformat().removesuffix("+00:00").removesuffix("T00:00:00")
+        if self.aircraft is None:
+            return f"{self.actuator}={at}" if self.actuator else at
+        return f"{self.aircraft}/{self.actuator or ''}={at}"
+
 
 Repairs = Sequence[Repair]
 
@@ -46,18 +54,43 @@ def add_repairs(store: Store, repairs: Repairs) -> set[str]:
     new = [repair for repair in repairs if repair not in known]
     if not new:
         return set()
-    rows: list[dict[str, object]] = [
-        {
-            "aircraft": repair.aircraft,
-            "actuator": repair.actuator,
-            "since_us": (repair.at - _EPOCH) // timedelta(microseconds=1),
-        }
-        for repair in new
-    ]
-    store.append(DATES, rows)
-    named = {repair.aircraft for repair in new}
-    there = store.query("SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL").fetchall()
-    return {aircraft for (aircraft,) in there if None in named or aircraft in named}
+    store.append(DATES, _rows(new))
+    return _concerned(store, new)
+
+
+def remove_repairs(store: Store, repairs: Repairs) -> set[str]:
+    """Remove stored repairs, and return the aircraft whose verdicts they may have changed.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not have one of them; then none is removed.
+    """
+
+    def kept() -> Repairs:
+        there = _stored(store)
+        for repair in repairs:
+            if repair not in there:
+                told = ", ".join(map(str, sorted(there, key=str))) or "none"
+                raise MavhumsError(f"{store.place}: no repair {repair}", f"the store has: {told}")
+        return [repair for repair in there if repair not in repairs]
+
+    if not repairs:
+        return set()
+    store.rewrite(DATES, lambda: _rows(kept()))
+    return _concerned(store, repairs)
+
+
+def repairs_in(store: str | os.PathLike[str]) -> list[Repair]:
+    """Return the repairs that a store keeps, by aircraft and date.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist.
+    """
+    there = _stored(Store(store).opened())
+    return sorted(there, key=lambda repair: (repair.aircraft or "", repair.at, repair.actuator or ""))
 
 
 def repairs_of(store: Store, aircraft: str) -> Repairs:
@@ -77,6 +110,24 @@ def _since(repairs: Repairs, table: AircraftTable, aircraft: str, moment: dateti
     begun = sorted((repair for repair in repairs if repair.at <= moment), key=lambda repair: repair.at)
     repaired: Since = {repair.actuator: repair.at for repair in begun}
     return latest(repaired, table.since(aircraft, moment))
+
+
+def _rows(repairs: Repairs) -> list[dict[str, object]]:
+    return [
+        {
+            "aircraft": repair.aircraft,
+            "actuator": repair.actuator,
+            "since_us": (repair.at - _EPOCH) // timedelta(microseconds=1),
+        }
+        for repair in repairs
+    ]
+
+
+def _concerned(store: Store, repairs: Repairs) -> set[str]:
+    """Return the aircraft with flights that repairs name."""
+    named = {repair.aircraft for repair in repairs}
+    there = store.query("SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL").fetchall()
+    return {aircraft for (aircraft,) in there if None in named or aircraft in named}
 
 
 def _stored(store: Store) -> list[Repair]:

@@ -6,26 +6,24 @@ import hashlib
 import json
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from mavhums import __version__
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
+from mavhums.fleet.sources import LogFile, UnreachedError, at_hand
 from mavhums.history.aircraft import UNKNOWN, Whose, board_of
-from mavhums.history.comparison import packed
+from mavhums.history.comparison import LoneFlight, packed
 from mavhums.history.flights import PastFlight, UndatedError
+from mavhums.report.assessment import Assessment
 
-__all__ = ["LogFile", "Row", "crashed", "judge", "judge_several", "settings_of"]
+__all__ = ["Row", "aircraft_in_store", "crashed", "judge", "judge_several", "settings_of"]
 
 
-class LogFile(NamedTuple):
-    """A log on disk; ``time_ns`` is its time of modification."""
-
-    path: str
-    size: int
-    time_ns: int
+_AGAIN: Final = ""
+"""Settings of a log that the next scan judges again."""
 
 
 class Row(NamedTuple):
@@ -74,10 +72,14 @@ def judge_several(files: tuple[LogFile, ...], options: Options, settings: str, w
 def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
     """Judge a log alone; a log that cannot be judged gives a row with the reason."""
     aircraft = whose.name(file.path, None, None) or UNKNOWN
+    path = file.path
     try:
-        flight = analyse_alone(file.path, _resolved(options))
+        with at_hand(file) as path:
+            flight = _named(analyse_alone(path, _resolved(options)), file)
+    except UnreachedError as error:
+        return _failed(file, _AGAIN, aircraft, error.problem, error.remedy)
     except MavhumsError as error:
-        return _failed(file, settings, aircraft, error.problem, error.remedy)
+        return _failed(file, settings, aircraft, error.problem.replace(path, file.path), error.remedy)
     except Exception as error:
         told = f"{file.path}: {type(error).__name__}: {str(error)[:200]}"
         return _failed(file, settings, aircraft, told, "report it with the log")
@@ -86,14 +88,12 @@ def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
     except UndatedError:
         start_us = None
     log = flight.assessment.log
-    board = board_of(flight.assessment)
-    aircraft = whose.name(file.path, board, log.start_utc) or (f"board {board}" if board else UNKNOWN)
     return Row(
         *file,
         settings=settings,
         sha256=log.sha256,
-        aircraft=aircraft,
-        board=board,
+        aircraft=aircraft_in_store(file.path, flight.assessment, whose),
+        board=board_of(flight.assessment),
         start_us=start_us,
         duration_s=log.duration_s,
         losses=bool(log.losses.any),
@@ -101,6 +101,18 @@ def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
         problem=None,
         remedy=None,
     )
+
+
+def _named(flight: LoneFlight, file: LogFile) -> LoneFlight:
+    """Return a flight under the path of its log, wherever its copy lay."""
+    log = flight.assessment.log.model_copy(update={"path": file.path})
+    return flight._replace(assessment=flight.assessment.model_copy(update={"log": log}))
+
+
+def aircraft_in_store(path: str, assessment: Assessment, whose: Whose) -> str:
+    """Return the aircraft's name in a store: that of the operator, else of its board, else none."""
+    board = board_of(assessment)
+    return whose.name(path, board, assessment.log.start_utc) or (f"board {board}" if board else UNKNOWN)
 
 
 def crashed(file: LogFile, settings: str, whose: Whose) -> Row:

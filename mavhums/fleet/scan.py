@@ -3,38 +3,33 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from functools import partial
-from glob import glob, has_magic
 from itertools import islice
-from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.app.options import Options
-from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.fleet.installed import reassigned
-from mavhums.fleet.past import hold_against_past
 from mavhums.fleet.repairs import Repairs, add_repairs
-from mavhums.fleet.rows import LogFile, Row, crashed, judge, judge_several, settings_of
+from mavhums.fleet.rows import Row, crashed, judge, judge_several, settings_of
+from mavhums.fleet.settling import settle
+from mavhums.fleet.sources import LogFile, logs_in
 from mavhums.fleet.store import Store
+from mavhums.fleet.workers import batches, connected, count
 from mavhums.history.aircraft import Whose
 from mavhums.history.aircraft_table import AircraftTable
 
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["ScanOptions", "Scanned", "logs_in", "scan"]
+__all__ = ["ScanOptions", "Scanned", "scan"]
 
-_BATCH: Final = 20
 _IN_FLIGHT: Final = 8
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
 _ROUNDS: Final = 2  # in the second, what another scan of an object store committed in between
-_LOG: Final = re.compile(r".+\.(tlog|bin|ulg)(\.(gz|xz|bz2|zst))?", re.IGNORECASE)
 
 Progress = Callable[[int, int], None]
 
@@ -95,9 +90,9 @@ def scan(
     Parameters
     ----------
     sources
-        Logs, folders with logs at any depth, or patterns.
+        Logs, folders with logs at any depth, or patterns; paths, or addresses such as ``s3://bucket/logs``.
     store
-        Folder of the store.
+        Folder of the store, or its address.
     options
         Options of the scan; the defaults if None.
     progress
@@ -125,51 +120,25 @@ def scan(
     kept = Store(store)
     files = logs_in(sources)
     with kept.locked():
-        known = kept.known()
+        known = kept.known(files)
         new = [file for file in files if known.get(file) != settings]
         commits = _Commits(kept, reassigned(kept, whose.table) | add_repairs(kept, options.repairs))
+        engine = ExitStack()
         try:
-            if new:
-                with closing(_rows(new, options, settings, whose)) as rows:
-                    for done, row in enumerate(rows, 1):
-                        commits.add(row)
-                        if progress:
-                            progress(done, len(new))
-        finally:
+            client = None
+            if new and (options.workers or options.scheduler):
+                client = engine.enter_context(connected(options.workers, options.scheduler))
+            for done, row in enumerate(_rows(client, new, options, settings, whose), 1):
+                commits.add(row)
+                if progress:
+                    progress(done, len(new))
+        except BaseException:
+            engine.close()
             commits.close()
+            raise
+        with engine:
+            commits.close(client)
     return Scanned(commits.judged, commits.failed, len(files) - len(new))
-
-
-def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
-    """Return the logs that the sources name, each once, by path.
-
-    Raises
-    ------
-    MavhumsError
-        If a source matches nothing.
-    """
-    paths: set[Path] = set()
-    for source in (os.fspath(each) for each in sources):
-        if Path(source).is_dir():
-            found = [path for path in Path(source).rglob("*") if _LOG.fullmatch(path.name)]
-        elif has_magic(source) and not Path(source).exists():
-            found = [Path(path) for path in glob(source, recursive=True)]  # noqa: PTH207 — an absolute pattern
-            if not found:
-                raise MavhumsError(f"{source}: matches no log", "check the pattern")
-        else:
-            found = [Path(source)]
-            if not found[0].exists():
-                raise MavhumsError(f"{source}: no such file or folder", "check the path")
-        paths.update(path.absolute() for path in found if not path.is_dir())
-    return [_file(path) for path in sorted(paths)]
-
-
-def _file(path: Path) -> LogFile:
-    try:
-        status = path.stat()
-    except OSError:  # a dangling link: the worker reports the error
-        return LogFile(str(path), -1, 0)
-    return LogFile(str(path), status.st_size, status.st_mtime_ns)
 
 
 class _Commits:
@@ -187,11 +156,10 @@ class _Commits:
         if len(self._rows) >= _COMMIT_LOGS or monotonic() - self._since_s > _COMMIT_S:
             self._commit()
 
-    def close(self) -> None:
+    def close(self, client: Client | None = None) -> None:
         self._commit()
         for _ in range(_ROUNDS if self._store.is_shared else 1):
-            for aircraft in sorted(self._aircraft | self._store.waiting()):
-                self._store.settle(partial(hold_against_past, self._store, aircraft))
+            settle(self._store, sorted(self._aircraft | self._store.waiting()), client)
             self._aircraft = set()
         self._store.compact()
 
@@ -205,37 +173,14 @@ class _Commits:
         self._since_s = monotonic()
 
 
-def _rows(files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose) -> Generator[Row]:
+def _rows(
+    client: Client | None, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose
+) -> Iterator[Row]:
     """Yield the row of each log, from this process or from workers."""
-    if options.workers == 0 and options.scheduler is None:
+    if client is None:
         yield from (judge(file, options.judging, settings, whose) for file in files)
-        return
-    with _cluster(options) as client:
+    else:
         yield from _judged(client, files, options, settings, whose)
-
-
-@contextmanager
-def _cluster(options: ScanOptions) -> Iterator[Client]:
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise MissingExtraError("scanning a fleet", "fleet") from error
-    if options.scheduler:
-        try:
-            client = Client(options.scheduler, timeout=10)
-        except (OSError, ValueError) as error:
-            problem = f"{options.scheduler}: no scheduler answers"
-            raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
-        with client:
-            yield client
-        return
-    with (
-        LocalCluster(
-            n_workers=options.workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
 
 
 def _judged(
@@ -248,7 +193,8 @@ def _judged(
     """
     from distributed import as_completed, wait
 
-    waiting = iter([tuple(files[k : k + _BATCH]) for k in range(0, len(files), _BATCH)])
+    workers = count(client)
+    waiting = batches(files, workers)
     running: Any = as_completed()
     pending: dict[str, tuple[LogFile, ...]] = {}
     suspects: list[LogFile] = []
@@ -258,7 +204,7 @@ def _judged(
         pending[future.key] = several
         running.add(future)
 
-    for several in islice(waiting, _IN_FLIGHT * max(options.workers, 1)):
+    for several in islice(waiting, _IN_FLIGHT * workers):
         submit(several)
     for future in running:
         several = pending.pop(future.key)

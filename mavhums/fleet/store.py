@@ -10,14 +10,15 @@ import os
 import random
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.fleet.rows import LogFile, Row
-from mavhums.fleet.tables import COPIES, INSTALLED, LOGS, VERDICTS, Tables, schemas
+from mavhums.fleet.rows import Row
+from mavhums.fleet.sources import LogFile
+from mavhums.fleet.tables import COPIES, INSTALLED, LOGS, SETTLED, VERDICTS, Tables, schemas
 
 __all__ = ["FORMAT", "OF_THIS_FORMAT", "Store"]
 
@@ -30,6 +31,7 @@ OF_THIS_FORMAT: Final = f"coalesce(format, 1) = {FORMAT}"
 Result = TypeVar("Result")
 
 _COMPACT_FILES: Final = 64
+_FEW: Final = 1_000
 _ATTEMPTS: Final = 12
 _PAUSE_S: Final = 0.2
 
@@ -152,6 +154,36 @@ class Store:
         problem = f"{self.place}: other scans change the same aircraft all the time"
         raise MavhumsError(problem, "scan again when they have ended")
 
+    def flights(self, aircraft: str, logs: Sequence[str] | None = None) -> Iterator[bytes]:
+        """Yield an aircraft's flights in time order: each log once, in its latest judgement.
+
+        Parameters
+        ----------
+        aircraft
+            Name of the aircraft.
+        logs
+            Hashes of the logs; None for all.
+        """
+        named = "" if logs is None else f" AND sha256 IN ({_listed(logs)})"
+        rows = self.query(
+            f"SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND sha256 IS NOT NULL{named}"
+            f" AND {OF_THIS_FORMAT} GROUP BY sha256 ORDER BY min(start_us), min(path)",
+            aircraft,
+        )
+        while several := rows.fetchmany(100):
+            yield from (data for (data,) in several)
+
+    def add_verdicts(
+        self, aircraft: str, rows: Sequence[dict[str, object]], copies: Sequence[dict[str, object]]
+    ) -> None:
+        """Commit the verdicts on logs that have none, and the names of those that do not count."""
+        for table, several in ((VERDICTS, rows), (COPIES, copies)):
+            if several and self.is_shared:  # another scan may have judged the same logs
+                logs = _listed({str(row["sha256"]) for row in several})
+                self._overwrite(table, several, f"aircraft = {_quoted(aircraft)} AND sha256 IN ({logs})")
+            elif several:
+                self._write(table, several, mode="append")
+
     def replace_verdicts(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         """Replace the verdicts of an aircraft, in one transaction."""
         self._replace(VERDICTS, aircraft, rows)
@@ -165,30 +197,39 @@ class Store:
         """Replace the actuators of an aircraft, in one transaction."""
         self._replace(INSTALLED, aircraft, rows)
 
+    def rewrite(self, table: str, rows: Callable[[], Sequence[dict[str, object]]]) -> None:
+        """Replace all rows of a table, in one transaction; they are computed again for each attempt."""
+        self.settle(lambda: self._write(table, rows(), mode="overwrite"))
+
     def rename(self, names: Mapping[str, str]) -> None:
         """Give the logs with these hashes to other aircraft, in one transaction."""
         if names:
             self.settle(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
 
     def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
-        if self._has(table):
-            predicate = f"aircraft = '{aircraft.replace(chr(39), chr(39) * 2)}'"
-            self._write(table, rows, mode="overwrite", predicate=predicate)
-        else:
-            self._write(table, rows, mode="append")
+        self._overwrite(table, rows, f"aircraft = {_quoted(aircraft)}")
 
-    def known(self) -> dict[LogFile, str]:
-        """Return the scanned logs, each with the settings of its latest judgement."""
+    def _overwrite(self, table: str, rows: Sequence[dict[str, object]], predicate: str) -> None:
+        if not self._has(table):  # first without rows: two scans that create it must not both add theirs
+            self._write(table, [], mode="ignore")
+        self._write(table, rows, mode="overwrite", predicate=predicate)
+
+    def known(self, files: Sequence[LogFile]) -> dict[LogFile, str]:
+        """Return those of the logs that were scanned, each with the settings of its latest judgement."""
+        few = f" AND path IN ({_listed({file.path for file in files})})" if 0 < len(files) <= _FEW else ""
         rows = self.query(
-            f"SELECT path, size, time_ns, settings FROM logs WHERE {OF_THIS_FORMAT} ORDER BY scanned"
+            f"SELECT path, size, time_ns, settings FROM logs WHERE {OF_THIS_FORMAT}{few} ORDER BY scanned"
         ).fetchall()
         return {LogFile(*file): settings for *file, settings in rows}
 
     def waiting(self) -> set[str]:
-        """Return the aircraft that have logs without a verdict, as after an interruption."""
+        """Return the aircraft that have logs without a final verdict, as after an interruption."""
         rows = self.query(
-            f"SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL AND {OF_THIS_FORMAT}"
-            " AND sha256 NOT IN (SELECT sha256 FROM verdicts UNION ALL SELECT sha256 FROM copies)"
+            f"WITH judged AS (SELECT * FROM logs WHERE sha256 IS NOT NULL AND {OF_THIS_FORMAT})"
+            " SELECT aircraft FROM judged"
+            " WHERE sha256 NOT IN (SELECT sha256 FROM verdicts UNION ALL SELECT sha256 FROM copies)"
+            " UNION SELECT aircraft FROM judged GROUP BY aircraft HAVING max(scanned) >"
+            "  (SELECT max(settled.scanned) FROM settled WHERE settled.aircraft = judged.aircraft)"
         ).fetchall()
         return {aircraft for (aircraft,) in rows}
 
@@ -196,7 +237,17 @@ class Store:
         """Compact the tables that have many files."""
         for name in schemas():
             if self._has(name) and self._changed(lambda name=name: self._tables.files(name)) > _COMPACT_FILES:  # type: ignore[misc]
+                if name == SETTLED:
+                    self._forget()
                 self.settle(lambda name=name: self._changed(lambda: self._tables.compact(name)))  # type: ignore[misc]
+
+    def _forget(self) -> None:
+        """Keep only the latest that is settled of each aircraft."""
+        latest = self.query(
+            "SELECT * FROM settled QUALIFY row_number() OVER (PARTITION BY aircraft ORDER BY stored DESC) = 1"
+        )
+        rows = latest.fetch_arrow_table().to_pylist()
+        self.settle(lambda: self._write(SETTLED, rows, mode="overwrite"))
 
     def _has(self, table: str) -> bool:
         try:
@@ -226,6 +277,14 @@ class Store:
     def _unwritable(self, error: Exception) -> MavhumsError:
         problem = f"{self.place}: cannot be written: {_words(error)}"
         return MavhumsError(problem, "make room or mend it, and scan again: it resumes")
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _listed(texts: Iterable[str]) -> str:
+    return ", ".join(map(_quoted, sorted(texts)))
 
 
 def _words(error: Exception) -> str:

@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from deltalake import DeltaTable, WriterProperties
     from duckdb import DuckDBPyConnection
 
-__all__ = ["COPIES", "DATES", "INSTALLED", "LOGS", "VERDICTS", "Tables", "schemas"]
+__all__ = ["COPIES", "DATES", "INSTALLED", "LOGS", "SETTLED", "VERDICTS", "Tables", "schemas"]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
 COPIES: Final = "copies"
 DATES: Final = "dates"
 INSTALLED: Final = "installed"
+SETTLED: Final = "settled"
 _ROW_GROUP: Final = 2_000
 _PATIENCE: Final = {"max_retries": "4", "retry_timeout": "30s", "connect_timeout": "5s"}
 
@@ -131,7 +132,15 @@ def schemas() -> dict[str, pa.Schema]:
     copy = [("aircraft", text), ("path", text), ("sha256", text), ("vehicle", whole), ("counted", text)]
     date = [("aircraft", text), ("actuator", text), ("since_us", whole)]
     installed = [("aircraft", text), ("entry", text)]
+    settled = [
+        ("aircraft", text),
+        ("scanned", whole),
+        ("digest", text),
+        ("known", pa.binary()),
+        ("stored", whole),
+    ]
     columns = {LOGS: log, VERDICTS: verdict, COPIES: copy, DATES: date, INSTALLED: installed}
+    columns[SETTLED] = settled
     return {table: pa.schema(of) for table, of in columns.items()}
 
 

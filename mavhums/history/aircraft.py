@@ -14,10 +14,13 @@ from mavhums.history.aircraft_table import AircraftTable
 from mavhums.history.flights import Since
 from mavhums.report.assessment import Assessment
 
-__all__ = ["FOLDER", "UNKNOWN", "Whose", "aircraft_of", "board_of", "hold_rule", "latest"]
+__all__ = ["FOLDER", "GIVEN", "UNKNOWN", "Whose", "aircraft_of", "board_of", "hold_rule", "latest"]
 
 FOLDER = "folder"
 """The rule that the log's folder is named after the aircraft."""
+
+GIVEN = "="
+"""Begins a rule that gives the name itself, whatever the path."""
 
 UNKNOWN = ""
 """Stands for an aircraft that nothing names; two such logs are never taken for one aircraft's."""
@@ -29,11 +32,11 @@ def hold_rule(rule: str | None) -> None:
     Raises
     ------
     MavhumsError
-        If it is neither ``folder`` nor a regular expression with a group ``aircraft``.
+        If it is neither ``folder``, nor ``=NAME``, nor a regular expression with a group ``aircraft``.
     """
-    if rule is None or rule == FOLDER:
+    if rule is None or rule == FOLDER or (rule.startswith(GIVEN) and rule != GIVEN):
         return
-    remedy = f"name {FOLDER!r}, or an expression such as '(?P<aircraft>D-[A-Z]+)'"
+    remedy = f"name {FOLDER!r}, '=D-EABC', or an expression such as '(?P<aircraft>D-[A-Z]+)'"
     try:
         if "aircraft" in re.compile(rule).groupindex:
             return
@@ -51,11 +54,15 @@ def aircraft_of(path: str, rule: str | None) -> str:
     'D-EABC'
     >>> aircraft_of("logs/D-EABC_0007.tlog", r"(?P<aircraft>D-[A-Z]+)_")
     'D-EABC'
+    >>> aircraft_of("logs/0007.tlog", "=D-EABC")
+    'D-EABC'
     >>> aircraft_of("logs/0007.tlog", None)
     ''
     """
     if rule is None:
         return UNKNOWN
+    if rule.startswith(GIVEN):
+        return rule.removeprefix(GIVEN)
     if rule == FOLDER:
         return Path(path).resolve().parent.name
     match = _compiled(rule).search(path)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import from_json
 
+from mavhums.core.collecting import no_collection
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.history.flights import FlightHistory, PastFlight, UndatedError
@@ -80,12 +81,8 @@ def read_history(
     flights: list[PastFlight] = []
     errors: list[MavhumsError] = []
     notices: list[str] = []
-    for number, path in enumerate(paths, 1):
-        if progress:
-            progress(number, len(paths))
-        if path.is_dir():
-            continue
-        for outcome in read_file(path):
+    with no_collection():
+        for outcome in _read(paths, progress):
             if isinstance(outcome, PastFlight):
                 flights.append(outcome)
             elif isinstance(outcome, UnusedError):
@@ -101,6 +98,16 @@ def read_history(
         told = f"{paths_of[log]} and {paths_of[taken]} are of the same flight; {paths_of[taken]} counts"
         notices.append(told)
     return FlightHistory(history.flights, history.errors, tuple(notices), str(folder))
+
+
+def _read(
+    paths: Sequence[Path], progress: Callable[[int, int], None] | None
+) -> Iterator[PastFlight | MavhumsError]:
+    for number, path in enumerate(paths, 1):
+        if progress:
+            progress(number, len(paths))
+        if not path.is_dir():
+            yield from read_file(path)
 
 
 class _ForeignError(MavhumsError):

@@ -92,6 +92,13 @@ class PastFlight:
         log = self.assessment.log
         return log.sha256 or f"{log.path} {log.start_utc}"
 
+    def without(self, *fields: str) -> PastFlight:
+        """Return the flight without its usage, and without some fields of its verdicts."""
+        nothing: dict[str, object] = {name: {} if name == "provenance" else () for name in fields}
+        verdicts = tuple(verdict.model_copy(update=nothing) for verdict in self.assessment.verdicts)
+        slim = self.assessment.model_copy(update={"verdicts": verdicts, "usage": ()})
+        return replace(self, assessment=slim)
+
     def counts(self, actuator: str, since: Since | None) -> bool:
         """Whether the flight began on or after the date from which the actuator's flights count."""
         dates = since or {}

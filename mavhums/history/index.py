@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
@@ -20,6 +21,7 @@ from weakref import finalize
 
 from pydantic import TypeAdapter
 
+from mavhums.core.collecting import no_collection
 from mavhums.core.errors import MavhumsError
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import PastRecord
@@ -33,7 +35,7 @@ from mavhums.report.flight import CLOCKS_APART_S
 __all__ = ["INDEX", "IndexedFolder"]
 
 INDEX: Final = ".mavhums-index.sqlite"
-_VERSION: Final = 2
+_VERSION: Final = 3
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _WAIT_S: Final = 30.0
 _LAST: Final = 1 << 62
@@ -41,6 +43,7 @@ _TABLES: Final = """
 CREATE TABLE file (name TEXT PRIMARY KEY, time_ns INTEGER, size INTEGER) WITHOUT ROWID;
 CREATE TABLE told (name TEXT, failed INTEGER, problem TEXT, remedy TEXT);
 CREATE TABLE flight (name TEXT, place INTEGER, same TEXT, log TEXT, PRIMARY KEY (name, place)) WITHOUT ROWID;
+CREATE TABLE slim (name TEXT, start INTEGER, stop INTEGER, written REAL, content BLOB);
 CREATE TABLE shown (airframe TEXT, vehicle INTEGER, actuator TEXT, fault TEXT, start INTEGER, same TEXT,
     name TEXT, place INTEGER, stop INTEGER,
     PRIMARY KEY (airframe, vehicle, actuator, fault, start, same, name, place)) WITHOUT ROWID;
@@ -56,6 +59,7 @@ CREATE INDEX recording_name ON recording (name, place);
 CREATE INDEX flight_log ON flight (log);
 CREATE INDEX flight_same ON flight (same);
 CREATE INDEX shown_name ON shown (name);
+CREATE INDEX slim_name ON slim (name);
 CREATE INDEX told_name ON told (name);
 """
 _LATEST: Final = """
@@ -80,7 +84,13 @@ ORDER BY start, flight.same
 """
 
 
+class _Slim(NamedTuple):
+    assessment: Assessment
+    recordings: tuple[Recording, ...]
+
+
 _CONTENT: Final = TypeAdapter(Recording)
+_SLIM: Final = TypeAdapter(_Slim)
 _Near = dict[tuple[str, int], tuple[Recording, str]]
 
 
@@ -151,8 +161,15 @@ class IndexedFolder:
     def past(
         self, airframe: str | None, before: datetime | None, since: Since | None = None
     ) -> dict[tuple[int, str], list[PastRecord]]:
-        """Return the same as :meth:`FlightHistory.past`; this reads the whole folder."""
-        return read_history(self._folder).past(airframe, before, since)
+        """Return the same as :meth:`FlightHistory.past` for the whole folder."""
+        if before is None:
+            return {}
+        rows = self._base.execute(
+            "SELECT name, start, stop, written, content FROM slim WHERE stop <= ?", (_microseconds(before),)
+        )
+        with no_collection():
+            flights = tuple(self._slim(*row) for row in rows)
+        return FlightHistory(flights).past(airframe, before, since)
 
     @property
     def name(self) -> str:
@@ -186,6 +203,11 @@ class IndexedFolder:
         """Return the folder with one more flight, which is already stored in it."""
         self._follow([*_files(self._folder)], None)
         return self
+
+    def _slim(self, name: str, start: int, stop: int, written: float, content: bytes) -> PastFlight:
+        assessment, recordings = _SLIM.validate_json(zlib.decompress(content))
+        times = _moment(start), _moment(stop)
+        return PastFlight(assessment, *times, self._folder / name, written, recordings)
 
     def _references(self, airframe: str | None, before: datetime, since: Since | None) -> set[str]:
         """Return the names of the files with the reference flights of any actuator."""
@@ -240,7 +262,7 @@ class IndexedFolder:
         new = sorted(there - known)
         with self._base:
             for file in known - there:
-                for table in ("file", "told", "flight", "shown", "recording", "owner"):
+                for table in ("file", "told", "flight", "slim", "shown", "recording", "owner"):
                     self._base.execute(f"DELETE FROM {table} WHERE name = ?", (file.name,))
             for number, file in enumerate(new, 1):
                 if progress:
@@ -258,6 +280,12 @@ class IndexedFolder:
         same = f"{outcome.log}\n{judged}"
         self._base.execute("INSERT INTO flight VALUES (?, ?, ?, ?)", (name, place, same, outcome.log))
         times = _microseconds(outcome.start), name, place, _microseconds(outcome.end)
+        slim = outcome.without("evidence", "provenance", "indicators")
+        content = _SLIM.dump_json(
+            _Slim(slim.assessment, outcome.recordings), by_alias=True, exclude_defaults=True
+        )
+        row = (name, times[0], times[-1], outcome.written, zlib.compress(content, 1))
+        self._base.execute("INSERT INTO slim VALUES (?, ?, ?, ?, ?)", row)
         recordings = [(each, _CONTENT.dump_json(each).decode()) for each in outcome.recordings]
         self._base.executemany(
             "INSERT INTO owner VALUES (?, ?, ?, ?, ?, ?)",

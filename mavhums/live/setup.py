@@ -56,7 +56,7 @@ class Options:
     model: str | None = None
     dialect: Path | None = None
     false_alarms: float = FALSE_ALARMS
-    history: Path | None = None
+    history: judging.History | Path | None = None
     aircraft_table: Path | None = None
     dates: Sequence[tuple[str | None, datetime]] = ()
     key: Path | None = None

@@ -15,7 +15,7 @@ from mavhums.report.assessment import NOTICE, Interval
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ActuatorTrend", "FlightPoint", "TrendReport", "to_frame"]
+__all__ = ["ActuatorTrend", "FlightPoint", "RepairDate", "TrendReport", "to_frame"]
 
 _COLUMNS = "vehicle actuator airframe fault quantity unit flight start_utc log estimate low high condition"
 
@@ -76,6 +76,13 @@ class ActuatorTrend(Contract):
     points: tuple[FlightPoint, ...]
 
 
+class RepairDate(Contract):
+    """A repair that a fleet's store keeps; ``actuator`` is None for all, ``at_utc`` its date."""
+
+    actuator: str | None
+    at_utc: str
+
+
 class TrendReport(Contract):
     """The trends of a folder, the worst first, and what could not be read of it.
 
@@ -85,6 +92,8 @@ class TrendReport(Contract):
         Number of flights in the folder.
     unshown
         Actuators of which no flight shows an indicator.
+    repairs
+        Of the aircraft, in time order, where a fleet's store keeps them.
     """
 
     schema_: Literal["mavhums.trend/1"] = Field(default="mavhums.trend/1", alias="schema")
@@ -94,6 +103,7 @@ class TrendReport(Contract):
     unshown: tuple[str, ...]
     errors: tuple[str, ...]
     notices: tuple[str, ...]
+    repairs: tuple[RepairDate, ...] = ()
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the report as JSON."""

@@ -105,7 +105,7 @@ def trends_shown(report: TrendReport) -> list[ActuatorShown]:
     several = len({one.vehicle for one in report.trends}) > 1
     found: dict[str, list[TrendShown]] = {}
     for one in report.trends:
-        shown = trend_shown(one, f"{one.vehicle}: " if several else "")
+        shown = trend_shown(one, f"{one.vehicle}: " if several else "", report.repairs)
         found.setdefault(shown.actuator, []).append(shown)
     return [
         ActuatorShown(

@@ -8,7 +8,7 @@ import socket
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any, Final
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 __all__ = ["SESSION", "UPLOADS", "Guard", "is_loopback"]
 
@@ -139,7 +139,7 @@ class Guard:
             await _refuse(scope, receive, send, 401, text)
             return
         rest = urlencode([pair for pair in query if pair[0] != "token"])
-        place = "/" + scope["path"].lstrip("/") + (f"?{rest}" if rest else "")
+        place = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{rest}" if rest else "")
         headers = [(b"location", place.encode()), self._cookie_header("token", given)]
         await _with_headers(send)({"type": "http.response.start", "status": 303, "headers": headers})
         await send({"type": "http.response.body", "body": b""})

@@ -104,6 +104,8 @@ class ServeOptions:
         A store of flights; None without one.
     live
         Files that ``mavhums live --json`` writes.
+    worker
+        Command of a process that judges; None for :mod:`mavhums.serve.worker`, which knows no store.
     """
 
     host: str = "127.0.0.1"
@@ -112,3 +114,4 @@ class ServeOptions:
     limits: Limits = field(default_factory=Limits)
     fleet: Fleet | None = None
     live: tuple[Path, ...] = ()
+    worker: tuple[str, ...] | None = None

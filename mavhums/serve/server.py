@@ -51,7 +51,7 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
     port: int = listening.getsockname()[1]
     local = is_loopback(options.host)
     token = None if local else secrets.token_urlsafe(18)
-    workers = Workers(options.limits)
+    workers = Workers(options.limits, options.worker)
     sessions = Sessions(options.limits, options.judging, workers)
     try:
         guard = Guard(_application(options, sessions, workers), options.host, token, f"mavhums-{port}")

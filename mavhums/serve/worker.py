@@ -13,9 +13,12 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mavhums.core.errors import MavhumsError
+
+if TYPE_CHECKING:
+    from mavhums.app.options import Options
 
 __all__ = ["main"]
 
@@ -24,10 +27,19 @@ _FILES: Final = 256
 
 Job = dict[str, Any]
 Tell = Callable[[Job], None]
+Among = Callable[[str, "Options"], "Options"]
 
 
-def main(memory_bytes: int) -> None:
-    """Judge until the standard input ends."""
+def main(memory_bytes: int, among: Among | None = None) -> None:
+    """Judge until the standard input ends.
+
+    Parameters
+    ----------
+    memory_bytes
+        Most memory that this process may use.
+    among
+        Returns the options for a log among earlier flights that only the caller knows; None for no others.
+    """
     output = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what a library prints must not be taken for an answer
     jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
@@ -41,7 +53,7 @@ def main(memory_bytes: int) -> None:
     _prepare()
     tell({"ready": True})
     while True:
-        tell(_done(jobs.get(), tell))
+        tell(_done(jobs.get(), tell, among or (lambda _, options: options)))
 
 
 def _listen(jobs: queue.SimpleQueue[Job]) -> None:
@@ -70,10 +82,11 @@ def _prepare() -> None:
     warm_up()
 
 
-def _done(job: Job, tell: Tell) -> Job:
+def _done(job: Job, tell: Tell, among: Among) -> Job:
     """Return the answer to a job, whatever happens."""
     try:
-        return _record(job) if job["do"] == "record" else _judge(job, tell)
+        options = among(job["log"], _options(job))
+        return _record(job, options) if job["do"] == "record" else _judge(job, options, tell)
     except MavhumsError as error:
         return {"problem": _without_folder(error.problem, job), "remedy": error.remedy}
     except MemoryError:
@@ -91,7 +104,7 @@ def _without_folder(problem: str, job: Job) -> str:
     return problem.replace(f"{Path(job['log']).parent}{os.sep}", "")
 
 
-def _judge(job: Job, tell: Tell) -> Job:
+def _judge(job: Job, options: Options, tell: Tell) -> Job:
     from mavhums.app.report import write_report
     from mavhums.show.html import in_brief
 
@@ -103,18 +116,18 @@ def _judge(job: Job, tell: Tell) -> Job:
             told_s = time.monotonic()
             tell({"read": read})
 
-    assessment = write_report(job["log"], job["report"], _options(job), progress=progress)
+    assessment = write_report(job["log"], job["report"], options, progress=progress)
     return {"brief": in_brief(assessment)._asdict()}
 
 
-def _record(job: Job) -> Job:
+def _record(job: Job, options: Options) -> Job:
     from mavhums.app.analysis import analyse
 
-    analyse(job["log"], _options(job), recording=job["recording"])
+    analyse(job["log"], options, recording=job["recording"])
     return {"recorded": True}
 
 
-def _options(job: Job) -> Any:
+def _options(job: Job) -> Options:
     from mavhums.app.options import Options
 
     return Options(**job["options"])

@@ -186,10 +186,11 @@ class Workers:
 
     def _hand(self, worker: _Worker) -> None:
         """Give a worker to the waiting user with the fewest running jobs, or keep it."""
-        if not self._waiting:
+        waiting = [one for one in self._waiting if not one[1].cancelled()]
+        if not waiting:
             self._free.append(worker)
             return
-        entry = min(self._waiting, key=lambda one: self._running[one[0]])
+        entry = min(waiting, key=lambda one: self._running[one[0]])
         self._waiting.remove(entry)
         entry[1].set_result(worker)
 

@@ -34,11 +34,9 @@ def lines(usage: VehicleUsage) -> Iterator[str]:
     moved, idle = _sorted(usage)
     for output in moved:
         _, span, travelled, reversals, stops, mean = _row(output)
+        reversed_ = f"{reversals} {'reversal' if reversals == '1' else 'reversals'}"
         ends = "" if stops == "—" else f", {stops} at its stops"
-        yield (
-            f"{_name(output)}: span {span}, total travel {travelled}, {reversals} reversals{ends}, "
-            f"mean {mean}"
-        )
+        yield (f"{_name(output)}: span {span}, total travel {travelled}, {reversed_}{ends}, mean {mean}")
     if idle:
         yield f"never commanded: {join(map(_name, idle))}"
 

@@ -51,6 +51,8 @@ class Plot(NamedTuple):
         Levels: their place and name.
     since
         Place of the onset; None without one.
+    marks
+        Events: their place and name.
     """
 
     band: str
@@ -59,6 +61,7 @@ class Plot(NamedTuple):
     y: tuple[Tick, ...]
     limits: tuple[Tick, ...]
     since: float | None
+    marks: tuple[Tick, ...] = ()
     left: int = _LEFT
     right: int = WIDTH - _RIGHT
     top: int = _TOP
@@ -72,6 +75,7 @@ def plot(
     since_s: float | None = None,
     *,
     flights: bool = False,
+    marks: Sequence[Tick] = (),
 ) -> Plot:
     """Return the drawing of a curve.
 
@@ -87,6 +91,8 @@ def plot(
         Onset of the condition; None without one.
     flights
         Whether the axis counts flights from 1 instead of seconds; ``duration_s`` is then their number.
+    marks
+        Events, at their place on the time axis.
     """
     end_s = max(duration_s, float(curve.time_s[-1]), 1.0)
     levels = [limit.value for limit in limits]
@@ -114,6 +120,7 @@ def plot(
         y=tuple(Tick(float(y(v)), f"{v:z.{digits}f}") for v in steps),
         limits=tuple(Tick(float(y(limit.value)), limit.name) for limit in limits),
         since=None if since_s is None else float(x(min(since_s, end_s))),
+        marks=tuple(Tick(float(x(min(mark.at, end_s))), mark.text) for mark in marks),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from datetime import datetime
 from math import ceil, floor
 from typing import Final, NamedTuple
 
@@ -10,9 +12,9 @@ import numpy as np
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import LOSSES
 from mavhums.report.assessment import Interval
-from mavhums.report.trend import ActuatorTrend
+from mavhums.report.trend import ActuatorTrend, RepairDate
 from mavhums.show.html_curves import Curve
-from mavhums.show.html_plot import Limit, Plot, plot
+from mavhums.show.html_plot import Limit, Plot, Tick, plot
 
 __all__ = ["TrendShown", "trend_shown"]
 
@@ -43,7 +45,7 @@ class TrendShown(NamedTuple):
     drawing: Plot
 
 
-def trend_shown(trend: ActuatorTrend, prefix: str = "") -> TrendShown:
+def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[RepairDate] = ()) -> TrendShown:
     """Return what is shown of a trend.
 
     Parameters
@@ -52,21 +54,40 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "") -> TrendShown:
         With at least one point.
     prefix
         Written before the actuator's name.
+    repairs
+        Of the aircraft; those of the actuator are marked.
     """
     flights = np.array([point.flight for point in trend.points], dtype=np.float64)
     rows = np.array([[one.value.low, one.value.estimate, one.value.high] for one in trend.points])
     limits = [Limit(value, word) for value, word in _levels(trend)]
     unit = "" if trend.unit == "1" else f" {trend.unit}"
-    drawing = plot(Curve(flights, rows), limits, float(trend.flights), flights=True)
+    marks = _marks(trend, repairs)
+    drawing = plot(
+        Curve(flights, rows), limits, float(trend.flights), flights=True, marks=_marks(trend, repairs)
+    )
     return TrendShown(
         actuator=f"{prefix}{trend.actuator}{' control' if trend.subject == 'axis' else ''}",
         condition=trend.condition,
         title=f"{trend.quantity}{f', {unit.strip()}' if unit else ''}",
-        told=_told(trend, unit),
+        told="; ".join([_told(trend, unit), *(mark.text for mark in marks)]),
         life=_life(trend.flights_left, trend.reason),
         first=trend.fault in _MAIN or trend.flights_left is not None or _beyond(trend),
         drawing=drawing,
     )
+
+
+def _marks(trend: ActuatorTrend, repairs: Sequence[RepairDate]) -> list[Tick]:
+    """Return the repairs since the first flight, each between the flights before and after it."""
+    starts = [(datetime.fromisoformat(point.start_utc), point.flight) for point in trend.points]
+    marks = []
+    for repair in repairs:
+        at = datetime.fromisoformat(repair.at_utc)
+        before = [flight for start, flight in starts if start < at]
+        if before and repair.actuator in (None, trend.actuator):
+            after = [flight for start, flight in starts if start >= at]
+            place = (before[-1] + after[0]) / 2 if after else float(before[-1])
+            marks.append(Tick(place, f"repair {repair.at_utc[:10]}"))
+    return marks
 
 
 def _levels(trend: ActuatorTrend) -> list[tuple[float, str]]:

@@ -117,6 +117,9 @@ def _reasons(report: TrendReport) -> list[str]:
         if one.left_out:
             flown = join(start[:16].replace("T", " ") for start in one.left_out)
             lines.append(f"{_title(one, report)}: outlier, left out of the trend line: {flown} UTC.")
+    if report.repairs:
+        told = join(f"{one.actuator or 'all actuators'} {one.at_utc[:10]}" for one in report.repairs)
+        lines.append(f"Repaired: {told}; flights since then are held against none before.")
     if report.unshown:
         lines.append(f"{join(report.unshown)}: no flight carries an indicator; `mavhums analyse` says why.")
     return lines

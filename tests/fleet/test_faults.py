@@ -10,7 +10,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -110,9 +112,8 @@ def test_more_batches_than_are_in_flight_are_all_judged(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    module = import_module("mavhums.fleet.scan")
-    monkeypatch.setattr(module, "_BATCH", 1)
-    monkeypatch.setattr(module, "_IN_FLIGHT", 2)
+    monkeypatch.setattr(import_module("mavhums.fleet.workers"), "_MOST", 1)
+    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "_IN_FLIGHT", 2)
     assert fleet.scan([logs], tmp_path, options) == (FLIGHTS, 0, 0)
     assert told(tmp_path) == expected
 
@@ -157,6 +158,19 @@ def test_many_small_commits_are_compacted_and_say_the_same(tmp_path: Path) -> No
     store.compact()
     assert len(DeltaTable(tmp_path / LOGS).file_uris()) == 1
     assert store.query("SELECT * FROM logs ORDER BY ALL").fetchall() == before
+
+
+def test_verdicts_of_an_aircraft_that_several_write_first_at_once_are_there_once(tmp_path: Path) -> None:
+    def write(place: Path) -> None:
+        store = Store(place)
+        row: dict[str, object] = {"aircraft": "D-A", "sha256": "0"}
+        store.settle(partial(store.replace_verdicts, "D-A", [row]))
+
+    for again in range(5):
+        place = tmp_path / str(again)
+        with ThreadPoolExecutor(3) as several:
+            assert [*several.map(write, [place] * 3)] == [None] * 3
+        assert Store(place).query("SELECT COUNT(*) FROM verdicts").fetchone() == (1,)
 
 
 def older(store: Path, missing: dict[str, list[str]]) -> None:

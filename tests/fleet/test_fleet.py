@@ -29,7 +29,7 @@ distributed = pytest.importorskip("distributed")
 cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
-from mavhums.fleet.scan import logs_in  # noqa: E402
+from mavhums.fleet.sources import logs_in  # noqa: E402
 from mavhums.fleet.store import Store  # noqa: E402
 from mavhums.fleet.tables import LOGS  # noqa: E402
 
@@ -204,11 +204,11 @@ def test_an_interrupted_scan_keeps_what_it_has_and_resumes(
 def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def die(store: Store, aircraft: str) -> None:
+    def die(*_: object) -> None:
         raise SystemExit(137)
 
     few = sorted((logs / "D-A").iterdir())[:2]
-    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "hold_against_past", die)
+    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "settle", die)
     with pytest.raises(SystemExit):
         fleet.scan(few, tmp_path, options)
     monkeypatch.undo()

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import socket
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from urllib.error import URLError
-from urllib.request import Request, urlopen
 
 import pytest
 
@@ -42,33 +36,6 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
             name = folder / aircraft / f"{day}.tlog"
             name.write_bytes(moved(kind.read_bytes(), DAY_S * (day + 100 * (aircraft == "D-B"))))
     return folder
-
-
-@pytest.fixture(scope="module")
-def bucket() -> Iterator[str]:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
-    server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    address = f"http://127.0.0.1:{port}"
-    with pytest.MonkeyPatch.context() as environment:
-        for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
-            environment.setenv(name, "x")
-        environment.setenv("AWS_REGION", "us-east-1")
-        environment.setenv("AWS_ENDPOINT_URL", address)
-        environment.setenv("AWS_ALLOW_HTTP", "true")
-        try:
-            while server.poll() is None:
-                try:
-                    urlopen(Request(f"{address}/fleet", method="PUT"), timeout=5).close()
-                    break
-                except URLError:
-                    time.sleep(0.1)
-            yield "s3://fleet"
-        finally:
-            server.kill()
-            server.wait()
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from mavhums.core.errors import MavhumsError
 from mavhums.history.files import keep_assessment
 from mavhums.report.assessment import Assessment, Indicator
 from tests.conftest import Run
@@ -19,7 +20,7 @@ pytest.importorskip("distributed")
 
 from mavhums import fleet
 from mavhums.fleet.known import Known
-from mavhums.fleet.repairs import Repair, add_repairs, repairs_of, since_of
+from mavhums.fleet.repairs import Repair, add_repairs, remove_repairs, repairs_in, repairs_of, since_of
 from mavhums.fleet.store import Store
 from mavhums.history.files import read_history
 from mavhums.history.flights import PastFlight
@@ -62,6 +63,22 @@ def test_a_store_keeps_repairs_and_names_the_aircraft_that_they_concern(tmp_path
     assert add_repairs(store, DATES) == set()
     assert set(repairs_of(store, "D-A")) == set(DATES[:3])
     assert set(repairs_of(store, "D-B")) == {DATES[1], DATES[3]}
+
+
+def test_a_mistake_is_removed(tmp_path: Path) -> None:
+    write_store(tmp_path, {"D-A": flights()[:2], "D-B": flights()[2:4]})
+    store = Store(tmp_path)
+    assert repairs_in(tmp_path) == []
+    add_repairs(store, DATES)
+    assert remove_repairs(store, [DATES[0], DATES[3]]) == {"D-A", "D-B"}
+    assert repairs_in(tmp_path) == [DATES[1], DATES[2]]
+    with pytest.raises(MavhumsError, match=r"no repair D-A/elevator=2026-03-16T") as error:
+        remove_repairs(store, [DATES[1], DATES[0]])
+    assert error.value.remedy == "the store has: 2026-04-01T09:00:00, D-A/elevator=2026-04-15T09:00:00"
+    assert remove_repairs(store, DATES[1:2]) == {"D-A", "D-B"}
+    assert remove_repairs(store, DATES[2:3]) == {"D-A"}
+    assert repairs_in(tmp_path) == []
+    assert since_of(store, "D-A")(START + timedelta(days=60)) == {}
 
 
 @pytest.mark.slow

@@ -15,13 +15,23 @@ from mavhums.history import files
 from mavhums.history import index as index_module
 from mavhums.history.files import keep_assessment, read_history
 from mavhums.history.index import INDEX, IndexedFolder
+from mavhums.report.assessment import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
 
 LATER = START + timedelta(days=10_000)
 
+
+def own_records(value: float) -> tuple[OwnRecord, ...]:
+    groups = ((3.0, value, 1 / 3), (2.0, -value, 1e-17))
+    record = OwnRecord(equation="motor", setup="as it is", rate_hz=50.0, duration_s=value, groups=groups)
+    return (record,) if value > 0.2 else ()
+
+
 flights = st.builds(
     lambda day, value, fault, suspect, airframe, vehicle, boot_s: flown(
-        verdict(shown(value, fault=fault), vehicle=vehicle, suspect="friction" if suspect else None),
+        verdict(
+            shown(value, fault=fault), vehicle=vehicle, suspect="friction" if suspect else None
+        ).model_copy(update={"own": own_records(value)}),
         verdict(shown(value * 2), actuator="rudder"),
         day=day,
         name=f"{day}-{value}",
@@ -45,7 +55,7 @@ flights = st.builds(
     again=st.integers(0, 60),
 )
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_the_index_gives_the_baselines_of_the_whole_folder(
+def test_the_index_gives_the_same_as_the_whole_folder(
     tmp_path_factory: pytest.TempPathFactory,
     several: list[object],
     before: int,
@@ -62,8 +72,10 @@ def test_the_index_gives_the_baselines_of_the_whole_folder(
             IndexedFolder(folder)
     for airframe in ("paper", "other", None):
         for moment in (START + timedelta(days=before), LATER, None):
-            whole = read_history(folder).baselines(airframe, moment, dates)
-            assert IndexedFolder(folder).baselines(airframe, moment, dates) == whole
+            whole, indexed = read_history(folder), IndexedFolder(folder)
+            asked = airframe, moment, dates
+            assert indexed.baselines(*asked) == whole.baselines(*asked)
+            assert indexed.past(*asked) == whole.past(*asked)
 
 
 def test_a_file_that_changed_or_vanished_counts_as_it_is_now(tmp_path: Path) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import pytest
+
 from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Assessment, Interval, LogSummary, Suspect, Verdict
-from mavhums.report.trend import ActuatorTrend, FlightPoint, TrendReport
+from mavhums.report.trend import ActuatorTrend, FlightPoint, RepairDate, TrendReport
 from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.rendering import render
 
@@ -94,7 +96,7 @@ def trend(actuator: str, fault: str, *, left: Interval | None = None, last: floa
         points=tuple(
             FlightPoint(
                 flight=number,
-                start_utc="2026-01-01T00:00:00Z",
+                start_utc=f"2026-01-{number:02}T00:00:00Z",
                 log=None,
                 value=Interval(estimate=value, low=value - 0.1, high=value + 0.1),
                 condition="normal",
@@ -122,6 +124,35 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
     assert elevator.first[0].life == "not known: it does not grow"
     assert [tick.text for tick in shown.drawing.x] == ["5", "10"]
     assert [limit.text for limit in shown.drawing.limits] == ["degraded above", "emergency from"]
+
+
+def test_repairs_are_marked_between_the_flights_before_and_after_them() -> None:
+    first, last = (trend("elevator", "friction").points[place].start_utc for place in (0, -1))
+    repairs = (
+        RepairDate(actuator=None, at_utc="2000-01-01T00:00:00+00:00"),
+        RepairDate(actuator="elevator", at_utc=last),
+        RepairDate(actuator="rudder", at_utc=last),
+    )
+    assert first < last
+    trends = (trend("elevator", "friction"),)
+    report = TrendReport(flights=12, trends=trends, unshown=(), errors=(), notices=(), repairs=repairs)
+    (shown,) = trends_shown(report)[0].first
+    (mark,) = shown.drawing.marks
+    assert mark.text == f"repair {last[:10]}"
+    ticks = {tick.text: tick.at for tick in shown.drawing.x}
+    per_flight = (ticks["10"] - ticks["5"]) / 5
+    assert mark.at == pytest.approx(ticks["10"] + 1.5 * per_flight, abs=0.2)
+    assert mark.text in shown.told
+    page = render(
+        "aircraft.html",
+        name="D-A",
+        problem="",
+        report=report,
+        headline="",
+        trends=trends_shown(report),
+        flights=[],
+    )
+    assert page.count(f">{mark.text}</text>") == 1
 
 
 def test_texts_of_a_store_are_never_markup() -> None:

@@ -124,6 +124,20 @@ def test_a_worker_handed_to_someone_who_has_just_left_is_not_lost() -> None:
     with_workers(use, count=1)
 
 
+def test_a_worker_is_not_handed_to_someone_who_is_leaving() -> None:
+    async def use(workers: Workers) -> None:
+        worker = await workers._acquire("a")
+        leaves = asyncio.ensure_future(workers._acquire("b"))
+        await asyncio.sleep(0)
+        leaves.cancel()
+        workers._hand(worker)
+        await asyncio.gather(leaves, return_exceptions=True)
+        assert await asyncio.wait_for(workers._acquire("c"), 5) is worker
+        workers._hand(worker)
+
+    with_workers(use, count=1)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
 def test_the_true_process_judges_refuses_and_limits_its_memory(short_log: Path, tmp_path: Path) -> None:
     odd = tmp_path / "notes.tlog"

@@ -1,0 +1,217 @@
+"""One log and a store: judged by its aircraft's flights there and kept there, as a scan of it does."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import locket
+import pytest
+
+import mavhums
+from mavhums.core.errors import ExitCode, MavhumsError, MissingExtraError
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run
+from tests.fleet_logs import moved
+
+pytest.importorskip("deltalake")
+pytest.importorskip("duckdb")
+
+from mavhums import fleet
+from mavhums.cli import page_worker
+from mavhums.fleet.store import Store
+from mavhums.fleet.tables import LOGS, Tables
+
+FLIGHTS = 11
+DAY_S = 86_400.0
+COLUMNS = "path, size, time_ns, settings, sha256, aircraft, board, start_us, duration_s, losses, flight"
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a store of healthy flights, and the log of a worn one that is not in it."""
+    folder = tmp_path_factory.mktemp("landing")
+
+    def flown(seed: int, friction: float) -> bytes:
+        path = folder / "kind.tlog"
+        flight = Flight(seed, 21.0, {"elevator": (friction, friction)}, rate_hz=25.0, tiers=("instrumented",))
+        write_tlog(fly(flight), path)
+        return path.read_bytes()
+
+    healthy = [flown(seed, 0.225) for seed in range(2)]
+    (folder / "D-A").mkdir()
+    for day in range(FLIGHTS):
+        (folder / "D-A" / f"{day:02}.tlog").write_bytes(moved(healthy[day % 2], DAY_S * day))
+    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    assert fleet.scan([folder / "D-A"], folder / "store", options) == (FLIGHTS, 0, 0)
+    (folder / "D-A" / "landed.tlog").write_bytes(moved(flown(8, 0.3), DAY_S * FLIGHTS))
+    shutil.copytree(folder / "store", folder / "scanned")
+    assert fleet.scan([folder / "D-A" / "landed.tlog"], folder / "scanned", options).judged == 1
+    return folder
+
+
+@pytest.fixture
+def store(kept: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(kept / "store", tmp_path / "store")
+
+
+def row(store: Path, log: Path) -> Any:
+    rows = Store(store).query(f"SELECT {COLUMNS} FROM logs WHERE path = ?", str(log)).fetchall()
+    assert len(rows) == 1
+    return rows[0]
+
+
+def verdicts(store: Path, log: Path) -> list[str]:
+    return sorted(one.model_dump_json() for path, one in fleet.verdicts(store, "D-A") if path == str(log))
+
+
+def told(content: str) -> list[str]:
+    """The verdicts of an assessment as JSON."""
+    assessment = mavhums.Assessment.model_validate_json(content)
+    return sorted(one.model_dump_json() for one in assessment.verdicts)
+
+
+def test_a_log_is_judged_by_the_flights_in_a_store(run: Run, kept: Path, store: Path) -> None:
+    log = kept / "D-A" / "landed.tlog"
+    outcome = run("analyse", log, "--history", store, "--aircraft", "folder", "--json")
+    assert outcome.code == ExitCode.DEGRADED
+    assert told(outcome.out) == verdicts(kept / "scanned", log)
+    assert "friction_drift" in outcome.out
+    assert json.loads(outcome.out)["log"]["flight"][0]["aircraft"] == "D-A"
+    assert fleet.status(store).judged == FLIGHTS  # nothing was written
+    alone = run("analyse", log, "--history", store, "--aircraft", "=D-B", "--json")
+    assert "friction_drift" not in alone.out
+    page = run("report", log, "-o", store / "page.html", "--history", store, "--aircraft", "folder")
+    assert page.code == ExitCode.DEGRADED
+
+
+def test_a_log_is_kept_as_a_scan_keeps_it(run: Run, kept: Path, store: Path) -> None:
+    log, before = kept / "D-A" / "landed.tlog", Tables(str(store)).opened(LOGS).version()
+    command = ("analyse", log, "--history", store, "--keep", "--aircraft", "folder", "--json")
+    first, again = run(*command), run(*command)
+    assert first == again
+    assert told(first.out) == verdicts(store, log) == verdicts(kept / "scanned", log)
+    assert first.code == ExitCode.DEGRADED
+    assert row(store, log) == row(kept / "scanned", log)
+    assert Tables(str(store)).opened(LOGS).version() == before + 1
+    assert fleet.scan([log], store, fleet.ScanOptions(workers=0)) == (0, 0, 1)
+
+
+def test_several_logs_are_kept_and_a_bad_one_stops_nothing(run: Run, kept: Path, store: Path) -> None:
+    bad, missing = store.parent / "bad.tlog", store.parent / "missing.tlog"
+    bad.write_bytes(b"no log")
+    log = kept / "D-A" / "landed.tlog"
+    outcome = run(
+        "analyse",
+        bad,
+        missing,
+        store.parent,
+        log,
+        "--history",
+        store,
+        "--keep",
+        "--aircraft",
+        "=D-A",
+        "--json",
+    )
+    content = json.loads(outcome.out)
+    assert [one["log"] for one in content["failures"]] == [str(bad), str(missing), str(store.parent)]
+    assert told(json.dumps(content["assessments"][0])) == verdicts(kept / "scanned", log)
+    assert fleet.status(store)[:3] == (FLIGHTS + 1, 1, 0)
+    assert len(fleet.status(store).failures) == 1
+
+
+def test_the_second_recording_of_a_flight_is_told(run: Run, kept: Path, store: Path) -> None:
+    log, copy = kept / "D-A" / "landed.tlog", store.parent / "other.tlog"
+    copy.write_bytes(log.read_bytes()[: log.stat().st_size * 9 // 10])
+    keep = ("--history", store, "--keep", "--aircraft", "=D-A", "--json")
+    run("analyse", log, *keep)
+    assessment = json.loads(run("analyse", copy, *keep).out)
+    assert [(one["log"], one["counts"]) for one in assessment["log"]["copies"]] == [(str(log), True)]
+    assert "friction_drift" in json.dumps(assessment["verdicts"])
+
+
+def test_a_folder_that_is_no_store_is_one_aircrafts_history(run: Run, kept: Path, tmp_path: Path) -> None:
+    log = kept / "D-A" / "00.tlog"
+    (tmp_path / "flights").mkdir()
+    assert run("analyse", log, "--history", tmp_path / "flights", "--keep").code == 0
+    assert [path.suffix for path in (tmp_path / "flights").glob("[!.]*")] == [".json"]
+    for wrong in (tmp_path / "flights", tmp_path / "absent"):
+        with pytest.raises(MavhumsError, match="no store of a fleet") as error:
+            fleet.analyse(log, wrong)
+        assert "fleet scan" in error.value.remedy
+    with pytest.raises(MavhumsError, match="is a fleet's store") as error:
+        mavhums.analyse(log, mavhums.Options(history=kept / "store"))
+    assert "fleet.against" in error.value.remedy
+
+
+def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
+    with locket.lock_file(str(store / ".scan.lock")):
+        outcome = run("analyse", kept / "D-A" / "landed.tlog", "--history", store, "--keep")
+    assert outcome.code == ExitCode.ERROR
+    assert "another scan writes into this store" in outcome.err
+    assert "wait" in outcome.err
+    assert fleet.status(store).judged == FLIGHTS
+
+
+def test_a_store_needs_its_extra(run: Run, kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "deltalake", None)
+    outcome = run("analyse", kept / "D-A" / "landed.tlog", "--history", kept / "store")
+    assert outcome.code == ExitCode.ERROR
+    assert "mavhums[fleet]" in outcome.err
+    with pytest.raises(MissingExtraError):
+        fleet.past(kept / "store", "D-A")
+
+
+def test_a_store_keeps_repairs_itself(run: Run, kept: Path) -> None:
+    command = ("analyse", kept / "D-A" / "landed.tlog", "--history", kept / "store")
+    outcome = run(*command, "--baseline-from", "rudder=2026-03-01")
+    assert outcome.code == ExitCode.USAGE
+    assert "fleet repairs" in outcome.err
+    assert "AIRCRAFT/rudder=2026-03-01" in outcome.err
+    assert "a store names logs" in run("analyse", "-", "--history", kept / "store").err
+
+
+def test_a_repair_that_was_a_mistake_leaves_nothing(
+    run: Run, kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = shutil.copytree(kept / "scanned", tmp_path / "store")
+    monkeypatch.setattr("mavhums.fleet.rows.analyse_alone", None)  # no log is opened
+    before = fleet.verdicts(store, "D-A")
+    assert run("fleet", "repairs", store).out == "no repairs\n"
+    added = run("fleet", "repairs", store, "--add", "D-A/elevator=2026-01-05")
+    assert added.out == "D-A/elevator=2026-01-05\n"
+    assert "friction_drift" not in str(fleet.verdicts(store, "D-A"))
+    assert json.loads(run("fleet", "repairs", store, "--json").out) == [
+        {"aircraft": "D-A", "actuator": "elevator", "at": "2026-01-05T00:00:00+00:00"}
+    ]
+    assert "Repaired: elevator 2026-01-05" in run("fleet", "trend", store, "D-A").out
+    wrong = run("fleet", "repairs", store, "--remove", "D-A/rudder=2026-01-05")
+    assert wrong.code == ExitCode.ERROR
+    assert "the store has: D-A/elevator=2026-01-05" in wrong.err
+    assert run("fleet", "repairs", store, "--remove", "D-A/elevator=2026-01-05").out == "no repairs\n"
+    assert fleet.verdicts(store, "D-A") == before
+    assert "friction_drift" in str(before)
+
+
+@pytest.mark.slow
+def test_the_page_judges_by_the_flights_in_its_store(kept: Path, tmp_path: Path) -> None:
+    """On the page the board names the aircraft."""
+    healthy, log = sorted((kept / "D-A").glob("[01]*")), kept / "D-A" / "landed.tlog"
+    assert page_worker.among(tmp_path / "store", str(log), mavhums.Options()).history is None
+    fleet.scan(healthy, tmp_path / "store", fleet.ScanOptions(workers=0))
+    command = [sys.executable, "-m", "mavhums.cli.page_worker", str(2 << 30), str(tmp_path / "store")]
+    job = {"do": "judge", "log": str(log), "report": str(tmp_path / "report.html"), "options": {}}
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
+        assert worker.stdin
+        assert worker.stdout
+        worker.stdin.write(json.dumps(job) + "\n")
+        worker.stdin.flush()
+        answer = next(line for line in worker.stdout if "brief" in line or "problem" in line)
+        worker.stdin.close()
+    assert json.loads(answer)["brief"]["condition"] == "degraded"
+    assert fleet.status(tmp_path / "store").judged == FLIGHTS
