@@ -195,6 +195,7 @@ def growth(folder: Path) -> None:
                 held += rows_of(f"D-{aircraft:03}", flight.assessment)
         store.add_logs(rows)
         store.append("verdicts", held)
+    settle(store, [f"D-{aircraft:03}" for aircraft in range(10)])
     size = sum(file.stat().st_size for file in (folder / "store").rglob("*") if file.is_file())
     print(f"store of 10,000 flights of 40 s: {size / 1e6:.0f} MB")
     for aircraft in range(10):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import partial
-from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 from mavhums.fleet.known import Copies
@@ -26,6 +25,7 @@ __all__ = ["Settling", "hold_against_past", "settle"]
 _PART_FLIGHTS: Final = 200
 _PART_BYTES: Final = 4 << 20
 _AT_ONCE: Final = 2
+_FLIGHTS_AT_ONCE: Final = 50_000  # about 26 kB each
 _LARGEST: Final = 4 << 20
 
 
@@ -71,12 +71,15 @@ def _by_workers(store: Store, aircraft: Iterator[str], client: Client) -> None:
         if not committed:
             settle(store, [settling.aircraft])
 
-    def start(several: int) -> None:
-        for name in islice(aircraft, several):
+    def start() -> None:
+        while len(active) < most and sum(each.size for each in active.values()) < _FLIGHTS_AT_ONCE:
+            name = next(aircraft, None)
+            if name is None:
+                return
             go_on(Settling(store, name))
 
     most = _AT_ONCE * count(client)
-    start(most)
+    start()
     for future in running:
         settling = active.pop(future.key)
         if future.status == "finished":
@@ -85,7 +88,7 @@ def _by_workers(store: Store, aircraft: Iterator[str], client: Client) -> None:
         else:  # the worker died, or the flights cannot be read: this process tells
             settle(store, [settling.aircraft])
         future.release()
-        start(most - len(active))
+        start()
 
 
 class Settling:
@@ -106,6 +109,7 @@ class Settling:
         self._rows: list[dict[str, object]] = []
         self._copies: Copies = {}
         self._open_copies: Copies = {}
+        self._size = 0
         self._since = since_of(store, aircraft)
         self._told = told_by(store, aircraft)
         self._listed = listed(store, aircraft)
@@ -113,6 +117,11 @@ class Settling:
         self._settled = kept is not None
         known, new = kept or (None, self._listed)
         self._begin(known, new, whole=False)
+
+    @property
+    def size(self) -> int:
+        """Number of flights whose verdicts are made."""
+        return self._size
 
     def parts(self) -> bool:
         """Return whether a part is left."""
@@ -154,6 +163,7 @@ class Settling:
         self._rows = []
         self._copies = {}
         self._open_copies = {}
+        self._size = len(new)
         self._waiting = self._flights(new)
         self._next = next(self._waiting, [])
 

@@ -42,8 +42,18 @@ class LogFile(NamedTuple):
     time_ns: int
 
 
-class UnreachedError(MavhumsError):
-    """A log in an object store could not be downloaded; a later scan tries again."""
+class UnreachedError(Exception):
+    """A log in an object store could not be downloaded: a row of the store, which a later scan tries again.
+
+    Parameters
+    ----------
+    problem, remedy
+        As of :class:`mavhums.MavhumsError`.
+    """
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(problem)
+        self.problem, self.remedy = problem, remedy
 
 
 def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
