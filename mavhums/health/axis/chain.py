@@ -50,6 +50,10 @@ class Form(Protocol):
         """Return the aircraft's response, shape (n,)."""
         ...
 
+    def possible(self, others: Array) -> bool:
+        """Return whether an aircraft can have these coefficients of the other contributions."""
+        ...
+
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return what the coefficients tell of the aircraft, by the fault that changes it."""
         ...

@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 
 
 class RollForm:
-    """``p = K·v·δ + b·v``: roll rate p, relative airspeed v, demand δ by the ailerons."""
+    """``p = K·v·δ + b·v + c·r``: roll rate p, relative airspeed v, demand δ by the ailerons, yaw rate r."""
 
     axis = "roll"
-    nuisances = 1
+    nuisances = 2
     derivative = False
 
     def drive(self, demand: Array, relative: Array) -> Array:
@@ -32,12 +32,16 @@ class RollForm:
         return relative * demand
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
-        """Return v, for the trim."""
-        return relative[:, None]
+        """Return v for the trim, and the yaw rate: in a turn the outer wing is faster and lifts more."""
+        return np.column_stack([relative, rows.yaw_rate])
 
     def answer(self, rows: Rows) -> Array:
         """Return the roll rate."""
         return rows.roll_rate
+
+    def possible(self, others: Array) -> bool:
+        """Return True: no sign is certain."""
+        return True
 
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return the demand that keeps the wings level, −b/K."""
@@ -62,6 +66,10 @@ class PitchForm:
     def answer(self, rows: Rows) -> Array:
         """Return the pitch rate; its rate of change is the response."""
         return rows.pitch_rate
+
+    def possible(self, others: Array) -> bool:
+        """Return whether pitching is damped: else the autopilot's feedback was found, not the aircraft."""
+        return bool(others[1] < 0.0)
 
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return the steady load factor by the full demand, over the square of the speed, |K/c|/V²."""
@@ -89,6 +97,10 @@ class YawForm:
     def answer(self, rows: Rows) -> Array:
         """Return the side force."""
         return rows.side_force
+
+    def possible(self, others: Array) -> bool:
+        """Return True: no sign is certain."""
+        return True
 
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return nothing: beside the gain itself, no constant of yaw is known well enough."""

@@ -233,8 +233,9 @@ class Gain:
             return
         wanted = self._standards
         shapes = [Shape(round(delay * RATE_HZ), tau) for delay in wanted.delays_s for tau in wanted.taus_s]
-        fits = [self._fit(rows, speed, shape) for shape in shapes]
-        found = max((fit for fit in fits if fit is not None), key=lambda fit: fit.explained, default=None)
+        fits = [fit for shape in shapes if (fit := self._fit(rows, speed, shape)) is not None]
+        possible = [fit for fit in fits if self._form.possible(fit.others)]
+        found = max(possible, key=lambda fit: fit.explained, default=None)
         if found is None:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best

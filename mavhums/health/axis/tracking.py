@@ -40,7 +40,9 @@ class RollTracking:
         """Return the offset's regressor, the roll residual, and the mask of flight rows with both."""
         if rows.fresh:
             self._demand = Following(2.5)
-        answer = rows.roll - self._demand.feed(rows.roll_demand)
+        expected = self._demand.feed(rows.roll_demand)
+        low, high = np.fmin(expected, rows.roll_demand), np.fmax(expected, rows.roll_demand)
+        answer = rows.roll - np.clip(rows.roll, low, high)
         good = rows.flying & np.isfinite(rows.roll_demand) & np.isfinite(answer)
         return np.ones((len(rows), 1)), answer, good
 

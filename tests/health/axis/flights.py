@@ -75,3 +75,20 @@ def rolling(
     random = np.random.default_rng(seed + 1).normal(size=demand.size)
     flight["roll_rate"] = gain(time_s) * late + noise * random
     return rows(flight)
+
+
+def turning(seconds: int, *, spiral: float, every_s: int = 12) -> Rows:
+    """Banked turns to one side and the other: the yaw rate r rolls the aircraft by spiral · r as well."""
+    flight = steady(seconds)
+    side = np.where(np.arange(seconds * RATE_HZ) // (every_s * RATE_HZ) % 2, -1.0, 1.0)
+    share = 1 - np.exp(-1 / RATE_HZ / 0.4)
+    bank, begun = np.zeros_like(side), np.zeros_like(side)
+    for k in range(1, side.size):
+        begun[k] = begun[k - 1] + share * (0.75 * side[k] - begun[k - 1])
+        bank[k] = bank[k - 1] + share * (begun[k] - bank[k - 1])
+    rate = np.gradient(bank, 1 / RATE_HZ)
+    yaw = 9.81 / SPEED * np.sin(bank)
+    demand = (rate - spiral * yaw) / 2.2
+    flight["roll"], flight["roll_rate"], flight["yaw_rate"] = bank, rate, yaw
+    flight["outputs"][:, 0] = np.concatenate([demand[4:], np.zeros(4)])
+    return rows(flight)
