@@ -37,6 +37,7 @@ from mavhums.cli.serve import serve
 from mavhums.cli.tools import export, model, profile
 from mavhums.cli.trend import indexed_history, trend
 from mavhums.cli.warm_up import announce_compiling, warm_up
+from mavhums.core.collecting import collect_seldom
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.version import __version__
 
@@ -209,6 +210,7 @@ for _command in (
 def main() -> None:
     """Run the command line; an error that the user can correct is one line with a remedy."""
     heed_signals()
+    collect_seldom()
     announce_compiling()
     with sound_output():
         try:

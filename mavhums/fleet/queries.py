@@ -12,7 +12,7 @@ from mavhums.core.collecting import no_collection
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.fleet.installed import installed_in
-from mavhums.fleet.repairs import repairs_of
+from mavhums.fleet.repairs import repairs_of, since_of
 from mavhums.fleet.store import Store
 from mavhums.history.aircraft import UNKNOWN
 from mavhums.history.flights import FlightHistory, PastFlight
@@ -161,9 +161,10 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
         if not flown:
             raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", _aircraft_in(kept))
         since = installed_in(kept, aircraft).since(aircraft, flown[-1].end)
-        report = trend_report(FlightHistory(flown), since=since)
-    repaired = sorted(repairs_of(kept, aircraft), key=lambda repair: repair.at)
-    told = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repaired)
+        repaired = since_of(kept, aircraft)(flown[-1].end)
+        report = trend_report(FlightHistory(flown), since=since, repaired=repaired)
+    repairs = sorted(repairs_of(kept, aircraft), key=lambda repair: repair.at)
+    told = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
     return report.model_copy(update={"repairs": told})
 
 

@@ -123,11 +123,16 @@ def trend_report(
     actuators: Collection[str] = (),
     faults: Collection[str] = (),
     since: Since | None = None,
+    repaired: Since | None = None,
 ) -> TrendReport:
-    """Fit a trend to every indicator of every actuator; the arguments are those of ``trend``."""
+    """Fit a trend to every indicator of every actuator; the other arguments are those of ``trend``.
+
+    Flights before ``repaired`` are shown, but neither trend nor baseline rests on them.
+    """
     trends: list[ActuatorTrend] = []
     unshown: list[str] = []
-    references = cache(lambda airframe, before: history.baselines(airframe, before, since))
+    counted = latest(since, repaired)
+    references = cache(lambda airframe, before: history.baselines(airframe, before, counted))
     for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():
         shown = _by_fault(flown)
         if not shown and flown[-1].verdict.condition != "unmonitored":
@@ -135,7 +140,7 @@ def trend_report(
         for fault in sorted(name for name in shown if not faults or name in faults):
             newest, _ = shown[fault][-1]
             baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
-            trends.append(_trend(flown, shown[fault], baseline))
+            trends.append(_trend(flown, shown[fault], baseline, counted))
     return TrendReport(
         flights=history.count(),
         trends=tuple(sorted(trends, key=_rank)),
@@ -176,7 +181,7 @@ def _by_fault(flown: list[_Flown]) -> dict[str, _Shown]:
     return found
 
 
-def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None) -> ActuatorTrend:
+def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None, counted: Since) -> ActuatorTrend:
     newest = pairs[-1][1]
     pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
     latest = flown[-1].verdict
@@ -185,7 +190,8 @@ def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None) -> Act
     if falls and baseline is not None and latest.limits is not None:
         limit = latest.limits.effectiveness_degraded * baseline.mean
         emergency = latest.limits.effectiveness_emergency * baseline.mean
-    fitted = _fitted(pairs, emergency, -1.0 if falls else 1.0)
+    used = [(each, one) for each, one in pairs if each.flight.counts(latest.actuator, counted)]
+    fitted = _fitted(used, emergency, -1.0 if falls else 1.0)
     expected = baseline.prediction() if baseline else None
     return ActuatorTrend(
         subject=latest.subject,
@@ -204,9 +210,9 @@ def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None) -> Act
         level=fitted.level if fitted else None,
         per_flight=fitted.per_flight if fitted else None,
         between=fitted.between if fitted else None,
-        left_out=tuple(pairs[place][0].start_utc for place in fitted.left_out) if fitted else (),
+        left_out=tuple(used[place][0].start_utc for place in fitted.left_out) if fitted else (),
         flights_left=fitted.flights_left if fitted else None,
-        reason=fitted.reason if fitted else f"{len(pairs)} flights show it; a trend needs {MIN_FLIGHTS}",
+        reason=fitted.reason if fitted else f"{len(used)} flights show it; a trend needs {MIN_FLIGHTS}",
         points=_POINTS.validate_python(
             [
                 {

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 
 import pytest
 
@@ -42,3 +44,23 @@ def test_a_collector_that_was_off_stays_off() -> None:
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+def test_the_command_line_collects_no_lasting_object() -> None:
+    code = """
+import atexit, contextlib, gc, sys
+import mavhums.cli.main as command_line
+sys.argv = ["mavhums", "--version"]
+with contextlib.suppress(SystemExit):
+    command_line.main()
+collections = []
+gc.callbacks.append(lambda phase, info: collections.append(phase))
+lasting = [[] for _ in range(100_000)]
+print(len(collections))
+ended = [[[]] for _ in range(100_000)]
+print(len(collections) > 0)
+atexit._run_exitfuncs()
+print(gc.get_freeze_count() > len(lasting))
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert run.stdout.split()[-3:] == ["0", "True", "True"], run.stdout

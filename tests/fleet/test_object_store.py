@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -77,6 +78,25 @@ def test_it_says_the_same_as_a_folder(
     assert fleet.trend(store, "D-A").flights == FLIGHTS
     assert len(fleet.export(store, tmp_path / "all.csv")) == 8 * FLIGHTS
     Store(store).compact()
+
+
+@pytest.mark.slow
+def test_a_landing_is_judged_by_it_and_kept_in_it(
+    logs: Path, bucket: str, options: fleet.ScanOptions, run: Run
+) -> None:
+    store, (*flown, landed) = f"{bucket}/landings", sorted((logs / "D-A").iterdir())
+    absent = run("analyse", landed, "--history", store)
+    assert absent.code == 1
+    assert f"{store}: no store of a fleet" in absent.err
+    fleet.scan(flown, store, options)
+    command = ("analyse", landed, "--history", store, "--aircraft", "folder", "--json")
+    judged, kept = json.loads(run(*command).out), json.loads(run(*command, "--keep").out)
+    assert judged["verdicts"] == kept["verdicts"]
+    assert fleet.status(store).judged == FLIGHTS
+    stored = [
+        json.loads(one.model_dump_json()) for log, one in fleet.verdicts(store, "D-A") if log == str(landed)
+    ]
+    assert sorted(stored, key=str) == sorted(kept["verdicts"], key=str)
 
 
 @pytest.mark.slow

@@ -391,3 +391,22 @@ def _without_times(data: bytes) -> bytes:
 def test_reading_many_flights_shows_progress(run: Run, worn: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     assert run("trend", worn).code == ExitCode.DEGRADED
+
+
+def test_after_a_repair_the_trend_rests_on_the_flights_since(worn: Path) -> None:
+    history = read_history(worn)
+    repaired = history.flights[20].start
+    (whole,) = [
+        one
+        for one in trend_report(history, repaired={"elevator": repaired}).trends
+        if (one.actuator, one.fault) == ("elevator", "friction")
+    ]
+    (since,) = [
+        one
+        for one in trend_report(history, since={"elevator": repaired}).trends
+        if (one.actuator, one.fault) == ("elevator", "friction")
+    ]
+    assert (whole.flights, len(whole.points), since.flights) == (40, 40, 20)
+    assert whole.baseline == since.baseline
+    assert whole.per_flight == since.per_flight
+    assert whole.flights_left == since.flights_left
