@@ -13,7 +13,8 @@ from functools import cache
 from typing import ClassVar, NamedTuple, Protocol
 
 from mavhums.core.conditions import Condition
-from mavhums.health.axis.gain import Gain, Second
+from mavhums.health.axis.gain import Gain
+from mavhums.health.axis.reference import Second
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 

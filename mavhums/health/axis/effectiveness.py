@@ -7,7 +7,7 @@ from math import exp
 from typing import ClassVar, Final
 
 from mavhums.health.axis.detector import Seen, Shown
-from mavhums.health.axis.gain import Second
+from mavhums.health.axis.reference import Second
 from mavhums.report.axis_limits import AxisLimits
 
 __all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]

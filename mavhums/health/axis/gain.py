@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import exp
 from typing import Final
 
@@ -23,17 +23,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.health.axis.chain import Chain, Columns, Form, Shape, judgeable
+from mavhums.health.axis.reference import REFERENCE_S, Reference, Second, Standards
 from mavhums.health.axis.scores import Scores, Sums
 from mavhums.health.axis.slowness import EXTRA_S, Slowness
 from mavhums.health.axis.standing import Constant, constants
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["FULL_S", "JUDGED_ERROR", "Gain", "Reference", "Second", "Standards"]
+__all__ = ["FULL_S", "JUDGED_ERROR", "Gain"]
 
 JUDGED_ERROR: Final = 0.2
 FULL_S: Final = 20
-REFERENCE_S: Final = 45
 _LONGEST_S: Final = 120
 _RETRY_S: Final = 10
 _LATEST_S: Final = 180
@@ -49,117 +49,6 @@ _TAIL: Final = 0.07  # share of the last manoeuvre's drive below which the slow 
 _FORGET: Final = exp(-1.0 / 60.0)  # per second: a small deficit over minutes is the reference's error
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Standards:
-    """Requirements on a reference, and its limits.
-
-    Attributes
-    ----------
-    explained
-        Smallest share of the remaining response that the drive must explain.
-    error
-        Largest relative standard error of the gain.
-    scatter
-        Smallest variance of a second's score, relative to the gain's square: quiet air does not last.
-    noise
-        Largest variance that no gain explains, relative to the reference gain's response to the drive, in
-        seconds that may count for a loss.
-    delays_s, taus_s
-        Candidates for the axis's own delay and lag.
-    spacing_s
-        Longest time between samples of the outputs and the rates from which the gain can be determined.
-    memory_s
-        Memory of the filter that removes trim and other slow parts from drive and response.
-    loss
-        Loss to detect, as a share; the gain of a whole flight may deviate by half of it.
-    """
-
-    explained: float
-    error: float
-    scatter: float
-    noise: float
-    delays_s: tuple[float, ...]
-    taus_s: tuple[float, ...]
-    spacing_s: float
-    memory_s: float
-    loss: float = 0.4
-
-    @property
-    def full(self) -> float:
-        """Effectiveness above which the axis has not lost any: halfway to the loss to detect."""
-        return 1.0 - self.loss / 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Reference:
-    """The axis's response in the reference.
-
-    Attributes
-    ----------
-    error
-        Relative standard error of the gain.
-    deviation
-        Standard deviation of the regression's residuals.
-    power
-        Mean sum of squares of the drive over a second, without its slow part.
-    constants
-        What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
-    """
-
-    speed: float
-    shape: Shape
-    gain: float
-    others: Array
-    variance: float
-    error: float
-    explained: float
-    deviation: float
-    power: float
-    start_s: int
-    end_s: int
-    constants: Mapping[str, Constant] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class Second:
-    """The results of one second.
-
-    Attributes
-    ----------
-    end_s
-        Flight second of its end.
-    value, error
-        Effectiveness over the last ten judged seconds, relative to the reference, and its standard error;
-        None if they have insufficient evidence.
-    level
-        Sum of the log-likelihood ratios for a loss.
-    since_s
-        Flight second from which the level has not been zero: the onset of a loss, if there is one.
-    slow_s
-        Additional lag that explains the response better than a loss; None if there is none.
-    later
-        Whether an additional lag explains the response slightly better, so that the kind of fault is open.
-    shift
-        Mean of the unexplained response over the last three seconds, at the additional lag that explained
-        more since ``since_s``; None if it is not known.
-    left_over, left_error, lost_s
-        Effectiveness since ``since_s``, at the additional lag that explained more since then, over at most 20
-        judged seconds, its standard error, and the number of these seconds.
-    """
-
-    end_s: int
-    value: float | None
-    error: float
-    level: float
-    since_s: int
-    slow_s: float | None
-    later: bool
-    shift: float | None
-    left_over: float | None
-    left_error: float
-    lost_s: int
 
 
 class Gain:

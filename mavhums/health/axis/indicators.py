@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Final
 
 from mavhums.core.conditions import SEVERITY
-from mavhums.health.axis.gain import REFERENCE_S, Reference
 from mavhums.health.axis.monitor import AxisFindings
 from mavhums.health.axis.past import LEAST_FLIGHTS
+from mavhums.health.axis.reference import REFERENCE_S, Reference
 from mavhums.report.assessment import Indicator, Interval
 from mavhums.vehicle.grid import RATE_HZ
 

@@ -12,7 +12,8 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.chain import Form
 from mavhums.health.axis.detector import Seen, Shown, detectors
 from mavhums.health.axis.forms import PitchForm, RollForm, YawForm
-from mavhums.health.axis.gain import FULL_S, JUDGED_ERROR, Gain, Reference, Second, Standards
+from mavhums.health.axis.gain import FULL_S, JUDGED_ERROR, Gain
+from mavhums.health.axis.reference import Reference, Second, Standards
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
 from mavhums.report.axis_limits import AxisLimits
