@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from math import exp
 from typing import ClassVar, Final
 
+from mavhums.core.conditions import Condition
 from mavhums.health.axis.detector import Seen, Shown
 from mavhums.health.axis.reference import Second
 from mavhums.report.axis_limits import AxisLimits
@@ -69,19 +70,27 @@ class EffectivenessDetector:
                 rule,
                 confidence,
             )
-        grave = second.lost_s >= _SURE_S and not second.later and left <= self._limits.effectiveness_emergency
-        condition = "emergency" if grave else "degraded"
-        rule = (
-            f"{condition}: {100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left"
-        )
+        doubt = self._doubt(second) if left <= self._limits.effectiveness_emergency else ""
+        grave = left <= self._limits.effectiveness_emergency and not doubt
+        condition: Condition = "emergency" if grave else "degraded"
+        share = f"{100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left"
+        rule = f"{condition}: {share}{doubt}"
         return Shown(
             self.axis,
             second.end_s,
             "effectiveness",
-            "emergency" if grave else "degraded",
+            condition,
             second.since_s,
             left,
             self._limits.effectiveness_emergency if grave else self._limits.effectiveness_degraded,
             rule,
             confidence,
         )
+
+    def _doubt(self, second: Second) -> str:
+        """Return why a loss within the emergency's limit is none yet."""
+        if second.later:
+            return "; a slow servo explains it nearly as well"
+        if second.lost_s < _SURE_S:
+            return f"; an emergency if {_SURE_S} judged seconds show it, {second.lost_s} do"
+        return ""
