@@ -38,7 +38,7 @@ from mavhums.fleet.queries import exit_code
 from mavhums.fleet.settling import settle
 from mavhums.fleet.store import Store
 from mavhums.history.comparison import LoneFlight
-from mavhums.history.files import keep_assessment
+from mavhums.history.files import keep_assessment, read_history
 from mavhums.history.index import IndexedFolder
 from mavhums_sim import Flight, fly, write_tlog
 
@@ -263,6 +263,10 @@ def landings(folder: Path) -> None:
             after = START + timedelta(days=20_001 + again)
             with told(f"landing after {count} flights"):
                 IndexedFolder(history).baselines("paper", after)
+        with told(f"own-scale records of {count} flights"):
+            IndexedFolder(history).past("paper", after)
+        with told("the same flights, read from their files"):
+            read_history(history)
 
 
 def stored(folder: Path) -> None:

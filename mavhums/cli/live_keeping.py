@@ -79,7 +79,8 @@ class Keeper:
         log, code = Path(assessment.log.path or ""), assessment.exit_code
         try:
             if not log.is_file() or not log.stat().st_size:
-                raise MavhumsError(f"{log}: nothing was recorded", "so nothing is kept")
+                remedy = "check the link: the report above says what came over it"
+                raise MavhumsError(f"{log}: nothing was recorded, so nothing is kept", remedy)
             if self._store is not None:
                 judged = judged_in_store([log], self._store, self._judging, Batch(jobs=1), keep=True)
             else:

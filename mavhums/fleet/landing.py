@@ -188,8 +188,9 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
         If the log could not be judged.
     """
     if not log.is_file():
-        problem = f"{log}: is a folder" if log.is_dir() else f"{log}: no such file"
-        raise MavhumsError(problem, "name a log; folders are for: mavhums fleet scan")
+        if log.is_dir():
+            raise MavhumsError(f"{log}: is a folder", f"mavhums fleet scan {log} --to {store}")
+        raise MavhumsError(f"{log}: no such file", "check the path")
     kept = Store(store).opened()
     aircraft, sha256, problem, remedy = kept.query(
         "SELECT aircraft, sha256, problem, remedy FROM logs WHERE path = ? ORDER BY scanned DESC LIMIT 1",
