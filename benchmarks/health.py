@@ -104,7 +104,7 @@ def main() -> None:
     )
     parser.add_argument("--scale", type=float, default=1.0, help="of the number of flights")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--logs", type=Path, default=Path("../shared/logs"), help="folder of real logs")
+    parser.add_argument("--logs", type=Path, default=Path("logs"), help="folder of real logs")
     args = parser.parse_args()
     args.count = lambda number: max(round(number * args.scale), 1)
     args.say = lambda text: print(f"  {text}", flush=True)

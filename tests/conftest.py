@@ -1,4 +1,4 @@
-"""Fixtures that several rooms share: the command line, simulated flights, and the real logs if at hand."""
+"""Fixtures that several rooms share: the command line, simulated flights, real logs where they are named."""
 
 from __future__ import annotations
 
@@ -26,25 +26,34 @@ if (
     # A shell starts background jobs with ignored interrupts, and their children inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS", Path(__file__).parents[2] / "shared" / "logs"))
-
-
-def real_logs() -> list[Path]:
-    """Every file of the folder of real logs; empty where it is absent."""
-    return sorted(path for path in REAL_LOGS.rglob("*") if path.is_file() and path.suffix != ".md")
-
-
+# Real logs are used only where MAVHUMS_REAL_LOGS names their folder: a clone has nothing beside it.
+REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS") or os.devnull)
+SINGLE = (".", "sitl", "onboard")  # folders of logs that each differ
+CAMPAIGNS = ("alfa", "sitl/control")  # folders of many flights of one kind
 LARGE_BYTES = 800_000
-CAMPAIGNS = ("alfa", "control")  # folders of many flights of one kind
+
+
+def real_logs(*folders: str) -> list[Path]:
+    """Logs in these folders of the real logs (by default in all), without those that are absent."""
+    return sorted(
+        path
+        for folder in folders or (*SINGLE, *CAMPAIGNS)
+        for path in (REAL_LOGS / folder).glob("*")
+        if path.is_file() and path.suffix not in (".md", ".csv")
+    )
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Read large real logs, and the many flights of a campaign, only with ``make test-all``."""
+    """Skip real logs that are absent; read the large ones and the campaigns only with ``make test-all``."""
+    campaigns = [REAL_LOGS / folder for folder in CAMPAIGNS]
     for item in items:
         parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
         for path in parameters:
-            real = isinstance(path, Path) and path.is_relative_to(REAL_LOGS)
-            if real and (path.parent.name in CAMPAIGNS or path.stat().st_size > LARGE_BYTES):
+            if not isinstance(path, Path) or not path.is_relative_to(REAL_LOGS):
+                continue
+            if not path.is_file():
+                item.add_marker(pytest.mark.skip(f"{path.name} is not in MAVHUMS_REAL_LOGS"))
+            elif path.parent in campaigns or path.stat().st_size > LARGE_BYTES:
                 item.add_marker(pytest.mark.slow)
 
 

@@ -16,7 +16,7 @@ from mavhums.cli import progress as progress_module
 from mavhums.core.errors import ExitCode
 from mavhums.report.assessment import json_schema
 from mavhums_sim import Flight, fly, write_tlog
-from tests.conftest import Run, real_logs
+from tests.conftest import SINGLE, Run, real_logs
 
 
 @pytest.fixture(scope="module")
@@ -273,10 +273,7 @@ def test_every_command_has_help(run: Run, command: str) -> None:
     assert len(outcome.out.splitlines()) > 8
 
 
-@pytest.mark.skipif(not real_logs(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
-@pytest.mark.parametrize(
-    "path", [p for p in real_logs() if p.parent.name not in ("alfa", "control")], ids=lambda path: path.name
-)
+@pytest.mark.parametrize("path", real_logs(*SINGLE), ids=lambda path: path.name)
 @pytest.mark.parametrize("command", ["analyse", "inspect"])
 def test_real_files_never_end_in_a_traceback(run: Run, command: str, path: Path) -> None:
     outcome = run(command, path)

@@ -27,7 +27,7 @@ from mavhums.report.assessment import Assessment, Verdict, json_schema
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.telemetry import messages
-from tests.conftest import real_logs
+from tests.conftest import SINGLE, real_logs
 from tests.logs import write_log
 from tests.strategies import START_US, blocks, cuts
 
@@ -303,9 +303,7 @@ def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
     assert frame.set_index("actuator").loc["rudder", "condition"] == "degraded"
 
 
-REAL = [
-    path for path in real_logs() if path.suffix == ".tlog" and path.parent.name not in ("alfa", "control")
-]
+REAL = [path for path in real_logs(*SINGLE) if path.suffix == ".tlog"]
 JAMMED = "plane_lua_csrv.link1.tlog"
 
 

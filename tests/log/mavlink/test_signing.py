@@ -153,7 +153,7 @@ def test_the_remedy_makes_the_key_of_a_passphrase() -> None:
     assert len(hashlib.sha256(b"PASSPHRASE").hexdigest()) == 64
 
 
-@pytest.mark.skipif(not REAL_LOGS.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the real logs are absent")
 def test_a_real_signed_link() -> None:
     """The autopilot signs all; the ground station's first frames came before it was told the key."""
     log = REAL_LOGS / "sitl" / "plane_signed.link1.tlog"
