@@ -1,12 +1,18 @@
-# `make demo` and `make test` do all set-up themselves, in .venv.
+# `make demo` and `make test` do all set-up themselves, in .venv, with the versions in constraints.txt.
 PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= auto
-INSTALL := -m pip install --quiet --disable-pip-version-check -c constraints.txt -e
+# A package index with PyTorch's CPU build, for machines whose own index has the CUDA build only.
+TORCH_INDEX ?=
+PIP := -m pip install --quiet --disable-pip-version-check -c constraints.txt
+EXTRAS := arrow,fleet,serial,serve,sim,viewer,zstd
+# Only Linux has CUDA builds; there the CPU build has a version of its own.
+TORCH := $(shell grep ^torch== constraints.txt)$(if $(filter Linux,$(shell uname -s)),+cpu)
 
-.PHONY: demo test test-all lint model docs pictures clean
+.PHONY: demo test test-all test-lowest lock lint model docs pictures clean
 
 demo: .venv/.demo
+	$(BIN)/mavhums warm-up
 	$(BIN)/python examples/demo.py demo
 
 # What a change needs before it is proposed, in minutes; on as many cores as there are.
@@ -40,14 +46,37 @@ pictures: .venv/.ready demo
 	PYTHONPATH=. $(BIN)/python examples/pictures.py demo docs/recordings
 
 clean:
-	rm -rf .venv demo build dist .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-lowest demo build dist .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 .venv/.demo: pyproject.toml constraints.txt
+	@echo "Setting up .venv: downloads 250 MB once, 1.2 GB on disk."
 	$(PYTHON) -m venv .venv
-	$(BIN)/python $(INSTALL) '.[viewer]'
+	$(BIN)/python $(PIP) -e '.[viewer]'
 	touch $@
 
 .venv/.ready: pyproject.toml constraints.txt
+	@echo "Setting up .venv for the tests: downloads 700 MB once (200 MB of it PyTorch's CPU build), 2.5 GB on disk."
 	$(PYTHON) -m venv .venv
-	$(BIN)/python $(INSTALL) '.[all,dev]'
+	$(BIN)/python $(PIP) -e '.[$(EXTRAS),dev]'
+	@$(BIN)/python $(PIP) $(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || \
+		echo "PyTorch's CPU build ($(TORCH)) is not on your package index: the tests of training are left out." \
+			"To run them: rm .venv/.ready; make test TORCH_INDEX=URL, with the CPU index that pytorch.org names."
 	touch $@ .venv/.demo
+
+# The tests in an environment with the lowest versions that pyproject.toml allows.
+test-lowest: .venv-lowest/.ready
+	.venv-lowest/bin/python -m pytest -q -n $(CORES) --dist worksteal -m "not slow"
+
+.venv-lowest/.ready: pyproject.toml
+	$(PYTHON) -m venv .venv-lowest
+	$(PYTHON) .ci/versions.py lowest > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python $(PIP:constraints.txt=.venv-lowest/lowest.txt) -e '.[$(EXTRAS),dev]'
+	.venv-lowest/bin/python $(PIP:constraints.txt=.venv-lowest/lowest.txt) \
+		$(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || true
+	touch $@
+
+# Renew the versions in constraints.txt. Run it with the oldest Python that pyproject.toml allows, so that
+# every version has a build for all of them.
+lock:
+	$(PYTHON) .ci/versions.py lock > constraints.new
+	mv constraints.new constraints.txt

@@ -9,7 +9,6 @@ leaves the logs, truth.json, verdicts.json and flight.rrd in the folder.
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from rich.table import Table
 
 from mavhums import Assessment, Verdict, analyse
 from mavhums.show import render
+from mavhums.show.viewer_program import viewer_command
 from mavhums_sim.campaign import paper_campaign, run_campaign
 
 SHOWN = "friction-growing"
@@ -47,7 +47,7 @@ def main(folder: Path) -> int:
     console.print(f"\n{wrong} of {sum(len(a.verdicts) for a in assessments.values())} verdicts are wrong.")
     console.print(f"Logs, truth.json, verdicts.json and flight.rrd are in {folder}/.", highlight=False)
     console.print(
-        f"Open the recording with:  {_viewer()} {folder}/flight.rrd", highlight=False, soft_wrap=True
+        f"Open the recording with:  {viewer_command()} {folder}/flight.rrd", highlight=False, soft_wrap=True
     )
     return int(wrong > 0)
 
@@ -105,12 +105,6 @@ def _write(path: Path, assessments: dict[str, Assessment]) -> None:
         json.dumps({"schema": "mavhums.assessment/2", "assessments": objects}, indent=2) + "\n"
     )
     partial.replace(path)
-
-
-def _viewer() -> str:
-    """Return the command that starts the viewer."""
-    beside = Path(sys.executable).with_name("rerun")
-    return os.path.relpath(beside) if beside.exists() else "rerun"
 
 
 if __name__ == "__main__":

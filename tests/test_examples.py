@@ -56,6 +56,7 @@ def test_the_demonstration_judges_every_actuator_right(
 @pytest.mark.slow
 def test_selectors_compose_with_the_models_of_scikit_learn() -> None:
     """Algorithm 1 keeps what tells the conditions apart, and networks beat a fixed polynomial."""
+    pytest.importorskip("torch")
     results = selectors_in_a_pipeline.main(seconds=4.0)
     assert len(results) == 6
     assert results["Algorithm 1 → tanh networks"] > 0.9

@@ -1,4 +1,4 @@
-"""Compiles every inner loop before the first log, by judging a short synthetic flight."""
+"""Compiles every inner loop before the first log, by judging short synthetic flights, one a format."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ import struct
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from mavhums.app.options import Options
 from mavhums.core import compiling
 from mavhums.engine.engine import Engine
+from mavhums.engine.options import EngineOptions
+from mavhums.health.axis.filters import Following, Lag
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.stamping import Piece, Stamper
 
@@ -17,11 +21,12 @@ __all__ = ["warm_up"]
 
 _RATE_HZ = 20
 _DURATION_S = 25
+_CODES = str.maketrans({"Q": "Q", "n": "4s", "N": "16s", "Z": "64s"})  # field types, as struct has them
 _START_US = 1_700_000_000_000_000
 
 
 def warm_up() -> int:
-    """Judge a synthetic flight, as a log and as a link, and return the number of loops compiled.
+    """Judge synthetic flights, one a format and one as a link, and return the number of loops compiled.
 
     The compiled loops are kept on disk, beside the installation or in the user's cache; NUMBA_CACHE_DIR sets
     another folder.
@@ -41,7 +46,43 @@ def warm_up() -> int:
             stamper.feed([Piece("one", time_us, frame), Piece("other", time_us, frame)])
     engine.finish()
     engine.assessment()
+    for log in (_dataflash(), _ulog()):
+        on_board = Engine(EngineOptions())
+        on_board.feed(log)
+        on_board.finish()
+    rates = np.zeros(_RATE_HZ)
+    Lag(1.0).feed(rates)
+    Following(1.0).feed(rates)
     return compiled
+
+
+def _dataflash() -> bytes:
+    """Return a .BIN: the definitions of two messages and some records of the second."""
+
+    def definition(number: int, name: bytes, kinds: bytes, columns: bytes) -> bytes:
+        size = 3 + struct.calcsize("<" + kinds.decode().translate(_CODES))
+        return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, size, name, kinds, columns)
+
+    records = [
+        struct.pack("<BBBQHH", 0xA3, 0x95, 1, 1_000_000 + 100_000 * k, 1500, 1500) for k in range(_RATE_HZ)
+    ]
+    head = definition(128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    return b"".join([head, definition(1, b"RCOU", b"QHH", b"TimeUS,C1,C2"), *records])
+
+
+def _ulog() -> bytes:
+    """Return a .ulg: the format of one topic, its subscription and some records."""
+
+    def message(kind: bytes, body: bytes) -> bytes:
+        return struct.pack("<Hc", len(body), kind) + body
+
+    head = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000_000)
+    form = message(b"F", b"vehicle_attitude:uint64_t timestamp;float[4] q;")
+    records = [
+        message(b"D", struct.pack("<HQ4f", 0, 1_000_000 + 100_000 * k, 1.0, 0.0, 0.0, 0.0))
+        for k in range(_RATE_HZ)
+    ]
+    return b"".join([head, form, message(b"A", struct.pack("<BH", 0, 0) + b"vehicle_attitude"), *records])
 
 
 def _frames() -> Iterator[tuple[int, bytes]]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 import click
 
 from mavhums.cli.output import complain, say, say_json
-from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.core.errors import ExitCode, MavhumsError, MissingExtraError
 
 if TYPE_CHECKING:
     from mavhums.app.many import Outcome
@@ -82,13 +82,14 @@ class TellsTables(Told):
         from rich.console import Console
 
         from mavhums.show import render
+        from mavhums.show.viewer_program import viewer_command
 
         if self._several:
             say(f"=== {assessment.log.path} ===")
         render(assessment, Console())
         recording = self._recordings.get(log)
         if recording is not None:
-            say(f"recording: {recording}   open it with: rerun {recording}\n")
+            say(f"recording: {recording}   open it with: {viewer_command()} {recording}\n")
         sys.stdout.flush()
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
@@ -163,16 +164,14 @@ def recordings_of(logs: Sequence[Path], rrd: Path | None) -> dict[Path, Path]:
 
 
 def open_recordings(recordings: Sequence[Path]) -> None:
-    """Open recordings in the Rerun viewer.
-
-    Raises
-    ------
-    MavhumsError
-        If the viewer cannot be started.
-    """
+    """Open recordings in the Rerun viewer; warn if it cannot be started, for the verdicts stand."""
     import subprocess
 
+    from mavhums.show.viewer_program import viewer_program
+
     try:
-        subprocess.Popen(["rerun", *map(str, recordings)])
+        subprocess.Popen([str(viewer_program()), *map(str, recordings)])
+    except MissingExtraError as error:
+        complain(error)
     except OSError as error:
-        raise MavhumsError("the Rerun viewer cannot be started", "pip install 'mavhums[viewer]'") from error
+        complain(MavhumsError("the Rerun viewer cannot be started", error.strerror or str(error)))

@@ -15,7 +15,7 @@ __all__ = ["announce_compiling", "warm_up"]
 
 @click.command("warm-up")
 def warm_up() -> None:
-    """Compile the inner loops now, so that the first log need not wait for it.
+    """Compile the inner loops now, so that the first log of any format need not wait for it.
 
     That happens once after an installation or an update, and takes some twenty seconds. The result is kept
     beside the installation, or in the user's cache where that cannot be written; where neither can, set

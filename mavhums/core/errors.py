@@ -56,4 +56,7 @@ class MissingExtraError(MavhumsError):
     """A feature needs packages that are not part of the base install."""
 
     def __init__(self, feature: str, extra: str) -> None:
-        super().__init__(f"{feature} needs an optional package", f"pip install 'mavhums[{extra}]'")
+        super().__init__(
+            f"{feature} needs an optional package",
+            f"pip install 'mavhums[{extra}]' (from a clone: .venv/bin/pip install -e '.[{extra}]')",
+        )

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import socket
 import subprocess
+import sys
 import time
 import urllib.request
 from pathlib import Path
@@ -12,7 +15,7 @@ from urllib.error import URLError
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 
-__all__ = ["WEB_FILES", "free_port", "save_web_viewer", "viewer_program"]
+__all__ = ["WEB_FILES", "free_port", "save_web_viewer", "viewer_command", "viewer_program"]
 
 WEB_FILES: Final = ("index.html", "re_viewer.js", "re_viewer_bg.wasm", "favicon.ico")
 """The files that a browser needs to show a recording."""
@@ -38,6 +41,12 @@ def viewer_program() -> Path:
     if program is None:
         raise MissingExtraError("the 3-D viewer", "viewer")
     return program
+
+
+def viewer_command() -> str:
+    """Return what a user types to start the viewer: the command on the PATH, else that beside Python."""
+    beside = Path(sys.executable).with_name("rerun")
+    return "rerun" if shutil.which("rerun") or not beside.exists() else os.path.relpath(beside)
 
 
 def save_web_viewer(folder: Path) -> None:

@@ -100,20 +100,27 @@ def test_a_folder_for_recordings_that_cannot_be_made(
 
 
 def test_open_starts_the_viewer(
-    run: Run, healthy_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Run, healthy_log: Path, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[list[str]] = []
     monkeypatch.setattr(subprocess, "Popen", started.append)
     recording = tmp_path / "flight.rrd"
     assert run("analyse", healthy_log, "--rrd", recording, "--open").code == ExitCode.OK
-    assert started == [["rerun", str(recording)]]
+    [[program, opened]] = started
+    assert Path(program).is_file()  # the viewer beside this Python, whatever is on the PATH
+    assert opened == str(recording)
 
     def fail(_: list[str]) -> None:
         raise FileNotFoundError
 
     monkeypatch.setattr(subprocess, "Popen", fail)
-    outcome = run("analyse", healthy_log, "--rrd", recording, "--open")
-    assert outcome.code == ExitCode.ERROR
+    outcome = run("analyse", growing_log, "--rrd", recording, "--open")
+    assert outcome.code == ExitCode.EMERGENCY  # the alarm's exit code, not the viewer's
+    assert "the Rerun viewer cannot be started" in outcome.err
+
+    monkeypatch.setitem(sys.modules, "rerun_cli", None)
+    outcome = run("analyse", growing_log, "--rrd", recording, "--open")
+    assert outcome.code == ExitCode.EMERGENCY
     assert "pip install 'mavhums[viewer]'" in outcome.err
 
 
@@ -198,6 +205,7 @@ def test_unknown_messages_are_named(run: Run, growing_log: Path, tmp_path: Path)
 def test_train_writes_a_model_that_analyse_uses(
     run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    pytest.importorskip("torch")
     shorter = lambda flight: fly(replace(flight, duration_s=40.0))  # noqa: E731
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
     model = tmp_path / "model.safetensors"

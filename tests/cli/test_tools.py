@@ -23,12 +23,17 @@ from tests.conftest import Run
 from tests.logs import heartbeat, write_log
 
 
+def with_microseconds(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table with times in microseconds; pandas 2 reads them as nanoseconds."""
+    return table.assign(time=table["time"].dt.as_unit("us"))
+
+
 def test_exported_quantities_are_the_histories(run: Run, short_log: Path, tmp_path: Path) -> None:
     histories = mavhums.actuators(mavhums.read_log(short_log))
     outcome = run("export", short_log, "-o", tmp_path / "v.csv")
     assert outcome.code == 0
     assert outcome.out == f"{tmp_path}/v.csv: {sum(len(h.frame) for h in histories.values()):,} rows\n"
-    table = pd.read_csv(tmp_path / "v.csv", parse_dates=["time"])
+    table = with_microseconds(pd.read_csv(tmp_path / "v.csv", parse_dates=["time"]))
     assert list(table.columns) == ["vehicle", "actuator", "time", "flight_time_s", *KEYS]
     assert set(table["vehicle"]) == {1}
     for name, history in histories.items():
@@ -74,7 +79,7 @@ def test_several_messages_are_a_file_each(run: Run, short_log: Path, tmp_path: P
         "flight-PARAM_VALUE.csv",
     ]
     log = mavhums.read_log(short_log)
-    attitude = pd.read_csv(tmp_path / "flight-ATTITUDE.csv", parse_dates=["time"])
+    attitude = with_microseconds(pd.read_csv(tmp_path / "flight-ATTITUDE.csv", parse_dates=["time"]))
     pd.testing.assert_frame_equal(
         attitude.set_index("time"), log.messages["ATTITUDE"], check_dtype=False, rtol=1e-6, check_freq=False
     )

@@ -11,6 +11,10 @@ import pytest
 
 from mavhums.cli.warm_up import announce_compiling
 from mavhums.core import compiling
+from mavhums_sim import Flight, fly, write_dataflash
+from mavhums_sim.closed_loop import ClosedLoop, fly_closed_loop
+from mavhums_sim.closed_loop.log import write_loop
+from tests.log.ulog.writer import flight as ulog_flight
 
 
 def test_compiling_is_announced_once(
@@ -38,6 +42,11 @@ def test_a_loop_that_is_compiled_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.slow
 def test_nothing_is_left_to_compile_after_a_warm_up(tmp_path: Path, growing_log: Path) -> None:
+    """A first log of any format, with actuators and with axes, is judged at once."""
+    axes, on_board, px4 = tmp_path / "axes.tlog", tmp_path / "on_board.BIN", tmp_path / "px4.ulg"
+    write_loop(fly_closed_loop(ClosedLoop(seed=3, duration_s=60.0)), axes)
+    write_dataflash(fly(Flight(seed=4, duration_s=20.0, rate_hz=20.0)), on_board)
+    px4.write_bytes(ulog_flight(30.0))
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
 
     def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -50,5 +59,7 @@ def test_nothing_is_left_to_compile_after_a_warm_up(tmp_path: Path, growing_log:
     assert first.returncode == 0
     assert "compiling its inner loops" in first.stderr
     assert first.stdout.startswith("ready: ")
-    for arguments in (["analyse", growing_log], ["inspect", growing_log], ["warm-up"]):
-        assert "compiling" not in call(*arguments).stderr, arguments
+    for log in (growing_log, axes, on_board, px4):
+        for command in ("analyse", "inspect"):
+            assert "compiling" not in call(command, log).stderr, (command, log)
+    assert "compiling" not in call("warm-up").stderr

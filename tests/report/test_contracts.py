@@ -39,7 +39,12 @@ def modules() -> list[str]:
 
 @pytest.mark.parametrize("name", modules())
 def test_every_module_exports_documented_names(name: str) -> None:
-    module = importlib.import_module(name)
+    try:
+        module = importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        pytest.skip("PyTorch is absent")
     assert module.__doc__
     for export in getattr(module, "__all__", []):
         thing = getattr(module, export)
@@ -70,4 +75,6 @@ def test_exit_codes_are_those_of_the_documentation() -> None:
 
 
 def test_a_missing_extra_names_the_command() -> None:
-    assert str(MissingExtraError("training", "train")).endswith("pip install 'mavhums[train]'")
+    assert str(MissingExtraError("training", "train")).endswith(
+        "pip install 'mavhums[train]' (from a clone: .venv/bin/pip install -e '.[train]')"
+    )
