@@ -28,9 +28,15 @@ if (
 
 # Real logs are used only where MAVHUMS_REAL_LOGS names their folder: a clone has nothing beside it.
 REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS") or os.devnull)
+CARRIED = Path(__file__).parent / "data"  # simulated flights that travel with the tests
 SINGLE = (".", "sitl", "onboard")  # folders of logs that each differ
 CAMPAIGNS = ("alfa", "sitl/control")  # folders of many flights of one kind
 LARGE_BYTES = 800_000
+
+
+def carried_logs() -> list[Path]:
+    """Simulated flights that travel with the tests; ``tests/data/README.md`` has their commands."""
+    return sorted(path for path in CARRIED.iterdir() if path.suffix in (".tlog", ".BIN"))
 
 
 def real_logs(*folders: str) -> list[Path]:

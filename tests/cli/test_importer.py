@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mavhums.cli.sniff import HEAD, SIGNATURES, is_log
 from mavhums.log.decoding import FORMATS
 from mavhums_sim import Flight, fly, write_tlog
-from tests.conftest import real_logs
+from tests.conftest import carried_logs, real_logs
 
 IMPORTER = [sys.executable, "-m", "mavhums.cli.importer"]
 
@@ -24,7 +24,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("path", real_logs(), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", [*carried_logs(), *real_logs()], ids=lambda path: path.name)
 def test_logs_are_known_by_their_first_bytes(path: Path) -> None:
     ours = path.suffix.lower() in (".tlog", ".raw", ".bin", ".ulg")
     assert is_log(path.read_bytes()[:HEAD]) == ours

@@ -19,10 +19,10 @@ from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim import Flight, fly
 from mavhums_sim.link import Link
 from mavhums_sim.tiers import TIERS
-from tests.conftest import real_logs
+from tests.conftest import carried_logs, real_logs
 from tests.live.conftest import KEY, Rig, pieces, verdicts
 
-REAL = [path for path in real_logs() if ".tlog" in path.name]
+LOGS = [path for path in (*carried_logs(), *real_logs()) if ".tlog" in path.name]
 PROFILES = {"plane_lua_csrv.link1.tlog": Path(__file__).parents[2] / "examples" / "profiles" / "csrv.toml"}
 
 
@@ -45,8 +45,7 @@ def datagrams(log: Path) -> list[bytes]:
     return out
 
 
-@pytest.mark.skipif(not REAL, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
-@pytest.mark.parametrize("log", REAL, ids=lambda path: path.name)
+@pytest.mark.parametrize("log", LOGS, ids=lambda path: path.name)
 def test_a_session_gives_what_its_recording_gives(log: Path, tmp_path: Path) -> None:
     profile = str(PROFILES.get(log.name, "paper"))
     recording = tmp_path / "live.tlog"

@@ -13,11 +13,11 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavhums.log import Table, read_log
 from mavhums.log.flags import ODD_TIME
-from tests.conftest import real_logs
+from tests.conftest import SINGLE, carried_logs, real_logs
 
 DAMAGED = ("Avalanche", "LucaGemma", "ardusub_log_tools", "mavrik-control")
 WITHOUT_STAMPS = ".tlog.raw"
-LOGS = [path for path in real_logs() if path.suffix == ".tlog"]
+LOGS = [path for path in (*carried_logs(), *real_logs()) if path.suffix == ".tlog"]
 NOT_IN_PYMAVLINK = {
     "CURRENT_EVENT_SEQUENCE",
     "ESC_INFO",
@@ -26,8 +26,6 @@ NOT_IN_PYMAVLINK = {
     "LINK_NODE_STATUS",
     "TIME_ESTIMATE_TO_TARGET",
 }
-
-needs_logs = pytest.mark.skipif(not LOGS, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
 
 
 def by_pymavlink(path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
@@ -62,7 +60,6 @@ def assert_same_fields(table: Table, messages: list[Any]) -> None:
             assert np.array_equal(ours, theirs.astype(ours.dtype), equal_nan=ours.dtype.kind == "f"), field
 
 
-@needs_logs
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.name)
 def test_every_field_is_that_of_pymavlink(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = read_log(path)
@@ -115,7 +112,7 @@ def payload_of(message: Any) -> bytes:
     return buffer[head : head + buffer[1]]
 
 
-@needs_logs
+@pytest.mark.skipif(not real_logs(*SINGLE), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
 def test_a_log_without_time_stamps_holds_what_pymavlink_parses() -> None:
     raw = next(path for path in real_logs() if path.name.endswith(WITHOUT_STAMPS))
     parser = ardupilotmega.MAVLink(None)

@@ -54,19 +54,20 @@ class _OwnSpeed:
         self._speeds: list[Array] = []
         self.value = np.nan
 
-    def feed(self, rows: Rows) -> float:
-        """Return the speed so far, m/s."""
-        if len(self._speeds) < _SPEED_S and rows.flying.any():
-            self._speeds += [
-                part[flying]
-                for part, flying in zip(
-                    rows.speed.reshape(-1, RATE_HZ), rows.flying.reshape(-1, RATE_HZ), strict=True
-                )
-                if flying.any()
-            ]
-            del self._speeds[_SPEED_S:]
-            self.value = float(np.nanmedian(np.concatenate(self._speeds)))
-        return self.value
+    def feed(self, rows: Rows) -> Array:
+        """Return the median up to each row's second, shape (n,), m/s.
+
+        It is found second by second: a value that later seconds of the same block have changed would make
+        the verdict depend on how the log is divided into blocks.
+        """
+        values = np.empty(rows.seconds)
+        seconds = zip(rows.speed.reshape(-1, RATE_HZ), rows.flying.reshape(-1, RATE_HZ), strict=True)
+        for k, (speed, flying) in enumerate(seconds):
+            if len(self._speeds) < _SPEED_S and flying.any():
+                self._speeds.append(speed[flying])
+                self.value = float(np.nanmedian(np.concatenate(self._speeds)))
+            values[k] = self.value
+        return np.repeat(values, RATE_HZ)
 
 
 class PitchTracking:

@@ -11,14 +11,12 @@ from hypothesis import strategies as st
 
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log import read_log
-from tests.conftest import real_logs
+from tests.conftest import carried_logs, real_logs
 from tests.log.dataflash.peer import by_dfreader, differing_columns
 from tests.log.dataflash.synthetic import CODES, definition, fmt_of_fmt, record
 
-LOGS = [path for path in real_logs() if path.suffix.lower() == ".bin"]
+LOGS = [path for path in (*carried_logs(), *real_logs()) if path.suffix.lower() == ".bin"]
 TOO_OLD = "log171.bin"
-
-needs_logs = pytest.mark.skipif(not LOGS, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
 
 LETTERS = "abBhHiIfdgnNZcCeELMqQ"
 RANGES = {
@@ -66,7 +64,6 @@ def _numpy(letter: str) -> str:
             "b": "i1", "B": "u1", "f": "f4", "d": "f8"}.get(code, f"S{code[:-1]}")  # fmt: skip
 
 
-@needs_logs
 @pytest.mark.slow
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.name)
 def test_every_value_of_a_real_log(path: Path) -> None:
@@ -79,7 +76,6 @@ def test_every_value_of_a_real_log(path: Path) -> None:
     assert log.losses.bytes_skipped == log.losses.implausible_times == 0
 
 
-@needs_logs
 def test_every_value_of_the_smallest_real_log() -> None:
     path = min((path for path in LOGS if path.name != TOO_OLD), key=lambda path: path.stat().st_size)
     assert differing_columns(read_log(path).tables, by_dfreader(path)) == []
