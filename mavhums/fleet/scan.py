@@ -161,7 +161,7 @@ class _Commits:
         for _ in range(_ROUNDS if self._store.is_shared else 1):
             settle(self._store, sorted(self._aircraft | self._store.waiting()), client)
             self._aircraft = set()
-        self._store.compact()
+        self._store.tidy()
 
     def _commit(self) -> None:
         if self._rows:
