@@ -24,6 +24,14 @@ DATES: Final = "dates"
 INSTALLED: Final = "installed"
 SETTLED: Final = "settled"
 _ROW_GROUP: Final = 2_000
+_TYPES: Final = {
+    "string": "VARCHAR",
+    "int64": "BIGINT",
+    "double": "DOUBLE",
+    "bool": "BOOLEAN",
+    "binary": "BLOB",
+}
+"""DuckDB's names of the types of columns."""
 _PATIENCE: Final = {"max_retries": "4", "retry_timeout": "30s", "connect_timeout": "5s"}
 
 
@@ -60,15 +68,11 @@ class Tables:
         from duckdb import BinderException
 
         schema = schemas()[table]
-        if not self.has(table):
-            base.register(table, schema.empty_table())
+        content = self.opened(table) if self.has(table) else None
+        files = content.file_uris() if content else []
+        if content is None or not files:
+            base.execute(_without_rows(table, schema))
             return
-        content = self.opened(table)
-        files = content.file_uris()
-        if not files:
-            base.register(table, schema.empty_table())
-            return
-        base.register(f"no_{table}", schema.empty_table())
         source = f"read_parquet({_quoted(files)}, union_by_name = true)"
         if self.is_remote:
             base.register(source := f"{table}_stored", content.to_pyarrow_dataset())
@@ -76,6 +80,7 @@ class Tables:
         try:
             base.execute(f"CREATE VIEW {table} AS SELECT {columns} FROM {source}")
         except BinderException:  # a column that no file has yet
+            base.execute(_without_rows(f"no_{table}", schema))
             filled = f"SELECT * FROM {source} UNION ALL BY NAME SELECT * FROM no_{table}"
             base.execute(f"CREATE VIEW {table} AS SELECT {columns} FROM ({filled})")
 
@@ -149,6 +154,11 @@ def _written() -> WriterProperties:
     from deltalake import WriterProperties
 
     return WriterProperties(compression="ZSTD", max_row_group_size=_ROW_GROUP)
+
+
+def _without_rows(name: str, schema: pa.Schema) -> str:
+    """Return the SQL of an empty table, which DuckDB 1.3 filters as it does not filter an Arrow table."""
+    return f"CREATE TABLE {name} ({', '.join(f'{field.name} {_TYPES[str(field.type)]}' for field in schema)})"
 
 
 def _quoted(files: Sequence[str]) -> str:
