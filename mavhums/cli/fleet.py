@@ -123,7 +123,8 @@ def status(store: str, as_json: bool) -> None:
         copies = [{"log": log, "counted": counted} for log, counted in told.copies]
         say_json(_line(told._asdict() | {"failures": failures, "copies": copies}))
         return
-    say(f"{told.judged} logs of {told.aircraft} aircraft, and {told.unknown} of an unknown one")
+    named = ": scan them again with --aircraft RULE to name it" if told.unknown else ""
+    say(f"{told.judged} logs of {told.aircraft} aircraft, and {told.unknown} of an unknown one{named}")
     for problem, remedy in told.failures[:_SHOWN_FAILURES]:
         say(f"{problem}: {remedy}")
     if len(told.failures) > _SHOWN_FAILURES:

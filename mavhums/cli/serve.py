@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
+import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ import click
 from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, PATH
 from mavhums.cli.output import say
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.history.aircraft import UnnamedAircraftError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -125,8 +126,7 @@ class _Store:
             remedy = "make the folder, or fill it: mavhums fleet scan LOGS --to STORE"
             raise MavhumsError(f"{folder}: no such folder", remedy)
         self._folder = folder
-        named = {name: value for name, value in judging._asdict().items() if value and name != "history"}
-        self._options = [f"--{name.replace('_', '-')}={value}" for name, value in named.items()]
+        self._options = {name: value for name, value in judging._asdict().items() if name != "history"}
 
     def worst(self, most: int) -> Sequence[Worst]:
         from mavhums.fleet import worst
@@ -148,23 +148,20 @@ class _Store:
 
         return flight(self._folder, aircraft, sha256)
 
-    def keep(self, log: Path) -> str:
-        """Copy a log beside the store's tables, and scan it in a process of its own."""
-        import hashlib
-
-        with log.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()[:16]
-        kept = self._folder / "kept" / digest / log.name
+    def keep(self, log: Path, aircraft: str | None = None) -> str:
+        """Keep a log in the store, by a process of its own; its answer tells problem and remedy."""
+        options = self._options | ({"aircraft": f"={aircraft}"} if aircraft else {})
+        job = {"log": str(log), "store": str(self._folder), "options": options}
+        command = [sys.executable, "-m", "mavhums.cli.page_keeping"]
+        done = subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, check=False)
         try:
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(kept) as temporary:
-                shutil.copyfile(log, temporary)
-        except OSError as error:
-            raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
-        command = [sys.executable, "-m", "mavhums", "fleet", "scan", str(kept), "--to", str(self._folder)]
-        command += self._options
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            problem = (done.stderr.strip().splitlines() or ["the scan failed"])[-1]
-            raise MavhumsError(problem.removeprefix("mavhums: "), f"mavhums fleet scan {kept} --to STORE")
-        return f"kept in the store as {kept.name}; see the fleet"
+            answer = json.loads(done.stdout)
+        except ValueError as error:
+            problem = f"the process that keeps it ended with code {done.returncode}"
+            raise MavhumsError(problem, "keep it with `mavhums analyse --history STORE --keep`") from error
+        if "told" in answer:
+            return str(answer["told"])
+        problem = answer["problem"].replace(f"{self._folder.absolute()}{os.sep}", "")
+        if "proposed" in answer:
+            raise UnnamedAircraftError(problem, answer["remedy"], tuple(answer["proposed"]))
+        raise MavhumsError(problem, answer["remedy"])

@@ -24,7 +24,7 @@ def collect_seldom() -> None:
 
 
 def _end() -> None:
-    """Leave the objects to the end of the process; DuckDB's binding complains of any that is not collected."""
+    """Leave all objects to the end of the process; DuckDB's binding complains of those not collected."""
     if "duckdb" in sys.modules:
         gc.unfreeze()
     else:

@@ -238,8 +238,8 @@ class Store:
     def tidy(self) -> None:
         """Compact the tables that have many files.
 
-        All results are committed before, so what fails here costs room and time, and is tried again by the next
-        scan; it is logged.
+        All results are committed before, so what fails here costs room and time only; it is logged, and the
+        next scan tries again.
         """
         try:
             self._compact()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from deltalake import DeltaTable, WriterProperties
     from duckdb import DuckDBPyConnection
 
-__all__ = ["COPIES", "DATES", "INSTALLED", "LOGS", "SETTLED", "VERDICTS", "Tables", "schemas"]
+__all__ = ["COPIES", "DATES", "INSTALLED", "LOGS", "NAMING", "SETTLED", "VERDICTS", "Tables", "schemas"]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
@@ -23,6 +23,7 @@ COPIES: Final = "copies"
 DATES: Final = "dates"
 INSTALLED: Final = "installed"
 SETTLED: Final = "settled"
+NAMING: Final = "naming"
 _ROW_GROUP: Final = 2_000
 _TYPES: Final = {
     "string": "VARCHAR",
@@ -75,6 +76,7 @@ class Tables:
             return
         source = f"read_parquet({_quoted(files)}, union_by_name = true)"
         if self.is_remote:
+            base.execute("SET disabled_optimizers = 'top_n'")  # its filters of Arrow data stop DuckDB 1.3
             base.register(source := f"{table}_stored", content.to_pyarrow_dataset())
         columns = ", ".join(schema.names)
         try:
@@ -146,6 +148,7 @@ def schemas() -> dict[str, pa.Schema]:
     ]
     columns = {LOGS: log, VERDICTS: verdict, COPIES: copy, DATES: date, INSTALLED: installed}
     columns[SETTLED] = settled
+    columns[NAMING] = [("rule", text), ("boards", text), ("stored", whole)]
     return {table: pa.schema(of) for table, of in columns.items()}
 
 

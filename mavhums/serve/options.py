@@ -84,8 +84,14 @@ class Fleet(Protocol):
     def flight(self, aircraft: str, sha256: str) -> Assessment:
         """Return the whole assessment of one flight."""
 
-    def keep(self, log: Path) -> str:
-        """Copy a log into the store and judge it there; return what was done in one line."""
+    def keep(self, log: Path, aircraft: str | None = None) -> str:
+        """Copy a log into the store and judge it there; return what was done in one line.
+
+        Raises
+        ------
+        UnnamedAircraftError
+            If the store cannot tell its aircraft, and none is given.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

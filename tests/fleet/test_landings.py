@@ -1,4 +1,4 @@
-"""A landing after the other, each a command of its own: nothing piles up, and nothing is said that is no news."""
+"""A landing after the other, each a command of its own: nothing piles up, no needless word is said."""
 
 from __future__ import annotations
 
