@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -39,6 +40,13 @@ __all__ = ["serve"]
     help="Address to listen at. Any but a loopback address lets other computers in, and needs a token.",
 )
 @click.option(
+    "--public-name",
+    "public",
+    metavar="NAME[:PORT]",
+    callback=lambda _, __, name: _public(name),
+    help="Name under which a proxy with TLS serves the page, as docs/page.md shows; it needs a token.",
+)
+@click.option(
     "--live",
     "lines",
     multiple=True,
@@ -71,6 +79,7 @@ def serve(
     store: Path | None,
     port: int,
     host: str,
+    public: str | None,
     lines: tuple[Path, ...],
     max_mb: int,
     max_seconds: int,
@@ -109,6 +118,7 @@ def serve(
     options = ServeOptions(
         host=host,
         port=port,
+        public=public,
         judging=judging,
         limits=limits,
         fleet=fleet,
@@ -116,6 +126,15 @@ def serve(
         worker=None if store is None or history is not None else worker,
     )
     serve_page(options, say)
+
+
+def _public(name: str | None) -> str | None:
+    """Hold a public name to be one: without scheme and path."""
+    if name is not None and not re.fullmatch(
+        r"[a-z0-9]([a-z0-9.-]*[a-z0-9])?(:[0-9]{1,5})?", name, re.IGNORECASE
+    ):
+        raise click.BadParameter(f"{name!r} is no name of a host: write hums.example.org, without https://")
+    return name.lower() if name else None
 
 
 class _Store:

@@ -102,6 +102,8 @@ class ServeOptions:
     ----------
     host, port
         Address to listen at; port 0 takes a free one.
+    public
+        Name, with its port if it has one, under which a proxy with TLS serves the page; None without one.
     judging
         Options of each judgement.
     limits
@@ -116,6 +118,7 @@ class ServeOptions:
 
     host: str = "127.0.0.1"
     port: int = 8080
+    public: str | None = None
     judging: Judging = field(default_factory=Judging)
     limits: Limits = field(default_factory=Limits)
     fleet: Fleet | None = None
