@@ -1,8 +1,8 @@
 """Holds every connection to its duty, so that clients that stall do not keep others out.
 
-A connection that has not sent a whole header in time is closed. Where there are too many, of one address or
-in all, the oldest one that waits for its client makes room for the new one; the new one is refused only if all
-are at work.
+A connection that has not sent a whole header in time is closed. Where there are too many, of one address
+or in all, the oldest one that waits for its client makes room for the new one; the new one is refused only if
+all are at work.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ def _greeting(options: ServeOptions, port: int, token: str | None) -> list[str]:
     if options.public is not None:
         return [
             f"mavhums: https://{options.public}/?token={token}",
-            f"WARNING: whoever reaches {options.public} and has this token, which is shown only now, can open it."
+            f"WARNING: who reaches {options.public} and has this token, which is shown only now, can open it."
             f" The proxy hands requests on to http://{name}:{port}/.",
         ]
     if host in ("0.0.0.0", "::"):
