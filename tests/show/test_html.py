@@ -332,7 +332,7 @@ def test_an_alarm_by_the_attitude_shows_demanded_against_flown(
     subject = "yaw" if fault == "hard_over" else axis
     followed = Followed(1, axis, time_s, np.stack([demand, np.zeros(time_s.size)], axis=1))
     evidence = Evidence(kind=fault, start_s=22.0, end_s=33.0, value=9.1, limit=8.0, rule="emergency: away")
-    verdict = new_verdict(subject, "emergency", 0.2, 22.0).model_copy(
+    verdict = new_verdict("elevator", "emergency", 0.2, 22.0).model_copy(
         update={
             "subject": "axis",
             "actuator": subject,
