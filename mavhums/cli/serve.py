@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from mavhums.report.trend import TrendReport
     from mavhums.serve import Judging
 
-__all__ = ["serve"]
+__all__ = ["LEAST_MEMORY_MB", "serve"]
+
+LEAST_MEMORY_MB = 512
+"""Judging and recording a log of 4 MB beside a store takes 330 to 470 MB; with 256 MB nothing starts."""
 
 
 @click.command(epilog="Not an airworthiness decision; validated in simulation only.")
@@ -62,7 +65,7 @@ __all__ = ["serve"]
 )
 @click.option(
     "--max-memory-mb",
-    type=click.IntRange(256, 1_000_000),
+    type=click.IntRange(LEAST_MEMORY_MB, 1_000_000),
     default=2048,
     show_default=True,
     help="Memory to judge one (Linux only).",
@@ -180,7 +183,8 @@ class _Store:
             raise MavhumsError(problem, "keep it with `mavhums analyse --history STORE --keep`") from error
         if "told" in answer:
             return str(answer["told"])
-        problem = answer["problem"].replace(f"{self._folder.absolute()}{os.sep}", "")
+        folder = f"{self._folder.absolute()}{os.sep}"
+        problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
         if "proposed" in answer:
-            raise UnnamedAircraftError(problem, answer["remedy"], tuple(answer["proposed"]))
-        raise MavhumsError(problem, answer["remedy"])
+            raise UnnamedAircraftError(problem, remedy, tuple(answer["proposed"]))
+        raise MavhumsError(problem, remedy)

@@ -31,7 +31,7 @@ BOARD = "board"
 """The rule that the board's id in the log names the aircraft."""
 
 FOLDER = "folder"
-"""The rule that the log's folder is named after the aircraft."""
+"""The rule that the log's folder is named after the aircraft; an archive is no folder."""
 
 GIVEN = "="
 """Begins a rule that gives the name itself, whatever the path."""
@@ -95,7 +95,7 @@ def aircraft_of(path: str, rule: str | None) -> str:
     if rule.startswith(GIVEN):
         return rule.removeprefix(GIVEN)
     if rule == FOLDER:
-        return Path(path).resolve().parent.name
+        return next(folder.name for folder in Path(path).resolve().parents if not folder.is_file())
     match = _compiled(rule).search(path)
     return UNKNOWN if match is None else match["aircraft"] or UNKNOWN
 

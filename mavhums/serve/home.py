@@ -12,6 +12,7 @@ from nicegui import ui
 
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
+from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.history.aircraft import UnnamedAircraftError
 from mavhums.serve.options import Fleet
 from mavhums.serve.rendering import render
@@ -42,7 +43,8 @@ class Home:
         self._chosen = False
         self._shown: tuple[str, str] | None = None
         limit = sessions.limits.log_bytes
-        _html(render("drop.html", limit_bytes=limit, limit_mb=f"{limit // 1_000_000:,}", where=where))
+        told = {"limit_bytes": limit, "limit_mb": f"{limit // 1_000_000:,}", "where": where}
+        _html(render("drop.html", packed=(*COMPRESSED, *ARCHIVES), **told))
         self._list = ui.element("ul").classes("logs").props('aria-label="Logs"')
         self._place = ui.element("section").classes("shown").props('aria-label="The answer"')
         ui.timer(_EVERY_S, self.update)

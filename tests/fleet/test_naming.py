@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import bz2
 import json
+import lzma
 import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -20,6 +23,7 @@ pytest.importorskip("duckdb")
 
 from mavhums import fleet
 from mavhums.cli.page_keeping import answer_to
+from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.fleet.store import Store
 from mavhums.fleet.tables import NAMING
 
@@ -51,7 +55,8 @@ def store(flown: Path, tmp_path: Path) -> Path:
 
 def names(store: Path) -> dict[str, int]:
     """Each aircraft and the number of its logs, as the store tells them."""
-    rows = Store(store).query("SELECT aircraft, count(DISTINCT sha256) FROM logs GROUP BY ALL").fetchall()
+    counted = "SELECT aircraft, count(DISTINCT sha256) FROM logs WHERE flight IS NOT NULL GROUP BY ALL"
+    rows = Store(store).query(counted).fetchall()
     return dict(rows)
 
 
@@ -159,3 +164,55 @@ def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Pat
     assert "bad.tlog" in answer["problem"]
     assert answer["remedy"]
     assert done.stderr == ""
+
+
+def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, tmp_path: Path) -> None:
+    data = {day: (flown / "D-A" / f"{day}.tlog").read_bytes() for day in range(OLD)}
+    logs = tmp_path / "logs" / "D-P"
+    logs.mkdir(parents=True)
+    (logs / "0.tlog.xz").write_bytes(lzma.compress(data[0]))
+    (logs / "1.tlog.bz2").write_bytes(bz2.compress(data[1]))
+    with zipfile.ZipFile(logs / "several.zip", "w") as archive:
+        archive.writestr("2.tlog", data[2])
+        archive.writestr("D-Q/3.tlog", moved(data[2], DAY_S))
+        archive.writestr("notes.txt", "windy")
+    with zipfile.ZipFile(logs / "notes.zip", "w") as archive:
+        archive.writestr("notes.txt", "windy")
+    (logs / "damaged.zip").write_bytes(b"PK\x03\x04" + bytes(50))
+    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    assert fleet.scan([tmp_path / "logs"], tmp_path / "store", options) == (4, 2, 0)
+    assert names(tmp_path / "store") == {"D-P": 3, "D-Q": 1}
+    failures = str(fleet.status(tmp_path / "store").failures)
+    assert "notes.zip" in failures
+    assert "damaged.zip" in failures
+
+
+def test_the_page_offers_what_is_read() -> None:
+    pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
+    from mavhums.serve.rendering import render
+
+    text = render("drop.html", packed=(*COMPRESSED, *ARCHIVES), limit_bytes=1, limit_mb="1", where="")
+    for suffix in (".tlog", ".BIN", ".ulg", ".gz", ".xz", ".bz2", ".zst", ".zip"):
+        assert f"{suffix}," in text
+
+
+def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> None:
+    from mavhums.serve.worker import _done
+
+    with zipfile.ZipFile(tmp_path / "several.zip", "w") as archive:
+        for day in range(2):
+            archive.write(flown / "D-A" / f"{day}.tlog", f"{day}.tlog")
+    job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
+    answer = _done(job, lambda _: None, lambda _, options: options)
+    assert str(tmp_path) not in json.dumps(answer)
+    assert "holds 2 files" in answer["problem"]
+    assert "drop the logs in it" in answer["remedy"]
+
+
+@pytest.mark.parametrize("wrong", ["D-X/rudder", "D-A/ruder", "ruder", "D-X/"])
+def test_a_repair_of_what_the_store_does_not_have_is_refused(run: Run, store: Path, wrong: str) -> None:
+    refused = run("fleet", "repairs", store, "--add", f"{wrong}=2026-01-02")
+    assert refused.code == 1
+    assert "the store has: " in refused.err
+    assert run("fleet", "repairs", store).out == "no repairs\n"
+    assert run("fleet", "repairs", store, "--add", "D-A/rudder=2026-01-02").code == 0
