@@ -206,7 +206,7 @@ def test_the_least_memory_that_is_allowed_is_enough(growing_log: Path, tmp_path:
     from mavhums.cli.serve import LEAST_MEMORY_MB
 
     limits = Limits(workers=1, memory_bytes=LEAST_MEMORY_MB << 20)
-    job = {"log": str(growing_log), "options": Judging()._asdict()}
+    job: dict[str, Any] = {"log": str(growing_log), "options": Judging()._asdict()}
 
     async def use() -> list[Any]:
         workers = Workers(limits)
