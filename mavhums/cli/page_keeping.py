@@ -52,8 +52,9 @@ def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
             raise outcome.error
         if _lies_there(store, copy):
             return f"kept in the store as {copy.name}; see the fleet"
-    except MavhumsError:
+    except MavhumsError as error:
         _remove(copy)
+        error.problem = error.problem.replace(str(copy), log.name)
         raise
     _remove(copy)
     return "the store has this log already; see the fleet"

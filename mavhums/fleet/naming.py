@@ -81,7 +81,12 @@ def held_named(store: Store, row: Row, given: Whose) -> None:
     sure = given.rule is not None or rule in (None, BOARD)
     if row.aircraft != UNKNOWN and (sure or row.aircraft in names_there(store)):
         return
-    how = {None: "their boards", BOARD: "their boards", FOLDER: "the folders of their logs", GIVEN: "hand"}
+    how = {
+        None: "their boards",
+        BOARD: "their boards",
+        FOLDER: "the folders of their logs",
+        GIVEN: "names that are given",
+    }
     found = f"has none named {row.aircraft}" if row.aircraft else "finds no name in this log"
     several = proposed(store, row.board)
     why = f"; its board flew in {several[0]}" if several else ""
