@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from mavhums.app.many import analyse_many
     from mavhums.app.options import Options
     from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
+    from mavhums.core.packed import ArchiveError
     from mavhums.engine.engine import Engine
     from mavhums.engine.options import EngineOptions
+    from mavhums.history.aircraft import UnnamedAircraftError
     from mavhums.history.aircraft_table import AircraftTableError
     from mavhums.history.belonging import OtherAircraftError
     from mavhums.history.flights import UndatedError
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = [
     "AddressError",
     "AircraftTableError",
+    "ArchiveError",
     "Assessment",
     "DialectError",
     "Engine",
@@ -51,6 +54,7 @@ __all__ = [
     "PrecedentError",
     "ProfileError",
     "UndatedError",
+    "UnnamedAircraftError",
     "UnreadableLogError",
     "Verdict",
     "actuators",
@@ -67,6 +71,8 @@ __getattr__, __dir__ = lazy_exports(
     {
         "AddressError": "live.address",
         "AircraftTableError": "history.aircraft_table",
+        "ArchiveError": "core.packed",
+        "UnnamedAircraftError": "history.aircraft",
         "Assessment": "report.assessment",
         "DialectError": "log.mavlink.dialect",
         "Engine": "engine.engine",

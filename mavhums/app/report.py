@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from mavhums.app.analysis import analyse
@@ -56,6 +57,7 @@ def write_report(
         raise MavhumsError(f"{target}: is the log itself", "name another file with -o")
     gathered = Gathered()
     with written_whole(target) as temporary:
-        assessment = analyse(path, options, consume=gathered.consume, progress=progress)
+        shown = replace(options or Options(), vehicle_states=True)  # demanded and flown angles among them
+        assessment = analyse(path, shown, consume=gathered.consume, progress=progress)
         temporary.write_text(page(assessment, gathered), encoding="utf-8", errors="replace")
     return assessment

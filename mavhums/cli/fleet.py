@@ -123,7 +123,8 @@ def status(store: str, as_json: bool) -> None:
         copies = [{"log": log, "counted": counted} for log, counted in told.copies]
         say_json(_line(told._asdict() | {"failures": failures, "copies": copies}))
         return
-    say(f"{told.judged} logs of {told.aircraft} aircraft, and {told.unknown} of an unknown one")
+    named = ": scan them again with --aircraft RULE to name it" if told.unknown else ""
+    say(f"{told.judged} logs of {told.aircraft} aircraft, and {told.unknown} of an unknown one{named}")
     for problem, remedy in told.failures[:_SHOWN_FAILURES]:
         say(f"{problem}: {remedy}")
     if len(told.failures) > _SHOWN_FAILURES:
@@ -244,14 +245,14 @@ def _repair(name: str | None, at: datetime) -> Repair:
 
 
 class _Told:
-    """Prints the progress of a scan on standard error, at most once a second."""
+    """Prints the progress of a scan of several logs on standard error, at most once a second."""
 
     def __init__(self) -> None:
         self._begun_s = self._told_s = monotonic()
 
     def __call__(self, done: int, total: int) -> None:
         now_s = monotonic()
-        if now_s - self._told_s < 1.0 and done < total:
+        if total == 1 or (now_s - self._told_s < 1.0 and done < total):
             return
         self._told_s = now_s
         rate = done / max(now_s - self._begun_s, 1e-3)

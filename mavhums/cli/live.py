@@ -141,8 +141,6 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
                 _LOG.warning("%s: %d dropped", out.outlet.name, out.outlet.dropped)
             told = err.finish(time.monotonic() + _PATIENCE_S / 2) and told
     code = keep(assessment) if keep else assessment.exit_code
-    if "duckdb" in sys.modules:
-        gc.unfreeze()  # its binding prints what is never collected
     if not (shown and told):
         os._exit(code)  # a hanging thread would delay an orderly end
     raise SystemExit(code)

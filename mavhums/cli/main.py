@@ -102,7 +102,9 @@ def analyse(
     jobs: int | None,
     open_viewer: bool,
 ) -> None:
-    """Judge every actuator and control axis in each LOG: .tlog, .BIN or .ulg, also .gz, .zst or .zip.
+    """Judge every actuator and control axis in each LOG: .tlog, .BIN or .ulg.
+
+    A LOG may be packed as .gz, .xz, .bz2, .zst or .zip.
 
     Several logs are judged on all cores, and the results come in the order given, each with its log's name.
     With --history, each actuator is also held against its own first flights; --keep makes this flight one of

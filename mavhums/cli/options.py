@@ -38,8 +38,9 @@ AIRFRAME = click.option(
 AIRCRAFT = click.option(
     "--aircraft",
     metavar="RULE",
-    help="Whose log it is: 'folder' for the name of its folder, '=NAME' for this name, or a regular"
-    " expression of the path with a group (?P<aircraft>…). Default: the board's id in the log.",
+    help="Whose log it is: 'folder' for the name of its folder, '=NAME' for this name, 'board' for the id of"
+    " its board, or a regular expression of the path with a group (?P<aircraft>…). Default: the rule that"
+    " the store remembers, else the board's id.",
 )
 AIRCRAFT_TABLE = click.option(
     "--aircraft-table",

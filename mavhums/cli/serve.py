@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
+import json
+import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +15,7 @@ import click
 from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, PATH
 from mavhums.cli.output import say
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.history.aircraft import UnnamedAircraftError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +25,10 @@ if TYPE_CHECKING:
     from mavhums.report.trend import TrendReport
     from mavhums.serve import Judging
 
-__all__ = ["serve"]
+__all__ = ["LEAST_MEMORY_MB", "serve"]
+
+LEAST_MEMORY_MB = 512
+"""Judging and recording a log of 4 MB beside a store takes 330 to 470 MB; with 256 MB nothing starts."""
 
 
 @click.command(epilog="Not an airworthiness decision; validated in simulation only.")
@@ -36,6 +41,13 @@ __all__ = ["serve"]
     default="127.0.0.1",
     show_default=True,
     help="Address to listen at. Any but a loopback address lets other computers in, and needs a token.",
+)
+@click.option(
+    "--public-name",
+    "public",
+    metavar="NAME[:PORT]",
+    callback=lambda _, __, name: _public(name),
+    help="Name under which a proxy with TLS serves the page, as docs/page.md shows; it needs a token.",
 )
 @click.option(
     "--live",
@@ -53,7 +65,7 @@ __all__ = ["serve"]
 )
 @click.option(
     "--max-memory-mb",
-    type=click.IntRange(256, 1_000_000),
+    type=click.IntRange(LEAST_MEMORY_MB, 1_000_000),
     default=2048,
     show_default=True,
     help="Memory to judge one (Linux only).",
@@ -70,6 +82,7 @@ def serve(
     store: Path | None,
     port: int,
     host: str,
+    public: str | None,
     lines: tuple[Path, ...],
     max_mb: int,
     max_seconds: int,
@@ -108,6 +121,7 @@ def serve(
     options = ServeOptions(
         host=host,
         port=port,
+        public=public,
         judging=judging,
         limits=limits,
         fleet=fleet,
@@ -115,6 +129,15 @@ def serve(
         worker=None if store is None or history is not None else worker,
     )
     serve_page(options, say)
+
+
+def _public(name: str | None) -> str | None:
+    """Hold a public name to be one: without scheme and path."""
+    if name is not None and not re.fullmatch(
+        r"[a-z0-9]([a-z0-9.-]*[a-z0-9])?(:[0-9]{1,5})?", name, re.IGNORECASE
+    ):
+        raise click.BadParameter(f"{name!r} is no name of a host: write hums.example.org, without https://")
+    return name.lower() if name else None
 
 
 class _Store:
@@ -125,8 +148,7 @@ class _Store:
             remedy = "make the folder, or fill it: mavhums fleet scan LOGS --to STORE"
             raise MavhumsError(f"{folder}: no such folder", remedy)
         self._folder = folder
-        named = {name: value for name, value in judging._asdict().items() if value and name != "history"}
-        self._options = [f"--{name.replace('_', '-')}={value}" for name, value in named.items()]
+        self._options = {name: value for name, value in judging._asdict().items() if name != "history"}
 
     def worst(self, most: int) -> Sequence[Worst]:
         from mavhums.fleet import worst
@@ -148,23 +170,21 @@ class _Store:
 
         return flight(self._folder, aircraft, sha256)
 
-    def keep(self, log: Path) -> str:
-        """Copy a log beside the store's tables, and scan it in a process of its own."""
-        import hashlib
-
-        with log.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()[:16]
-        kept = self._folder / "kept" / digest / log.name
+    def keep(self, log: Path, aircraft: str | None = None) -> str:
+        """Keep a log in the store, by a process of its own; its answer tells problem and remedy."""
+        options = self._options | ({"aircraft": f"={aircraft}"} if aircraft else {})
+        job = {"log": str(log), "store": str(self._folder), "options": options}
+        command = [sys.executable, "-m", "mavhums.cli.page_keeping"]
+        done = subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, check=False)
         try:
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(kept) as temporary:
-                shutil.copyfile(log, temporary)
-        except OSError as error:
-            raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
-        command = [sys.executable, "-m", "mavhums", "fleet", "scan", str(kept), "--to", str(self._folder)]
-        command += self._options
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            problem = (done.stderr.strip().splitlines() or ["the scan failed"])[-1]
-            raise MavhumsError(problem.removeprefix("mavhums: "), f"mavhums fleet scan {kept} --to STORE")
-        return f"kept in the store as {kept.name}; see the fleet"
+            answer = json.loads(done.stdout)
+        except ValueError as error:
+            problem = f"the process that keeps it ended with code {done.returncode}"
+            raise MavhumsError(problem, "keep it with `mavhums analyse --history STORE --keep`") from error
+        if "told" in answer:
+            return str(answer["told"])
+        folder = f"{self._folder.absolute()}{os.sep}"
+        problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
+        if "proposed" in answer:
+            raise UnnamedAircraftError(problem, remedy, tuple(answer["proposed"]))
+        raise MavhumsError(problem, remedy)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -19,7 +20,15 @@ def collect_seldom() -> None:
     collection follows every 200,000 new objects, so that a long session still frees its cycles.
     """
     gc.set_threshold(_AT_START)
-    atexit.register(gc.freeze)
+    atexit.register(_end)
+
+
+def _end() -> None:
+    """Leave all objects to the end of the process; DuckDB's binding complains of those not collected."""
+    if "duckdb" in sys.modules:
+        gc.unfreeze()
+    else:
+        gc.freeze()
 
 
 @contextmanager

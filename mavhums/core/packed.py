@@ -6,21 +6,34 @@ archive's path and its own: ``flights.zip/2026-05-01/flight.ulg``.
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import io
+import lzma
+import re
 import sys
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Any, Final, cast
 
 from mavhums.core.errors import MissingExtraError, UnreadableLogError
 
-__all__ = ["Unpacked", "opened"]
+__all__ = ["ARCHIVES", "COMPRESSED", "ArchiveError", "Unpacked", "members", "opened"]
+
+COMPRESSED: Final = (".gz", ".xz", ".bz2", ".zst")
+"""Suffixes of the compressed files that are read; the page and a fleet's scan offer the same."""
+
+ARCHIVES: Final = (".zip",)
+"""Suffixes of the archives that are read."""
 
 _GZIP, _ZSTD, _ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
+_XZ: Final = b"\xfd7zXZ\x00"
+_BZIP2: Final = re.compile(rb"BZh[1-9](1AY&SY|\x17rE8P\x90)")
+_HEAD: Final = 10
+_XZ_MEMORY: Final = 1 << 28
 _MOST_LAYERS: Final = 3
 _FREE: Final = 1 << 30
 _RATIO: Final = 200
@@ -71,16 +84,14 @@ class Unpacked:
         """Decompress the file if its first bytes identify a compressed format."""
         for _ in range(_MOST_LAYERS):
             with _translated(self._path):
-                head = self._source.peek(len(_ZSTD))
-            if not head.startswith((_GZIP, _ZSTD)):
+                unpacker = _unpacker(self._source.peek(_HEAD))
+            if unpacker is None:
                 return
             if self._plain:
                 self._plain = False
                 self._packed = _Counted(self._source)
                 self._source = io.BufferedReader(self._packed)
-            is_gzip = head.startswith(_GZIP)
-            inner = gzip.GzipFile(fileobj=self._source) if is_gzip else _zstd(self._source)
-            self._source = io.BufferedReader(cast(Any, inner))
+            self._source = io.BufferedReader(cast(Any, unpacker(self._source)))
 
     def enter(self, archive: zipfile.ZipFile, member: str | None) -> None:
         """Continue with a member of the archive, or with its only one if None."""
@@ -95,9 +106,27 @@ class Unpacked:
         return cast(bytes, self._source.peek(len(_ZIP))).startswith(_ZIP)
 
 
+class ArchiveError(UnreadableLogError):
+    """An archive holds several files, and none is named."""
+
+
+def members(path: Path) -> list[zipfile.ZipInfo]:
+    """Return the files in a zip archive, without those that macOS adds.
+
+    Raises
+    ------
+    UnreadableLogError
+        If it is no intact archive.
+    OSError
+        If it cannot be read.
+    """
+    with _translated(path), zipfile.ZipFile(path) as archive:
+        return _members(archive)
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[Unpacked]:
-    """Open a file, a file compressed with gzip or Zstandard, or a member of a zip archive.
+    """Open a file, one compressed with gzip, xz, bzip2 or Zstandard, or a member of a zip archive.
 
     Parameters
     ----------
@@ -106,8 +135,10 @@ def opened(path: Path) -> Iterator[Unpacked]:
 
     Raises
     ------
+    ArchiveError
+        If an archive holds several files and none is named.
     UnreadableLogError
-        If an archive holds several files and none is named, or the named one is not in it.
+        If the named one is not in it.
     MissingExtraError
         If Zstandard is not installed.
     OSError
@@ -191,24 +222,70 @@ def _located(path: Path) -> tuple[Path, str | None]:
 
 
 def _chosen(path: Path, archive: zipfile.ZipFile, member: str | None) -> zipfile.ZipInfo:
-    """Return the named member, or the only one; macOS metadata do not count."""
-    members = [
+    """Return the named member, or the only one."""
+    found = _members(archive)
+    names = [info.filename for info in found]
+    if member in names:
+        return found[names.index(member)]
+    if not names:
+        raise UnreadableLogError(f"{path}: the archive holds no file", "name one that holds a log")
+    if member is None and len(names) == 1:
+        return found[0]
+    given = ", ".join(names[:_MEMBERS_NAMED]) + (", …" if len(names) > _MEMBERS_NAMED else "")
+    if member is None:
+        remedy = f"name one, for example {path}/{names[0]}"
+        raise ArchiveError(f"{path}: the archive holds {len(names)} files: {given}", remedy)
+    raise UnreadableLogError(f"{path}: the archive has no such member", f"it holds {given}")
+
+
+def _members(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    return [
         info
         for info in archive.infolist()
         if not info.is_dir() and info.file_size and not info.filename.startswith("__MACOSX/")
     ]
-    names = [info.filename for info in members]
-    if member in names:
-        return members[names.index(member)]
-    if not names:
-        raise UnreadableLogError(f"{path}: the archive holds no file", "name one that holds a log")
-    if member is None and len(names) == 1:
-        return members[0]
-    given = ", ".join(names[:_MEMBERS_NAMED]) + (", …" if len(names) > _MEMBERS_NAMED else "")
-    if member is None:
-        remedy = f"name one, for example {path}/{names[0]}"
-        raise UnreadableLogError(f"{path}: the archive holds {len(names)} files: {given}", remedy)
-    raise UnreadableLogError(f"{path}: the archive has no such member", f"it holds {given}")
+
+
+def _unpacker(head: bytes) -> Callable[[Any], Any] | None:
+    """Return what unpacks a file that begins so; None if it is not compressed."""
+    if head.startswith(_GZIP):
+        return lambda file: gzip.GzipFile(fileobj=file)
+    if head.startswith(_ZSTD):
+        return _zstd
+    if head.startswith(_XZ):
+        return _Xz
+    return bz2.BZ2File if _BZIP2.match(head) else None
+
+
+class _Xz(io.RawIOBase):
+    """Reads concatenated xz streams in bounded memory, which the library's own reader does not."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._stream: lzma.LZMADecompressor | None = None
+        self._packed = b""
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any, /) -> int:
+        while True:
+            if self._stream is None:
+                self._packed = (self._packed or self._file.read(io.DEFAULT_BUFFER_SIZE)).lstrip(b"\0")
+                if not self._packed:
+                    return 0
+                self._stream = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_XZ_MEMORY)
+            elif self._stream.needs_input:
+                self._packed = self._file.read(io.DEFAULT_BUFFER_SIZE)
+                if not self._packed:
+                    raise EOFError("a stream is cut")
+            data = self._stream.decompress(self._packed, len(buffer))
+            self._packed = b""
+            if self._stream.eof:
+                self._packed, self._stream = self._stream.unused_data, None
+            if data:
+                buffer[: len(data)] = data
+                return len(data)
 
 
 def _zstd(file: IO[bytes]) -> Any:
@@ -222,13 +299,21 @@ def _zstd(file: IO[bytes]) -> Any:
 @contextmanager
 def _translated(path: Path) -> Iterator[None]:
     """Convert a library's errors about packed data to errors with a remedy."""
-    damaged: list[type[Exception]] = [EOFError, zlib.error, gzip.BadGzipFile, zipfile.BadZipFile]
+    damaged: list[type[Exception]] = [
+        EOFError,
+        zlib.error,
+        lzma.LZMAError,
+        OSError,
+        zipfile.BadZipFile,
+    ]
     zstandard = sys.modules.get("zstandard")
     if zstandard is not None:
         damaged.append(zstandard.ZstdError)
     try:
         yield
     except tuple(damaged) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise  # of the disk; gzip's and bzip2's errors about its data have no number
         problem = f"{path}: what is packed in it is damaged or cut ({error})"
         raise UnreadableLogError(
             problem, "copy it again; or unpack it as far as it goes, and read that"

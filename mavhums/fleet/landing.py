@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,14 +17,26 @@ from mavhums.app.options import Options
 from mavhums.app.own_flights import compared_with_own
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.flight import flight
+from mavhums.fleet.naming import names_there, proposed, whose_in
 from mavhums.fleet.queries import past_flights
 from mavhums.fleet.repairs import since_of
-from mavhums.fleet.rows import aircraft_in_store
-from mavhums.fleet.scan import ScanOptions, scan
-from mavhums.fleet.store import Store
-from mavhums.history.aircraft import UNKNOWN, latest
+from mavhums.fleet.rows import BOARD_NAME, aircraft_in_store
+from mavhums.fleet.scan import ScanOptions, scanned
+from mavhums.fleet.sources import LogFile, logs_in
+from mavhums.fleet.store import OF_THIS_FORMAT, Store
+from mavhums.history.aircraft import (
+    BOARD,
+    GIVEN,
+    UNKNOWN,
+    UnnamedAircraftError,
+    Whose,
+    aircraft_of,
+    board_of,
+    latest,
+)
 from mavhums.history.comparison import LoneFlight
 from mavhums.history.flights import FlightHistory, Since
+from mavhums.history.stores import is_store
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import FlightCopy
 
@@ -137,10 +150,11 @@ def keep(
     named = ScanOptions(
         judging=judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table, workers=workers
     )
-    there = [file for file in files if file.is_file()]
-    if there:
-        scan(there, store, named, progress=progress)
-    return _outcomes(files, store, options)
+    new = [file for file in _listed(files) if not _is_elsewhere(file, store, options)]
+    asked: dict[str, UnnamedAircraftError] = {}
+    if new:
+        asked = scanned(new, store, named, progress=progress, asks=True)[1]
+    return _outcomes(files, store, options, asked)
 
 
 def record(log: Place, store: Place, options: Options, output: Path, *, position: bool = True) -> None:
@@ -148,9 +162,41 @@ def record(log: Place, store: Place, options: Options, output: Path, *, position
     analyse_log(log, against(log, store, options), recording=output, position=position)
 
 
-def _outcomes(files: Sequence[Path], store: Place, options: Options) -> Iterator[Outcome]:
+def _listed(files: Sequence[Path]) -> list[LogFile]:
+    return logs_in([file for file in files if file.is_file()])
+
+
+def _is_elsewhere(file: LogFile, store: Place, options: Options) -> bool:
+    """Return whether a store has judged the same bytes under another path: a flight is kept once.
+
+    Raises
+    ------
+    MavhumsError
+        If it is to be of another aircraft than there.
+    """
+    if not is_store(store):
+        return False
+    kept = Store(store)
+    with Path(file.path).open("rb") as log:
+        sha256 = hashlib.file_digest(log, "sha256").hexdigest()
+    row = _judged(kept, sha256)
+    if row is None or row.path == file.path or row.aircraft == UNKNOWN:
+        return False
+    name = aircraft_of(file.path, options.aircraft)
+    if name not in (UNKNOWN, row.aircraft):
+        move = f"mavhums fleet scan '{row.path}' --to {store} --aircraft '={name}'"
+        problem = f"{file.path}: {store} has this log as one of {row.aircraft}, not of {name}"
+        raise MavhumsError(problem, f"if that is wrong, move it: {move}")
+    return True
+
+
+def _outcomes(
+    files: Sequence[Path], store: Place, options: Options, asked: Mapping[str, UnnamedAircraftError]
+) -> Iterator[Outcome]:
     for file in files:
         try:
+            if (unnamed := asked.get(str(file.absolute()))) is not None:
+                raise unnamed
             yield Outcome(file, _kept(file, store, options), None)
         except MavhumsError as error:
             yield Outcome(file, None, error)
@@ -164,14 +210,47 @@ def _alone(log: Place, options: Options) -> LoneFlight:
 
 def _with_past(alone: LoneFlight, store: Store, log: Place, options: Options) -> Options:
     """Return options with the past of a judged log's aircraft."""
-    whose = options.whose()
+    given = options.whose()
+    whose = whose_in(store, given)
     start = alone.assessment.log.start_utc
-    aircraft = aircraft_in_store(str(Path(log).absolute()), alone.assessment, whose)
+    aircraft = _aircraft(alone.assessment, store, str(Path(log).absolute()), whose, given.rule)
     if aircraft == UNKNOWN or start is None:
-        return replace(options, aircraft_table=whose.table)
+        return replace(options, aircraft=None, aircraft_table=whose.table)
+    if not aircraft.startswith(BOARD_NAME):
+        options = replace(options, aircraft=f"{GIVEN}{aircraft}")
     before = _past(store, aircraft, datetime.fromisoformat(start))
     since = latest(options.since, before.since)
     return replace(options, history=before.history, since=since, aircraft_table=whose.table)
+
+
+def _aircraft(assessment: Assessment, store: Store, path: str, whose: Whose, rule: str | None) -> str:
+    """Return whose flights a log is compared with: by the rule, else by those of its board in the store."""
+    row = _judged(store, assessment.log.sha256 or "")
+    if rule is None and row is not None and row.aircraft != UNKNOWN:
+        return row.aircraft
+    named = aircraft_in_store(path, assessment, whose)
+    if rule is not None or whose.rule in (None, BOARD):
+        return named
+    if named in names_there(store):
+        return named
+    board = board_of(assessment)
+    several = proposed(store, board) if board else []
+    return several[0] if len(several) == 1 else UNKNOWN
+
+
+class _Judged(NamedTuple):
+    path: str
+    aircraft: str
+
+
+def _judged(store: Store, sha256: str) -> _Judged | None:
+    """Return where a store has judged a log, and its aircraft; None if it has not."""
+    row = store.query(
+        "SELECT path, aircraft FROM logs WHERE sha256 = ? AND flight IS NOT NULL"
+        f" AND {OF_THIS_FORMAT} ORDER BY scanned DESC LIMIT 1",
+        sha256,
+    ).fetchone()
+    return None if row is None else _Judged(*row)
 
 
 def _past(store: Store, aircraft: str, moment: datetime) -> Past:
@@ -192,8 +271,13 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
             raise MavhumsError(f"{log}: is a folder", f"mavhums fleet scan {log} --to {store}")
         raise MavhumsError(f"{log}: no such file", "check the path")
     kept = Store(store).opened()
+    with log.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     aircraft, sha256, problem, remedy = kept.query(
-        "SELECT aircraft, sha256, problem, remedy FROM logs WHERE path = ? ORDER BY scanned DESC LIMIT 1",
+        "SELECT aircraft, sha256, problem, remedy FROM logs WHERE path = ? OR sha256 = ?"
+        " ORDER BY path = ? DESC, scanned DESC LIMIT 1",
+        str(log.absolute()),
+        digest,
         str(log.absolute()),
     ).fetchone()
     if problem is not None:
@@ -204,7 +288,9 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
     if copies:
         assessment = analyse(log, store, options)
     else:
-        assessment = options.whose().named(flight(store, aircraft, sha256))
+        named = aircraft and not aircraft.startswith(BOARD_NAME)
+        whose = Whose(f"{GIVEN}{aircraft}") if named else options.whose()
+        assessment = whose.named(flight(store, aircraft, sha256))
     others = tuple(
         FlightCopy(vehicle=vehicle, log=counted, sha256=None, counts=True) for vehicle, counted in copies
     )

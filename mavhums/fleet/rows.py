@@ -14,13 +14,16 @@ from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import LogFile, UnreachedError, at_hand
-from mavhums.history.aircraft import UNKNOWN, Whose, board_of
+from mavhums.history.aircraft import BOARD, UNKNOWN, Whose, board_of
 from mavhums.history.comparison import LoneFlight, packed
 from mavhums.history.flights import PastFlight, UndatedError
 from mavhums.report.assessment import Assessment
 
-__all__ = ["Row", "aircraft_in_store", "crashed", "judge", "judge_several", "settings_of"]
+__all__ = ["BOARD_NAME", "Row", "aircraft_in_store", "crashed", "judge", "judge_several", "settings_of"]
 
+
+BOARD_NAME: Final = "board "
+"""Begins the name of an aircraft that only its board identifies."""
 
 _AGAIN: Final = ""
 """Settings of a log that the next scan judges again."""
@@ -110,9 +113,12 @@ def _named(flight: LoneFlight, file: LogFile) -> LoneFlight:
 
 
 def aircraft_in_store(path: str, assessment: Assessment, whose: Whose) -> str:
-    """Return the aircraft's name in a store: that of the operator, else of its board, else none."""
+    """Return the aircraft's name in a store: by the table, else by the rule; without a rule, by its board."""
     board = board_of(assessment)
-    return whose.name(path, board, assessment.log.start_utc) or (f"board {board}" if board else UNKNOWN)
+    named = whose.name(path, board, assessment.log.start_utc)
+    if named is None and board and whose.rule in (None, BOARD):
+        return f"{BOARD_NAME}{board}"
+    return named or UNKNOWN
 
 
 def crashed(file: LogFile, settings: str, whose: Whose) -> Row:

@@ -12,19 +12,20 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.app.options import Options
 from mavhums.fleet.installed import reassigned
+from mavhums.fleet.naming import held_named, names_of, remember, renamed, whose_in
 from mavhums.fleet.repairs import Repairs, add_repairs
 from mavhums.fleet.rows import Row, crashed, judge, judge_several, settings_of
 from mavhums.fleet.settling import settle
 from mavhums.fleet.sources import LogFile, logs_in
 from mavhums.fleet.store import Store
 from mavhums.fleet.workers import batches, connected, count
-from mavhums.history.aircraft import Whose
+from mavhums.history.aircraft import UNKNOWN, UnnamedAircraftError, Whose
 from mavhums.history.aircraft_table import AircraftTable
 
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["ScanOptions", "Scanned", "scan"]
+__all__ = ["ScanOptions", "Scanned", "scan", "scanned"]
 
 _IN_FLIGHT: Final = 8
 _COMMIT_LOGS: Final = 500
@@ -43,9 +44,10 @@ class ScanOptions:
     judging
         Options for each log; a history is ignored, because the store is the history.
     aircraft
-        Rule for the aircraft's name: ``folder`` for the name of the log's folder, or a regular expression
-        with a group ``aircraft``. If the rule gives no name, the board's id in the log is used; a log without
-        an id is compared with no other.
+        Rule for the aircraft's name: ``folder`` for the name of the log's folder, ``board`` for the id of its
+        board, or a regular expression with a group ``aircraft``. The store remembers it for later scans; a
+        store without one takes the board's id. A log without a name is compared with no other. A rule that
+        is given names the scanned logs that the store has already again.
     aircraft_table
         The operator's table of installed boards and actuators, or its file; it goes before the rule. The
         store keeps it, and applies it to the logs that it has already.
@@ -113,16 +115,30 @@ def scan(
     0
     """
     options = options or ScanOptions()
-    given = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
-    whose = given.whose()
+    return scanned(logs_in(sources), store, options, progress=progress)[0]
+
+
+def scanned(
+    files: Sequence[LogFile],
+    store: str | os.PathLike[str],
+    options: ScanOptions,
+    *,
+    progress: Progress | None = None,
+    asks: bool = False,
+) -> tuple[Scanned, dict[str, UnnamedAircraftError]]:
+    """Scan listed logs; with ``asks``, leave out those whose aircraft is a guess, and return why, by path."""
+    named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
+    given = named.whose()
     options = replace(options, judging=replace(options.judging, history=None))
     settings = settings_of(options.judging)
     kept = Store(store)
-    files = logs_in(sources)
     with kept.locked():
+        whose = whose_in(kept, given)
         known = kept.known(files)
         new = [file for file in files if known.get(file) != settings]
-        commits = _Commits(kept, reassigned(kept, whose.table) | add_repairs(kept, options.repairs))
+        touched = reassigned(kept, given.table) | renamed(kept, known, replace(whose, rule=given.rule))
+        commits = _Commits(kept, touched | add_repairs(kept, options.repairs), given if asks else None)
+        remember(kept, given)
         engine = ExitStack()
         try:
             client = None
@@ -138,20 +154,28 @@ def scan(
             raise
         with engine:
             commits.close(client)
-    return Scanned(commits.judged, commits.failed, len(files) - len(new))
+    return Scanned(commits.judged, commits.failed, len(files) - len(new)), commits.asked
 
 
 class _Commits:
     """Collects rows and commits them in blocks; at the end, commits the verdicts of their aircraft."""
 
-    def __init__(self, store: Store, aircraft: set[str]) -> None:
+    def __init__(self, store: Store, aircraft: set[str], given: Whose | None) -> None:
         self.judged = self.failed = 0
+        self.asked: dict[str, UnnamedAircraftError] = {}
+        self._given = given
         self._store = store
         self._rows: list[Row] = []
         self._since_s = monotonic()
         self._aircraft = aircraft
 
     def add(self, row: Row) -> None:
+        if self._given is not None and row.flight is not None:
+            try:
+                held_named(self._store, row, self._given)
+            except UnnamedAircraftError as error:
+                self.asked[row.path] = error
+                return
         self._rows.append(row)
         if len(self._rows) >= _COMMIT_LOGS or monotonic() - self._since_s > _COMMIT_S:
             self._commit()
@@ -161,16 +185,29 @@ class _Commits:
         for _ in range(_ROUNDS if self._store.is_shared else 1):
             settle(self._store, sorted(self._aircraft | self._store.waiting()), client)
             self._aircraft = set()
-        self._store.compact()
+        self._store.tidy()
 
     def _commit(self) -> None:
         if self._rows:
+            self._name_copies()
             self._store.add_logs(self._rows)
             self.failed += sum(row.flight is None for row in self._rows)
             self.judged += sum(row.flight is not None for row in self._rows)
             self._aircraft |= {row.aircraft for row in self._rows if row.flight is not None}
         self._rows = []
         self._since_s = monotonic()
+
+    def _name_copies(self) -> None:
+        """Give logs of the same bytes, wherever they lie, to one aircraft, so that a flight counts once."""
+        stored = names_of(self._store, {row.sha256 for row in self._rows if row.sha256})
+        names = {sha256: name for sha256, name in stored.items() if name}
+        for row in sorted(self._rows, key=lambda row: row.path):
+            if row.sha256 and row.aircraft:
+                names.setdefault(row.sha256, row.aircraft)
+        self._rows = [row._replace(aircraft=names.get(row.sha256 or "", row.aircraft)) for row in self._rows]
+        found = {sha256: name for sha256, name in names.items() if stored.get(sha256) == UNKNOWN}
+        self._store.rename(found)
+        self._aircraft |= {UNKNOWN} if found else set()
 
 
 def _rows(

@@ -10,21 +10,25 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from glob import glob, has_magic
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final, NamedTuple
 from urllib.parse import urlsplit
 
-from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
+from mavhums.core.packed import ARCHIVES, COMPRESSED, members
 
 if TYPE_CHECKING:
     from pyarrow.fs import FileInfo, FileSystem
 
 __all__ = ["LogFile", "UnreachedError", "at_hand", "logs_in"]
 
-_LOG: Final = re.compile(r".+\.(tlog|bin|ulg)(\.(gz|xz|bz2|zst))?", re.IGNORECASE)
+_PACKED: Final = "|".join(map(re.escape, COMPRESSED))
+_LOG: Final = re.compile(rf".+\.(tlog|bin|ulg)({_PACKED})?", re.IGNORECASE)
+_ARCHIVE: Final = re.compile(rf".+({'|'.join(map(re.escape, ARCHIVES))})", re.IGNORECASE)
 _ADDRESS: Final = re.compile(r"([a-z0-9]+)://(.+)", re.DOTALL)
 _CONNECT_S: Final = 5.0
 _ANSWER_S: Final = 30.0
@@ -73,7 +77,7 @@ def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
     """
     found: set[LogFile] = set()
     for source in (os.fspath(each) for each in sources):
-        found.update(_remote(source) if "://" in source else map(_file, _local(source)))
+        found.update(_remote(source) if "://" in source else chain.from_iterable(map(_files, _local(source))))
     return sorted(found)
 
 
@@ -97,7 +101,7 @@ def at_hand(file: LogFile) -> Iterator[str]:
 
 def _local(source: str) -> Iterator[Path]:
     if Path(source).is_dir():
-        found = [path for path in Path(source).rglob("*") if _LOG.fullmatch(path.name)]
+        found = [path for path in Path(source).rglob("*") if _is_named_log(path.name)]
     elif has_magic(source) and not Path(source).exists():
         found = [Path(path) for path in glob(source, recursive=True)]  # noqa: PTH207 — an absolute pattern
         if not found:
@@ -107,6 +111,24 @@ def _local(source: str) -> Iterator[Path]:
         if not found[0].exists():
             raise MavhumsError(f"{source}: no such file or folder", "check the path")
     return (path.absolute() for path in found if not path.is_dir())
+
+
+def _is_named_log(name: str) -> bool:
+    return bool(_LOG.fullmatch(name) or _ARCHIVE.fullmatch(name))
+
+
+def _files(path: Path) -> Iterator[LogFile]:
+    """Yield a log, or each log in an archive; one without any is judged as it is, which tells the reason."""
+    file = _file(path)
+    inside = []
+    if _ARCHIVE.fullmatch(path.name):
+        with suppress(UnreadableLogError, OSError):
+            inside = members(path)
+    logs = [one for one in inside if _LOG.fullmatch(one.filename)] if len(inside) > 1 else []
+    if not logs:
+        yield file
+    for one in logs:
+        yield LogFile(f"{path}/{one.filename}", one.file_size, file.time_ns)
 
 
 def _file(path: Path) -> LogFile:
@@ -152,7 +174,7 @@ def _listed(files: FileSystem, path: str) -> Iterator[FileInfo]:
     selector = FileSelector(folder, recursive=True, allow_not_found=True)
     for each in files.get_file_info(selector):
         if each.type == FileType.File and (
-            pattern.match(each.path) if pattern else _LOG.fullmatch(each.base_name)
+            pattern.match(each.path) if pattern else _is_named_log(each.base_name)
         ):
             yield each
 

@@ -6,6 +6,7 @@ second scan. An object store cannot be locked: a commit that another overtook is
 
 from __future__ import annotations
 
+import logging
 import os
 import random
 import re
@@ -30,6 +31,7 @@ OF_THIS_FORMAT: Final = f"coalesce(format, 1) = {FORMAT}"
 
 Result = TypeVar("Result")
 
+_LOG = logging.getLogger(__name__)
 _COMPACT_FILES: Final = 64
 _FEW: Final = 1_000
 _ATTEMPTS: Final = 12
@@ -233,8 +235,18 @@ class Store:
         ).fetchall()
         return {aircraft for (aircraft,) in rows}
 
-    def compact(self) -> None:
-        """Compact the tables that have many files."""
+    def tidy(self) -> None:
+        """Compact the tables that have many files.
+
+        All results are committed before, so what fails here costs room and time only; it is logged, and the
+        next scan tries again.
+        """
+        try:
+            self._compact()
+        except Exception as error:  # whatever the libraries raise: a scan that judged its logs has not failed
+            _LOG.warning("%s: small files could not be joined: %s", self.place, _words(error))
+
+    def _compact(self) -> None:
         for name in schemas():
             if self._has(name) and self._changed(lambda name=name: self._tables.files(name)) > _COMPACT_FILES:  # type: ignore[misc]
                 if name == SETTLED:
@@ -243,10 +255,12 @@ class Store:
 
     def _forget(self) -> None:
         """Keep only the latest that is settled of each aircraft."""
+        columns = schemas()[SETTLED].names
         latest = self.query(
-            "SELECT * FROM settled QUALIFY row_number() OVER (PARTITION BY aircraft ORDER BY stored DESC) = 1"
-        )
-        rows = latest.fetch_arrow_table().to_pylist()
+            f"SELECT {', '.join(columns)} FROM settled"
+            " QUALIFY row_number() OVER (PARTITION BY aircraft ORDER BY stored DESC) = 1"
+        ).fetchall()
+        rows = [dict(zip(columns, row, strict=True)) for row in latest]
         self.settle(lambda: self._write(SETTLED, rows, mode="overwrite"))
 
     def _has(self, table: str) -> bool:

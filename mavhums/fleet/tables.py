@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from deltalake import DeltaTable, WriterProperties
     from duckdb import DuckDBPyConnection
 
-__all__ = ["COPIES", "DATES", "INSTALLED", "LOGS", "SETTLED", "VERDICTS", "Tables", "schemas"]
+__all__ = ["COPIES", "DATES", "INSTALLED", "LOGS", "NAMING", "SETTLED", "VERDICTS", "Tables", "schemas"]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
@@ -23,7 +23,16 @@ COPIES: Final = "copies"
 DATES: Final = "dates"
 INSTALLED: Final = "installed"
 SETTLED: Final = "settled"
+NAMING: Final = "naming"
 _ROW_GROUP: Final = 2_000
+_TYPES: Final = {
+    "string": "VARCHAR",
+    "int64": "BIGINT",
+    "double": "DOUBLE",
+    "bool": "BOOLEAN",
+    "binary": "BLOB",
+}
+"""DuckDB's names of the types of columns."""
 _PATIENCE: Final = {"max_retries": "4", "retry_timeout": "30s", "connect_timeout": "5s"}
 
 
@@ -60,22 +69,20 @@ class Tables:
         from duckdb import BinderException
 
         schema = schemas()[table]
-        if not self.has(table):
-            base.register(table, schema.empty_table())
+        content = self.opened(table) if self.has(table) else None
+        files = content.file_uris() if content else []
+        if content is None or not files:
+            base.execute(_without_rows(table, schema))
             return
-        content = self.opened(table)
-        files = content.file_uris()
-        if not files:
-            base.register(table, schema.empty_table())
-            return
-        base.register(f"no_{table}", schema.empty_table())
         source = f"read_parquet({_quoted(files)}, union_by_name = true)"
         if self.is_remote:
+            base.execute("SET disabled_optimizers = 'top_n'")  # its filters of Arrow data stop DuckDB 1.3
             base.register(source := f"{table}_stored", content.to_pyarrow_dataset())
         columns = ", ".join(schema.names)
         try:
             base.execute(f"CREATE VIEW {table} AS SELECT {columns} FROM {source}")
         except BinderException:  # a column that no file has yet
+            base.execute(_without_rows(f"no_{table}", schema))
             filled = f"SELECT * FROM {source} UNION ALL BY NAME SELECT * FROM no_{table}"
             base.execute(f"CREATE VIEW {table} AS SELECT {columns} FROM ({filled})")
 
@@ -141,6 +148,7 @@ def schemas() -> dict[str, pa.Schema]:
     ]
     columns = {LOGS: log, VERDICTS: verdict, COPIES: copy, DATES: date, INSTALLED: installed}
     columns[SETTLED] = settled
+    columns[NAMING] = [("rule", text), ("boards", text), ("stored", whole)]
     return {table: pa.schema(of) for table, of in columns.items()}
 
 
@@ -149,6 +157,11 @@ def _written() -> WriterProperties:
     from deltalake import WriterProperties
 
     return WriterProperties(compression="ZSTD", max_row_group_size=_ROW_GROUP)
+
+
+def _without_rows(name: str, schema: pa.Schema) -> str:
+    """Return the SQL of an empty table, which DuckDB 1.3 filters as it does not filter an Arrow table."""
+    return f"CREATE TABLE {name} ({', '.join(f'{field.name} {_TYPES[str(field.type)]}' for field in schema)})"
 
 
 def _quoted(files: Sequence[str]) -> str:

@@ -14,10 +14,24 @@ from mavhums.history.aircraft_table import AircraftTable
 from mavhums.history.flights import Since
 from mavhums.report.assessment import Assessment
 
-__all__ = ["FOLDER", "GIVEN", "UNKNOWN", "Whose", "aircraft_of", "board_of", "hold_rule", "latest"]
+__all__ = [
+    "BOARD",
+    "FOLDER",
+    "GIVEN",
+    "UNKNOWN",
+    "UnnamedAircraftError",
+    "Whose",
+    "aircraft_of",
+    "board_of",
+    "hold_rule",
+    "latest",
+]
+
+BOARD = "board"
+"""The rule that the board's id in the log names the aircraft."""
 
 FOLDER = "folder"
-"""The rule that the log's folder is named after the aircraft."""
+"""The rule that the log's folder is named after the aircraft; an archive is no folder."""
 
 GIVEN = "="
 """Begins a rule that gives the name itself, whatever the path."""
@@ -26,17 +40,34 @@ UNKNOWN = ""
 """Stands for an aircraft that nothing names; two such logs are never taken for one aircraft's."""
 
 
+class UnnamedAircraftError(MavhumsError):
+    """Nothing but a guess names the aircraft of a log.
+
+    Parameters
+    ----------
+    problem, remedy
+        As of :class:`mavhums.MavhumsError`.
+    proposed
+        Aircraft that it may be, the likeliest first.
+    """
+
+    def __init__(self, problem: str, remedy: str, proposed: tuple[str, ...] = ()) -> None:
+        super().__init__(problem, remedy)
+        self.proposed = proposed
+
+
 def hold_rule(rule: str | None) -> None:
     """Refuse a rule that cannot identify an aircraft.
 
     Raises
     ------
     MavhumsError
-        If it is neither ``folder``, nor ``=NAME``, nor a regular expression with a group ``aircraft``.
+        If it is neither ``folder``, nor ``board``, nor ``=NAME``, nor a regular expression with a group
+        ``aircraft``.
     """
-    if rule is None or rule == FOLDER or (rule.startswith(GIVEN) and rule != GIVEN):
+    if rule in (None, FOLDER, BOARD) or (rule.startswith(GIVEN) and rule != GIVEN):
         return
-    remedy = f"name {FOLDER!r}, '=D-EABC', or an expression such as '(?P<aircraft>D-[A-Z]+)'"
+    remedy = f"name {FOLDER!r}, {BOARD!r}, '=D-EABC', or an expression such as '(?P<aircraft>D-[A-Z]+)'"
     try:
         if "aircraft" in re.compile(rule).groupindex:
             return
@@ -59,12 +90,12 @@ def aircraft_of(path: str, rule: str | None) -> str:
     >>> aircraft_of("logs/0007.tlog", None)
     ''
     """
-    if rule is None:
+    if rule in (None, BOARD):
         return UNKNOWN
     if rule.startswith(GIVEN):
         return rule.removeprefix(GIVEN)
     if rule == FOLDER:
-        return Path(path).resolve().parent.name
+        return next(folder.name for folder in Path(path).resolve().parents if not folder.is_file())
     match = _compiled(rule).search(path)
     return UNKNOWN if match is None else match["aircraft"] or UNKNOWN
 

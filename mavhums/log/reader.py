@@ -31,7 +31,7 @@ def read_blocks(
     size: int = _BLOCK,
     dialect: str | os.PathLike[str] | None = None,
 ) -> Iterator[bytes]:
-    """Yield the bytes of a log in blocks, unpacked if it is a .gz, a .zst or in a .zip.
+    """Yield the bytes of a log in blocks, unpacked if it is a .gz, .xz, .bz2 or .zst, or in a .zip.
 
     Parameters
     ----------

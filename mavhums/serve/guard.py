@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import secrets
 import socket
@@ -19,6 +20,7 @@ UPLOADS: Final = "/logs"
 """The only path that takes a large body; its own code limits it."""
 
 _BODY: Final = 1 << 20
+_BODY_S: Final = 30.0
 _POLICY: Final = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -55,7 +57,8 @@ class Guard:
     """An ASGI application in front of another.
 
     Every request must name a host that this server has: on the loopback address only a loopback name, else
-    also an address or this computer's own name. A foreign name is what DNS rebinding shows. An ``Origin``
+    also an address or this computer's own name, and always its public name. A foreign name is what DNS
+    rebinding shows. An ``Origin``
     must be the page's own. With a token, a request must carry it: once in the query, then in a cookie. Bodies
     are limited to 1 MiB except those of uploads.
 
@@ -69,10 +72,15 @@ class Guard:
         Secret that a request must carry; None for no token.
     cookie
         Begin of the cookies' names, different for each server of a host.
+    public
+        Name, with its port if it has one, under which a proxy with TLS serves the page; None without one.
     """
 
-    def __init__(self, app: App, host: str, token: str | None, cookie: str = "mavhums") -> None:
+    def __init__(
+        self, app: App, host: str, token: str | None, cookie: str = "mavhums", *, public: str | None = None
+    ) -> None:
         self.app = app
+        self._public = _name_of(public or "")
         self._local = is_loopback(host)
         self._names = {"localhost"} if self._local else {"localhost", host.lower(), *_own_names()}
         self._token = token
@@ -84,6 +92,8 @@ class Guard:
             await self.app(scope, receive, send)
             return
         headers = _headers(scope["headers"])
+        if self._public and _name_of(headers.get("host", "")) == self._public:
+            scope["scheme"] = "https" if scope["type"] == "http" else "wss"  # as the browser sees it
         cookies = _cookies(headers.get("cookie", ""))
         refusal = self._refusal(scope, headers)
         if refusal:
@@ -100,7 +110,7 @@ class Guard:
         if new:
             session = _secret()
         scope[SESSION] = session
-        given = (self._cookie_header("session", session),) if new else ()
+        given = (self._cookie_header(scope, "session", session),) if new else ()
         bounded = receive if scope["path"] == UPLOADS or scope["type"] != "http" else _Bounded(receive)
         await self.app(scope, bounded, _with_headers(send, given))
 
@@ -108,8 +118,10 @@ class Guard:
         host = headers.get("host", "")
         name = _name_of(host)
         address = _address(name)
-        allowed = name in self._names or (
-            address is not None and (address.is_loopback if self._local else True)
+        allowed = (
+            name in self._names
+            or (self._public and name == self._public)
+            or (address is not None and (address.is_loopback if self._local else True))
         )
         if not allowed:
             return 421, "this page is not served under that name; open the address that mavhums printed"
@@ -140,24 +152,35 @@ class Guard:
             return
         rest = urlencode([pair for pair in query if pair[0] != "token"])
         place = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{rest}" if rest else "")
-        headers = [(b"location", place.encode()), self._cookie_header("token", given)]
+        headers = [(b"location", place.encode()), self._cookie_header(scope, "token", given)]
         await _with_headers(send)({"type": "http.response.start", "status": 303, "headers": headers})
         await send({"type": "http.response.body", "body": b""})
 
-    def _cookie_header(self, what: str, value: str) -> tuple[bytes, bytes]:
-        return b"set-cookie", f"{self._cookie}-{what}={value}; Path=/; HttpOnly; SameSite=Lax".encode()
+    def _cookie_header(self, scope: Scope, what: str, value: str) -> tuple[bytes, bytes]:
+        secure = "; Secure" if scope.get("scheme") in ("https", "wss") else ""
+        return (
+            b"set-cookie",
+            f"{self._cookie}-{what}={value}; Path=/; HttpOnly; SameSite=Lax{secure}".encode(),
+        )
 
 
 class _Bounded:
-    """Ends a request whose body is too large."""
+    """Ends a request whose body is too large, or not there in time; the answer may take longer."""
 
     def __init__(self, receive: Receive) -> None:
         self._receive = receive
         self._left = _BODY
+        self._end_s: float | None = asyncio.get_running_loop().time() + _BODY_S
 
     async def __call__(self) -> Message:
-        message = await self._receive()
+        try:
+            async with asyncio.timeout_at(self._end_s):
+                message = await self._receive()
+        except TimeoutError:
+            return {"type": "http.disconnect"}
         self._left -= len(message.get("body", b""))
+        if not message.get("more_body", False):
+            self._end_s = None
         return message if self._left >= 0 else {"type": "http.disconnect"}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Final
 from urllib.parse import urlencode
 
@@ -12,6 +12,8 @@ from nicegui import ui
 
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
+from mavhums.core.packed import ARCHIVES, COMPRESSED
+from mavhums.history.aircraft import UnnamedAircraftError
 from mavhums.serve.options import Fleet
 from mavhums.serve.rendering import render
 from mavhums.serve.sessions import Dropped, Session, Sessions
@@ -19,6 +21,7 @@ from mavhums.serve.sessions import Dropped, Session, Sessions
 __all__ = ["Home"]
 
 _EVERY_S: Final = 0.2
+_Keep = Callable[[Dropped, str], Awaitable[None]]
 
 
 class Home:
@@ -40,7 +43,8 @@ class Home:
         self._chosen = False
         self._shown: tuple[str, str] | None = None
         limit = sessions.limits.log_bytes
-        _html(render("drop.html", limit_bytes=limit, limit_mb=f"{limit // 1_000_000:,}", where=where))
+        told = {"limit_bytes": limit, "limit_mb": f"{limit // 1_000_000:,}", "where": where}
+        _html(render("drop.html", packed=(*COMPRESSED, *ARCHIVES), **told))
         self._list = ui.element("ul").classes("logs").props('aria-label="Logs"')
         self._place = ui.element("section").classes("shown").props('aria-label="The answer"')
         ui.timer(_EVERY_S, self.update)
@@ -74,12 +78,14 @@ class Home:
         """Remove a log."""
         self._sessions.remove(self._session, log)
 
-    async def keep(self, log: Dropped) -> None:
-        """Keep a log in the store."""
+    async def keep(self, log: Dropped, aircraft: str | None = None) -> None:
+        """Keep a log in the store; where the store cannot tell its aircraft, ask the user."""
         assert self._fleet
-        log.kept = "being kept in the store …"
+        log.kept, log.asked = "being kept in the store …", None
         try:
-            log.kept = await asyncio.to_thread(self._fleet.keep, log.path)
+            log.kept = await asyncio.to_thread(self._fleet.keep, log.path, aircraft)
+        except UnnamedAircraftError as error:
+            log.kept, log.asked = error.problem, error.proposed
         except MavhumsError as error:
             log.kept = f"not kept: {error.problem}: {error.remedy}"
 
@@ -144,6 +150,7 @@ class _Row:
             self._save = _html("Save the report", "a").classes("button").props(f'href="{save}" download')
             self._keep = _button("Keep in the store", log, lambda: home.keep(log)) if home.keeps else None
             self._remove = _button("Remove", log, lambda: home.remove(log))
+        self._asked = _Asked(self._item, log, home.keep)
 
     def update(self, shown: tuple[str, str] | None) -> bool:
         """Show the present state; return whether it has just been judged."""
@@ -158,6 +165,7 @@ class _Row:
         self._view.props(f"aria-pressed={'true' if here.startswith('view') else 'false'}")
         if self._keep:
             self._keep.set_visibility(log.state == "done" and not log.kept)
+        self._asked.update()
         if log.state == self._state:
             return False
         self._state = log.state
@@ -173,6 +181,34 @@ class _Row:
     def delete(self) -> None:
         """Remove the row."""
         self._item.delete()
+
+
+class _Asked:
+    """The question whose log it is, where the store cannot tell."""
+
+    def __init__(self, item: ui.element, log: Dropped, keep: _Keep) -> None:
+        self._log, self._keep = log, keep
+        self._shown: tuple[str, ...] | None = None
+        with item:
+            self._place = ui.element("div").classes("asked")
+
+    def update(self) -> None:
+        """Show the question while it is open."""
+        if self._log.asked == self._shown:
+            return
+        self._shown = self._log.asked
+        self._place.clear()
+        if self._shown is None:
+            return
+        with self._place:
+            first = self._shown[0] if self._shown else ""
+            self._name = ui.input("Its aircraft", value=first, autocomplete=list(self._shown))
+            _button("Keep as this aircraft's", self._log, self._answer)
+
+    async def _answer(self) -> None:
+        name = str(self._name.value or "").strip()
+        if name:
+            await self._keep(self._log, name)
 
 
 def _button(text: str, log: Dropped, clicked: Callable[[], object]) -> ui.html:

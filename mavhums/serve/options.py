@@ -84,8 +84,14 @@ class Fleet(Protocol):
     def flight(self, aircraft: str, sha256: str) -> Assessment:
         """Return the whole assessment of one flight."""
 
-    def keep(self, log: Path) -> str:
-        """Copy a log into the store and judge it there; return what was done in one line."""
+    def keep(self, log: Path, aircraft: str | None = None) -> str:
+        """Copy a log into the store and judge it there; return what was done in one line.
+
+        Raises
+        ------
+        UnnamedAircraftError
+            If the store cannot tell its aircraft, and none is given.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +102,8 @@ class ServeOptions:
     ----------
     host, port
         Address to listen at; port 0 takes a free one.
+    public
+        Name, with its port if it has one, under which a proxy with TLS serves the page; None without one.
     judging
         Options of each judgement.
     limits
@@ -110,6 +118,7 @@ class ServeOptions:
 
     host: str = "127.0.0.1"
     port: int = 8080
+    public: str | None = None
     judging: Judging = field(default_factory=Judging)
     limits: Limits = field(default_factory=Limits)
     fleet: Fleet | None = None

@@ -49,7 +49,11 @@ def add_pages(sessions: Sessions, options: ServeOptions) -> None:
         except MavhumsError as error:
             _html(render("problem.html", problem=f"{error.problem}: {error.remedy}"))
             return
-        where = "nothing leaves it" if is_loopback(options.host) else "where mavhums runs"
+        where = (
+            "nothing leaves it"
+            if is_loopback(options.host) and options.public is None
+            else "where mavhums runs"
+        )
         Home(sessions, session, options.fleet, where)
 
     if options.fleet:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["serve"]
 
-_CONNECTIONS: Final = 200
+_WAITING: Final = 200
 _LANGUAGE: Final = "en-US"
 
 
@@ -47,15 +47,18 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
         import uvicorn
     except ImportError as error:
         raise MissingExtraError("the page", "serve") from error
+    from mavhums.serve.connections import MOST, MOST_OF_ADDRESS, held_connections
+
     listening = _listening(options.host, options.port)
     port: int = listening.getsockname()[1]
-    local = is_loopback(options.host)
-    token = None if local else secrets.token_urlsafe(18)
+    alone = is_loopback(options.host) and options.public is None
+    token = None if alone else secrets.token_urlsafe(18)
     workers = Workers(options.limits, options.worker)
     sessions = Sessions(options.limits, options.judging, workers)
     try:
-        guard = Guard(_application(options, sessions, workers), options.host, token, f"mavhums-{port}")
-        for line in _greeting(options.host, port, token):
+        application = _application(options, sessions, workers)
+        guard = Guard(application, options.host, token, f"mavhums-{port}", public=options.public)
+        for line in _greeting(options, port, token):
             tell(line)
         config = uvicorn.Config(
             guard,
@@ -64,7 +67,8 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
             access_log=False,
             server_header=False,
             proxy_headers=False,
-            limit_concurrency=_CONNECTIONS,
+            # a proxy has one address for all, and limits its clients itself
+            http=held_connections(most_of_address=MOST if options.public else MOST_OF_ADDRESS),
             ws_max_size=1 << 20,
             timeout_graceful_shutdown=1,
         )
@@ -87,7 +91,7 @@ def _listening(host: str, port: int) -> socket.socket:
         listening = socket.socket(family, kind, protocol)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(address)
-        listening.listen(_CONNECTIONS)  # who asks before the page is ready waits
+        listening.listen(_WAITING)  # who asks before the page is ready waits
     except OSError as error:
         if listening is not None:
             listening.close()
@@ -96,12 +100,19 @@ def _listening(host: str, port: int) -> socket.socket:
     return listening
 
 
-def _greeting(host: str, port: int, token: str | None) -> list[str]:
+def _greeting(options: ServeOptions, port: int, token: str | None) -> list[str]:
+    host = options.host
     name = f"[{host}]" if ":" in host else host
     if token is None:
         return [
             f"mavhums: http://{name}:{port}/",
             "Only programs on this computer can open it. Logs stay here and are removed when it ends.",
+        ]
+    if options.public is not None:
+        return [
+            f"mavhums: https://{options.public}/?token={token}",
+            f"WARNING: who reaches {options.public} and has this token, which is shown only now, can open it."
+            f" The proxy hands requests on to http://{name}:{port}/.",
         ]
     if host in ("0.0.0.0", "::"):
         name = socket.gethostname()

@@ -31,6 +31,10 @@ class Dropped:
     ----------
     recording
         Whether there is a Rerun recording of it: ``""`` none yet, ``making``, ``ready``, or the problem.
+    kept
+        What is told of keeping it in the store.
+    asked
+        Aircraft that are proposed where the user must name its own; None where it is not asked for.
     """
 
     id: str
@@ -45,6 +49,7 @@ class Dropped:
     remedy: str = ""
     recording: str = ""
     kept: str = ""
+    asked: tuple[str, ...] | None = None
 
     @property
     def name(self) -> str:

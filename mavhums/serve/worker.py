@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mavhums.core.errors import MavhumsError
+from mavhums.core.packed import ArchiveError
 
 if TYPE_CHECKING:
     from mavhums.app.options import Options
@@ -87,8 +88,16 @@ def _done(job: Job, tell: Tell, among: Among) -> Job:
     try:
         options = among(job["log"], _options(job))
         return _record(job, options) if job["do"] == "record" else _judge(job, options, tell)
+    except ArchiveError as error:
+        return {
+            "problem": _without_folder(error.problem, job),
+            "remedy": "unpack it, and drop the logs in it",
+        }
     except MavhumsError as error:
-        return {"problem": _without_folder(error.problem, job), "remedy": error.remedy}
+        return {
+            "problem": _without_folder(error.problem, job),
+            "remedy": _without_folder(error.remedy, job),
+        }
     except MemoryError:
         return {
             "problem": "needs more memory than the page allows",
@@ -99,9 +108,9 @@ def _done(job: Job, tell: Tell, among: Among) -> Job:
         return {"problem": problem, "remedy": "please report it with the log, if you may share it"}
 
 
-def _without_folder(problem: str, job: Job) -> str:
-    """Return a problem without the temporary folder of the log."""
-    return problem.replace(f"{Path(job['log']).parent}{os.sep}", "")
+def _without_folder(text: str, job: Job) -> str:
+    """Return a problem or remedy without the temporary folder of the log."""
+    return text.replace(f"{Path(job['log']).parent}{os.sep}", "")
 
 
 def _judge(job: Job, options: Options, tell: Tell) -> Job:

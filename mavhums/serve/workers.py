@@ -19,6 +19,13 @@ __all__ = ["Job", "Progress", "Workers"]
 
 _START_S: Final = 300.0  # the first start after an installation compiles
 _JOBS: Final = 100
+_FRUGAL: Final = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "RAYON_NUM_THREADS": "1",
+    "MALLOC_ARENA_MAX": "1",
+}
+"""One log uses one core; each further thread reserves memory that counts against the limit: 1.5 GB in all."""
 
 Job = dict[str, Any]
 Progress = Callable[[int], None]
@@ -40,7 +47,7 @@ class _Worker:
             stdout=PIPE,
             stderr=DEVNULL,
             start_new_session=True,
-            env=os.environ | {"PYTHONUTF8": "1"},
+            env=os.environ | _FRUGAL | {"PYTHONUTF8": "1"},
         )
 
     async def wait_ready(self) -> None:

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
-from mavhums.report.assessment import Verdict
+from typing import Final
+
+from mavhums.report.assessment import Evidence, Verdict
 from mavhums.show._words import effectiveness, friction, percent
 
 __all__ = ["certainty"]
+
+_BY_ITSELF: Final = {
+    "tracking": "the flown attitude left the demanded one by",
+    "hard_over": "the roll that no output explains reached",
+}
+"""Alarms that rest on no estimate of the control effectiveness, and what raised them."""
 
 
 def certainty(verdict: Verdict) -> str:
@@ -24,8 +32,22 @@ def certainty(verdict: Verdict) -> str:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if verdict.p_emergency is not None:
         sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
+    alarms = {item.kind: item for item in verdict.evidence if item.kind in _BY_ITSELF}
+    sure += [_beyond(item) for item in alarms.values() if item.limit is not None]
+    return "; ".join([*sure, _judged(verdict, apart=bool(alarms))])
+
+
+def _beyond(item: Evidence) -> str:
+    """Return how far an alarm that needs no other estimate was beyond its limit."""
+    return f"{_BY_ITSELF[item.kind]} {item.value:.1f} times its healthy scatter, limit {item.limit:.1f}"
+
+
+def _judged(verdict: Verdict, *, apart: bool) -> str:
     coverage = verdict.coverage
-    moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
-    judged = f"{coverage.decidable} of {coverage.windows} windows are decidable"
-    sure.append(judged + moved if "V7" in verdict.provenance else judged)
-    return "; ".join(sure)
+    if verdict.subject == "actuator":
+        moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
+        judged = f"{coverage.decidable} of {coverage.windows} windows are decidable"
+        return judged + moved if "V7" in verdict.provenance else judged
+    if apart and not coverage.decidable:
+        return "control effectiveness is judged apart from that, and could not be in this flight"
+    return f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import NamedTuple
 
+import numpy as np
+
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.version import __version__
 from mavhums.report.assessment import ALL, Assessment, Verdict
@@ -26,7 +28,7 @@ from mavhums.show._words import (
     whose,
 )
 from mavhums.show.html_craft import Part, outline
-from mavhums.show.html_curves import Gathered, Key
+from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
 
@@ -34,6 +36,8 @@ __all__ = ["ICONS", "Brief", "in_brief", "page"]
 
 _ROWS, _PLOTS, _FINDINGS, _LIKE = 200, 24, 8, 6
 _VEHICLES, _OUTPUTS = 8, 32
+_ATTITUDES = {"tracking": "", "hard_over": "roll"}
+"""The axis whose demanded and flown angle show a fault; empty for the verdict's own."""
 
 
 class _Answer(NamedTuple):
@@ -152,7 +156,7 @@ def _answer(verdict: Verdict, assessment: Assessment) -> _Answer:
         verdict=verdict,
         since=f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since and told else "",
         why=[*_why(verdict)],
-        sure=certainty(verdict) if verdict.coverage.windows else "",
+        sure=certainty(verdict) if verdict.coverage.windows or verdict.evidence else "",
         todo=todo.rstrip("."),
         value=value,
     )
@@ -209,14 +213,22 @@ def _usage_tables(assessment: Assessment) -> Iterator[_Usage]:
 
 
 def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:
-    """Yield the evidence of each subject, the worst first: what it suspects, friction, effectiveness."""
-    curves = gathered.curves()
+    """Yield the evidence of each subject, the worst first: what raised an alarm, friction, effectiveness."""
+    curves, attitudes = gathered.curves(), gathered.attitudes()
     drawn = 0
     for verdict in assessment.ranked():
         if verdict.vehicle is None or verdict.actuator == ALL:
             continue
         suspects = [item.fault for item in verdict.suspects]
-        for fault in dict.fromkeys((*suspects, "friction", "effectiveness")):
+        for axis in dict.fromkeys(
+            _ATTITUDES[fault] or verdict.actuator for fault in suspects if fault in _ATTITUDES
+        ):
+            flown = attitudes.get((verdict.vehicle, axis))
+            if flown is not None and drawn < _PLOTS:
+                drawn += 1
+                yield _attitude(verdict, axis, flown, assessment)
+        alarms = [item.kind.removesuffix("_drift") for item in verdict.evidence]
+        for fault in dict.fromkeys((*suspects, *alarms, "friction", "effectiveness")):
             curve = curves.get(Key(verdict.vehicle, verdict.actuator, fault))
             if curve is None or not curve.time_s.size or drawn == _PLOTS:
                 continue
@@ -232,6 +244,19 @@ def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:
             bounds = "; ".join(f"{limit.name} {limit.value:.3g}" for limit in limits)
             title = f"{name(verdict, assessment)}: {what}"
             yield _Shown(title, f"{told}; {bounds}" if bounds else told, drawing)
+
+
+def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment) -> _Shown:
+    """Return the demanded and the flown angle about an axis, which a tracking or hard-over alarm rests on."""
+    since_s = verdict.since.flight_time_s if verdict.since else None
+    drawing = plot(curve, [], assessment.log.duration_s, since_s)
+    assert curve.demanded is not None
+    apart = np.abs(curve.rows[:, 1] - curve.demanded)
+    told = f"{axis} angle, °: solid flown, dashed demanded"
+    if np.isfinite(apart).any():
+        worst = int(np.nanargmax(apart))
+        told += f"; farthest apart by {apart[worst]:.0f}° at {clock(float(curve.time_s[worst]))}"
+    return _Shown(f"{name(verdict, assessment)}: demanded and flown {axis} angle, °", told, drawing)
 
 
 def _limits(verdict: Verdict, fault: str) -> tuple[str, list[Limit]]:

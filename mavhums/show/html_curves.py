@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.engine.events import Event, Indication, Notice
+from mavhums.engine.events import Event, Followed, Indication, Notice
 from mavhums.show._thin import Thinner
 
 __all__ = ["Curve", "Gathered", "Key"]
@@ -37,10 +37,13 @@ class Curve(NamedTuple):
         Ends of its windows, shape (n,).
     rows
         Lower bound, value and upper bound of the 95 % interval, shape (n, 3).
+    demanded
+        What the value should follow, shape (n,), NaN where it is not known; None of an indicator.
     """
 
     time_s: _Floats
     rows: _Floats
+    demanded: _Floats | None = None
 
 
 class Gathered:
@@ -65,6 +68,7 @@ class Gathered:
     def __init__(self) -> None:
         self.texts = 0
         self._thinners: dict[Key, Thinner] = {}
+        self._followed: dict[tuple[int, str], Thinner] = {}
         self._first: list[Notice] = []
         self._last: list[Notice] = []
 
@@ -73,6 +77,8 @@ class Gathered:
         for event in events:
             if isinstance(event, Indication) and event.end_s.size:
                 self._indication(event)
+            elif isinstance(event, Followed) and event.time_s.size:
+                self._follow(event)
             elif isinstance(event, Notice):
                 self._notice(event)
 
@@ -82,6 +88,15 @@ class Gathered:
         for key, thinner in self._thinners.items():
             time_s, rows = thinner.rows()
             found[key] = Curve(time_s, np.sort(rows, axis=1))
+        return found
+
+    def attitudes(self) -> dict[tuple[int, str], Curve]:
+        """Return the flown and the demanded angle of each vehicle and axis, degrees."""
+        found = {}
+        for key, thinner in self._followed.items():
+            time_s, angles = thinner.rows()
+            flown = np.repeat(angles[:, 1:], 3, axis=1)
+            found[key] = Curve(time_s, flown, angles[:, 0])
         return found
 
     def notices(self) -> list[Notice]:
@@ -97,6 +112,14 @@ class Gathered:
         rows = np.column_stack([event.low, event.value, event.high])
         known = np.isfinite(rows).all(axis=1)
         self._thinners[key].add(event.end_s[known], rows[known])
+
+    def _follow(self, event: Followed) -> None:
+        key = event.vehicle, event.actuator
+        if key not in self._followed:
+            if len(self._followed) == _CURVES:
+                return
+            self._followed[key] = Thinner(2, _POINTS)
+        self._followed[key].add(event.time_s, np.degrees(event.angles_rad))
 
     def _notice(self, event: Notice) -> None:
         self.texts += 1

@@ -43,8 +43,8 @@ class Plot(NamedTuple):
 
     Attributes
     ----------
-    band, line
-        SVG paths of the interval and of the value.
+    band, line, demand
+        SVG paths of the interval, of the value, and of what it should follow, empty if nothing.
     x, y
         Marks of the axes.
     limits
@@ -62,6 +62,7 @@ class Plot(NamedTuple):
     limits: tuple[Tick, ...]
     since: float | None
     marks: tuple[Tick, ...] = ()
+    demand: str = ""
     left: int = _LEFT
     right: int = WIDTH - _RIGHT
     top: int = _TOP
@@ -96,7 +97,8 @@ def plot(
     """
     end_s = max(duration_s, float(curve.time_s[-1]), 1.0)
     levels = [limit.value for limit in limits]
-    low, high = _range(curve.rows, levels)
+    known = np.empty(0) if curve.demanded is None else curve.demanded[np.isfinite(curve.demanded)]
+    low, high = _range(curve.rows, [*levels, *known.tolist()])
 
     def x(seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
         return np.round(_LEFT + np.asarray(seconds) / end_s * (WIDTH - _LEFT - _RIGHT), 1)
@@ -105,12 +107,16 @@ def plot(
         share = (np.clip(values, low, high) - low) / (high - low)
         return np.round(HEIGHT - _BOTTOM - share * (HEIGHT - _TOP - _BOTTOM), 1)
 
-    band, line = [], []
+    band, line, demand = [], [], []
     for part in _parts(curve.time_s):
         at, rows = x(curve.time_s[part]), y(curve.rows[part])
         outline = np.concatenate([rows[:, 0], rows[::-1, 2]])
         band.append(_path(np.concatenate([at, at[::-1]]), outline) + "Z")
         line.append(_path(at, rows[:, 1]))
+        if curve.demanded is not None:
+            asked = curve.demanded[part]
+            told = np.isfinite(asked)
+            demand += [_path(at[told], y(asked[told]))] if told.any() else []
     steps = _steps(low, high)
     digits = max(0, -floor(log10(steps[1] - steps[0]))) if len(steps) > 1 else 2
     return Plot(
@@ -121,6 +127,7 @@ def plot(
         limits=tuple(Tick(float(y(limit.value)), limit.name) for limit in limits),
         since=None if since_s is None else float(x(min(since_s, end_s))),
         marks=tuple(Tick(float(x(min(mark.at, end_s))), mark.text) for mark in marks),
+        demand="".join(demand),
     )
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import io
+import lzma
 import sys
 import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zstandard
@@ -36,6 +39,10 @@ def packings(folder: Path) -> dict[str, Path]:
         "two members.gz": gzip.compress(LOG[:1000]) + gzip.compress(LOG[1000:]),
         "flight.ulg.zst": zstandard.compress(LOG),
         "two frames.zst": zstandard.compress(LOG[:1000]) + zstandard.compress(LOG[1000:]),
+        "flight.ulg.xz": lzma.compress(LOG),
+        "two streams.xz": lzma.compress(LOG[:1000]) + bytes(8) + lzma.compress(LOG[1000:]),
+        "flight.ulg.bz2": bz2.compress(LOG),
+        "two streams.bz2": bz2.compress(LOG[:1000]) + bz2.compress(LOG[1000:]),
         "no suffix": gzip.compress(LOG),
     }
     for name, data in out.items():
@@ -53,6 +60,10 @@ PACKINGS = (
     "two members.gz",
     "flight.ulg.zst",
     "two frames.zst",
+    "flight.ulg.xz",
+    "two streams.xz",
+    "flight.ulg.bz2",
+    "two streams.bz2",
     "no suffix",
     "one.zip",
     "gz in zip",
@@ -171,3 +182,29 @@ def test_without_zstandard_the_remedy_is_its_installation(
 
 def test_the_limit_is_beyond_any_log() -> None:
     assert (packed.Unpacked.free, packed.Unpacked.ratio) == (1 << 30, 200)
+
+
+@pytest.mark.parametrize("compress", [lzma.compress, bz2.compress])
+def test_a_cut_or_damaged_stream_is_told(compress: Any, tmp_path: Path) -> None:
+    whole = compress(LOG)
+    damaged = bytearray(whole)
+    damaged[len(whole) // 2] ^= 0xFF
+    for name, data in (("cut", whole[:-20]), ("damaged", bytes(damaged))):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(UnreadableLogError, match="damaged or cut"), opened(tmp_path / name) as file:
+            drain(file)
+
+
+def test_an_xz_stream_that_wants_much_memory_is_refused(tmp_path: Path) -> None:
+    filters = [{"id": lzma.FILTER_LZMA2, "preset": 1, "dict_size": 1 << 29}]
+    (tmp_path / "greedy.xz").write_bytes(lzma.compress(LOG, filters=filters))
+    with pytest.raises(UnreadableLogError, match="damaged or cut"), opened(tmp_path / "greedy.xz") as file:
+        drain(file)
+
+
+def test_zeros_in_any_packing_expand_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Unpacked, "free", 1 << 20)
+    for compress in (lzma.compress, bz2.compress):
+        (tmp_path / "zeros").write_bytes(compress(bytes(64 << 20)))
+        with pytest.raises(UnreadableLogError, match="expands"), opened(tmp_path / "zeros") as file:
+            drain(file)

@@ -155,7 +155,7 @@ def test_many_small_commits_are_compacted_and_say_the_same(tmp_path: Path) -> No
     write_store(tmp_path, {"D-B": flights[:1]})
     before = store.query("SELECT * FROM logs ORDER BY ALL").fetchall()
     assert len(DeltaTable(tmp_path / LOGS).file_uris()) > 64
-    store.compact()
+    store.tidy()
     assert len(DeltaTable(tmp_path / LOGS).file_uris()) == 1
     assert store.query("SELECT * FROM logs ORDER BY ALL").fetchall() == before
 

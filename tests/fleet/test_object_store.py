@@ -77,7 +77,7 @@ def test_it_says_the_same_as_a_folder(
     assert len(fleet.worst(store)) == 8
     assert fleet.trend(store, "D-A").flights == FLIGHTS
     assert len(fleet.export(store, tmp_path / "all.csv")) == 8 * FLIGHTS
-    Store(store).compact()
+    Store(store).tidy()
 
 
 @pytest.mark.slow

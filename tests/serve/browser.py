@@ -37,7 +37,7 @@ def served(*arguments: str | Path, lines: int = 2) -> Iterator[Served]:
     assert process.stdout
     try:
         told = [process.stdout.readline().strip() for _ in range(lines)]
-        found = re.search(r"http://\S+", told[0])
+        found = re.search(r"https?://\S+", told[0])
         assert found, told
         yield Served(found[0].rstrip("/"), told, process)
     finally:

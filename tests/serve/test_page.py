@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 import urllib.error
 import urllib.request
@@ -13,6 +14,8 @@ import psutil
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
+from mavhums import fleet
+from tests.fleet_logs import moved
 from tests.logs import heartbeat, write_log
 from tests.serve.browser import BROWSER, Browser, Served, served, violations
 
@@ -315,3 +318,22 @@ def test_another_host_needs_the_token_that_is_told_once(browser: Browser, health
         assert "token" not in browser.js("location.href")
         browser.choose([healthy_log])
         assert "normal" in browser.wait(HEADLINE)
+
+
+def test_a_log_that_the_store_cannot_name_is_asked_for(store: Path, browser: Browser, tmp_path: Path) -> None:
+    copied = shutil.copytree(store, tmp_path / "store")
+    log = tmp_path / "new.tlog"
+    log.write_bytes(moved((store.parent / "logs" / "D-KEEPS" / "00.tlog").read_bytes(), 90 * 86_400.0))
+    with served(copied) as page:
+        browser.open(page.url)
+        browser.choose([log])
+        browser.wait(HEADLINE)
+        browser.press("Keep in the store")
+        browser.wait("document.querySelector('.asked input')")
+        said = browser.js("document.querySelector('.log').innerText")
+        assert "new.tlog: which aircraft is it of?" in said
+        assert str(tmp_path) not in said
+        assert violations(browser) == []
+        browser.press("Keep as this aircraft")
+        browser.wait("document.querySelector('.log').innerText.includes('kept in the store as')")
+    assert sorted({one.aircraft for one in fleet.worst(copied)}) == ["D-FAILS", "D-GROWS", "D-KEEPS"]

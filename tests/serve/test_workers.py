@@ -197,3 +197,27 @@ def test_the_process_ends_with_its_parent() -> None:
     assert process.wait(timeout=10) == 0
     process.stdout.close()
     assert time.monotonic() - begin < 5
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
+def test_the_least_memory_that_is_allowed_is_enough(growing_log: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the 3-D view needs the extra 'viewer'")
+    from mavhums.cli.serve import LEAST_MEMORY_MB
+
+    limits = Limits(workers=1, memory_bytes=LEAST_MEMORY_MB << 20)
+    job: dict[str, Any] = {"log": str(growing_log), "options": Judging()._asdict()}
+
+    async def use() -> list[Any]:
+        workers = Workers(limits)
+        await workers.start()
+        try:
+            judged = await ask(workers, "judge", report=str(tmp_path / "report.html"), **job)
+            recorded = await ask(workers, "record", recording=str(tmp_path / "flight.rrd"), **job)
+        finally:
+            await workers.close()
+        return [judged, recorded]
+
+    judged, recorded = asyncio.run(use())
+    assert judged["brief"]["condition"] == "emergency"
+    assert recorded == {"recorded": True}

@@ -15,13 +15,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mavhums.app.report import write_report
 from mavhums.core.conditions import URGENCY
-from mavhums.engine.events import Indication, Notice
-from mavhums.report.assessment import Assessment, Indicator, Interval, Verdict
+from mavhums.engine.events import Followed, Indication, Notice
+from mavhums.report.assessment import (
+    Assessment,
+    Coverage,
+    Evidence,
+    Indicator,
+    Interval,
+    Suspect,
+    Verdict,
+)
 from mavhums.show.html import ICONS, page
 from mavhums.show.html_craft import outline
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_plot import Limit, plot
+from tests.conftest import REAL_LOGS
 from tests.show.chromium import Chromium, find
 
 New = Callable[..., Verdict]
@@ -57,7 +67,7 @@ def indication(actuator: str = "elevator", fault: str = "friction", windows: int
     return Indication(1, actuator, fault, end, value, value - 0.03, value + 0.03)
 
 
-def gathered(*events: Indication | Notice) -> Gathered:
+def gathered(*events: Indication | Notice | Followed) -> Gathered:
     kept = Gathered()
     kept.consume(events)
     return kept
@@ -310,3 +320,65 @@ def test_the_words_are_the_same_in_light_in_dark_and_on_paper(assessment: Assess
     assert "@media print" in style[1]
     assert "url(" not in style[1]
     assert "@import" not in style[1]
+
+
+@pytest.mark.parametrize(("fault", "axis"), [("tracking", "pitch"), ("hard_over", "roll")])
+def test_an_alarm_by_the_attitude_shows_demanded_against_flown(
+    fault: str, axis: str, new_verdict: New, new_assessment: Assess
+) -> None:
+    time_s = np.arange(0.0, 34.0, 0.25)
+    demand = np.radians(np.where(time_s < 20.0, 0.0, 45.0))
+    demand[:4] = np.nan
+    subject = "yaw" if fault == "hard_over" else axis
+    followed = Followed(1, axis, time_s, np.stack([demand, np.zeros(time_s.size)], axis=1))
+    evidence = Evidence(kind=fault, start_s=22.0, end_s=33.0, value=9.1, limit=8.0, rule="emergency: away")
+    verdict = new_verdict("elevator", "emergency", 0.2, 22.0).model_copy(
+        update={
+            "subject": "axis",
+            "actuator": subject,
+            "evidence": (evidence,),
+            "suspects": (Suspect(fault=fault, confidence=0.99),),
+            "coverage": Coverage(moving_fraction=0.0, windows=34, decidable=0),
+            "friction_nm": None,
+            "p_emergency": None,
+        }
+    )
+    text = page(new_assessment(verdict), gathered(followed))
+    told = Tags(text)
+    lines = [attributes for tag, attributes in told.tags if tag == "path" and attributes["class"] == "demand"]
+    assert len(lines) == 1
+    assert f"demanded and flown {axis} angle" in told.text
+    assert "farthest apart by 45°" in told.text
+    assert "0 of 34" not in told.text
+    assert "9.1 times its healthy scatter, limit 8.0" in told.text
+
+
+def test_every_alarm_of_an_actuator_shows_its_curve_though_it_has_passed(
+    new_verdict: New, new_assessment: Assess
+) -> None:
+    evidence = Evidence(
+        kind="backlash", start_s=12.0, end_s=33.0, value=2.0, limit=1.0, rule="emergency: play"
+    )
+    verdict = new_verdict("elevator", "normal", 0.2, 0.0)
+    verdict = verdict.model_copy(update={"evidence": (evidence,), "suspects": ()})
+    told = Tags(page(new_assessment(verdict), gathered(indication(fault="backlash"))))
+    assert "elevator: backlash" in told.text
+
+
+@pytest.mark.skipif(not (REAL_LOGS / "alfa").exists(), reason="needs the real logs")
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "log",
+    [
+        "2018-09-11-17-27-13_2_both_ailerons_failure.tlog",
+        "2018-09-11-14-41-51_elevator_failure.tlog",
+        "2018-09-11-15-06-34_1_rudder_right_failure.tlog",
+    ],
+)
+def test_each_alarm_of_a_real_flight_shows_its_curve(log: str, tmp_path: Path) -> None:
+    assessment = write_report(REAL_LOGS / "alfa" / log, tmp_path / "report.html")
+    told = Tags((tmp_path / "report.html").read_text(encoding="utf-8"))
+    alarmed = [one for one in assessment.verdicts if one.worst == "emergency"]
+    assert alarmed
+    for verdict in alarmed:
+        assert f"{verdict.actuator} control: demanded and flown" in told.text

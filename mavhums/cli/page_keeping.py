@@ -1,0 +1,79 @@
+"""The process that keeps a log of the page in its store: one job as JSON comes in, one answer goes out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
+from mavhums.history.aircraft import UnnamedAircraftError
+
+__all__ = ["answer_to"]
+
+_FOLDER: Final = "kept"
+
+
+def answer_to(job: dict[str, Any]) -> dict[str, Any]:
+    """Return what was done as ``told``, or ``problem``, ``remedy`` and the aircraft that are ``proposed``."""
+    try:
+        return {"told": _kept(Path(job["log"]), Path(job["store"]), job["options"])}
+    except UnnamedAircraftError as error:
+        return {"problem": error.problem, "remedy": error.remedy, "proposed": list(error.proposed)}
+    except MavhumsError as error:
+        return {"problem": error.problem, "remedy": error.remedy}
+    except Exception as error:  # whatever it is, the page tells it and goes on
+        problem = f"{type(error).__name__}: {str(error)[:200]}"
+        return {"problem": problem, "remedy": "please report it with the log, if you may share it"}
+
+
+def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
+    """Copy a log beside the store's tables and judge it there; a copy that is not kept is removed."""
+    from mavhums.app.options import Options
+    from mavhums.fleet import keep
+
+    with log.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    copy = store.absolute() / _FOLDER / digest[:16] / log.name
+    try:
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(copy) as temporary:
+            shutil.copyfile(log, temporary)
+    except OSError as error:
+        raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
+    try:
+        outcome = next(keep([copy], store, Options(**options)))
+        if outcome.error is not None:
+            raise outcome.error
+        if _lies_there(store, copy):
+            return f"kept in the store as {copy.name}; see the fleet"
+    except MavhumsError as error:
+        _remove(copy)
+        error.problem = error.problem.replace(str(copy), log.name)
+        raise
+    _remove(copy)
+    return "the store has this log already; see the fleet"
+
+
+def _lies_there(store: Path, copy: Path) -> bool:
+    from mavhums.fleet.store import Store
+
+    return bool(Store(store).query("SELECT 1 FROM logs WHERE path = ? LIMIT 1", str(copy)).fetchone())
+
+
+def _remove(copy: Path) -> None:
+    copy.unlink(missing_ok=True)
+    if not any(copy.parent.iterdir()):
+        copy.parent.rmdir()
+
+
+if __name__ == "__main__":
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what a library prints must not be taken for the answer
+    output.write(json.dumps(answer_to(json.load(sys.stdin))))
+    output.close()

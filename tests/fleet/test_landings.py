@@ -1,0 +1,96 @@
+"""A landing after the other, each a command of its own: nothing piles up, no needless word is said."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mavhums_sim import Flight, fly, write_tlog
+from tests.fleet_logs import moved
+
+pytest.importorskip("deltalake")
+pytest.importorskip("duckdb")
+
+from mavhums import fleet
+from mavhums.fleet import store as stores
+from mavhums.fleet.tables import LOGS, SETTLED, Tables
+
+HOUR_S = 3_600.0
+LANDINGS = 200
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("landings") / "flight.tlog"
+    write_tlog(fly(Flight(1, 12.0, rate_hz=25.0, tiers=("instrumented",))), path)
+    return path.read_bytes()
+
+
+def command(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    called = [sys.executable, "-m", "mavhums", *map(str, arguments)]
+    return subprocess.run(called, capture_output=True, text=True, check=False, timeout=300)
+
+
+def landed(log: bytes, folder: Path, number: int) -> Path:
+    path = folder / "D-A" / f"{number:03}.tlog"
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(moved(log, HOUR_S * number))
+    return path
+
+
+def test_small_files_are_joined_while_flights_land(
+    log: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stores, "_COMPACT_FILES", 3)
+    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    for number in range(6):
+        assert fleet.scan([landed(log, tmp_path, number)], tmp_path / "store", options) == (1, 0, 0)
+    tables = Tables(str(tmp_path / "store"))
+    assert max(tables.files(LOGS), tables.files(SETTLED)) <= 3
+    assert len({path for path, _ in fleet.verdicts(tmp_path / "store", "D-A")}) == 6
+
+
+def test_a_scan_whose_tidying_fails_has_not_failed(
+    log: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def gone(*_: object) -> None:
+        raise AttributeError("no longer there")
+
+    monkeypatch.setattr(stores, "_COMPACT_FILES", 0)
+    monkeypatch.setattr(Tables, "compact", gone)
+    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    assert fleet.scan([landed(log, tmp_path, 0)], tmp_path / "store", options) == (1, 0, 0)
+    assert "small files could not be joined: no longer there" in caplog.text
+    assert fleet.verdicts(tmp_path / "store", "D-A")
+
+
+def test_fleet_commands_say_nothing_on_standard_error(log: bytes, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    command("warm-up")
+    for arguments in (
+        ("scan", landed(log, tmp_path, 0), "--to", store, "--aircraft", "folder", "--workers", "0"),
+        ("status", store),
+        ("worst", store),
+        ("trend", store, "D-A"),
+        ("repairs", store),
+        ("export", store, "-o", tmp_path / "table.csv"),
+    ):
+        done = command("fleet", *arguments)
+        assert done.stderr == "", arguments
+        assert done.returncode in (0, 12), arguments
+
+
+@pytest.mark.slow
+def test_two_hundred_landings(log: bytes, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    command("warm-up")
+    for number in range(LANDINGS):
+        path = landed(log, tmp_path, number)
+        done = command("fleet", "scan", path, "--to", store, "--aircraft", "folder", "--workers", "0")
+        assert (done.returncode, done.stderr) == (0, ""), number
+    assert len({path for path, _ in fleet.verdicts(store, "D-A")}) == LANDINGS
+    tables = Tables(str(store))
+    assert max(tables.files(name) for name in (LOGS, SETTLED)) <= 65

@@ -1,0 +1,218 @@
+"""A store remembers how it names aircraft: no log makes a phantom, and no flight is kept twice."""
+
+from __future__ import annotations
+
+import bz2
+import json
+import lzma
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run
+from tests.fleet_logs import moved, nameless
+
+pytest.importorskip("deltalake")
+pytest.importorskip("duckdb")
+
+from mavhums import fleet
+from mavhums.cli.page_keeping import answer_to
+from mavhums.core.packed import ARCHIVES, COMPRESSED
+from mavhums.fleet.store import Store
+from mavhums.fleet.tables import NAMING
+
+DAY_S = 86_400.0
+OLD = 3
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs of D-A and a store that was scanned by their folder, and a new log elsewhere."""
+    folder = tmp_path_factory.mktemp("naming")
+    write_tlog(fly(Flight(1, 12.0, rate_hz=25.0, tiers=("instrumented",))), folder / "kind.tlog")
+    data = (folder / "kind.tlog").read_bytes()
+    for place in ("D-A", "Downloads"):
+        (folder / place).mkdir()
+    for day in range(OLD):
+        (folder / "D-A" / f"{day}.tlog").write_bytes(moved(data, DAY_S * day))
+    (folder / "Downloads" / "new.tlog").write_bytes(moved(data, DAY_S * OLD))
+    (folder / "Downloads" / "nameless.tlog").write_bytes(nameless(moved(data, DAY_S * OLD)))
+    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    assert fleet.scan([folder / "D-A"], folder / "store", options).judged == OLD
+    return folder
+
+
+@pytest.fixture
+def store(flown: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(flown / "store", tmp_path / "store")
+
+
+def names(store: Path) -> dict[str, int]:
+    """Each aircraft and the number of its logs, as the store tells them."""
+    counted = "SELECT aircraft, count(DISTINCT sha256) FROM logs WHERE flight IS NOT NULL GROUP BY ALL"
+    rows = Store(store).query(counted).fetchall()
+    return dict(rows)
+
+
+def test_a_scan_goes_on_by_the_rule_of_the_store(flown: Path, store: Path, tmp_path: Path) -> None:
+    log = tmp_path / "D-B" / "0.tlog"
+    log.parent.mkdir()
+    log.write_bytes(moved((flown / "kind.tlog").read_bytes(), 90 * DAY_S))
+    fleet.scan([log], store, fleet.ScanOptions(workers=0))
+    assert names(store) == {"D-A": OLD, "D-B": 1}
+
+
+def test_a_kept_log_that_the_rule_cannot_name_is_asked_for(run: Run, flown: Path, store: Path) -> None:
+    log = flown / "Downloads" / "new.tlog"
+    keep = ("analyse", log, "--history", store, "--keep", "--json")
+    asked = run(*keep)
+    assert asked.code == 1
+    assert "which aircraft is it of?" in asked.err
+    assert "--aircraft '=D-A'" in asked.err, "its board flew in that one"
+    assert names(store) == {"D-A": OLD}
+    assert run(*keep, "--aircraft", "=D-A").code in (0, 12)
+    assert names(store) == {"D-A": OLD + 1}
+    assert fleet.status(store).failures == ()
+
+
+def test_a_log_is_kept_once_wherever_a_copy_lies(run: Run, flown: Path, store: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.tlog"
+    shutil.copyfile(flown / "D-A" / "1.tlog", copy)
+    kept = run("analyse", copy, "--history", store, "--keep", "--json")
+    assert kept.code in (0, 12), kept.err
+    assert json.loads(kept.out)["log"]["flight"][0]["aircraft"] == "D-A"
+    assert names(store) == {"D-A": OLD}
+    assert fleet.status(store).judged == OLD
+    wrong = run("analyse", copy, "--history", store, "--keep", "--aircraft", "=D-X")
+    assert "has this log as one of D-A" in wrong.err
+    assert names(store) == {"D-A": OLD}
+    scanned = tmp_path / "D-Z"
+    scanned.mkdir()
+    shutil.copyfile(copy, scanned / "other.tlog")
+    fleet.scan([scanned], store, fleet.ScanOptions(workers=0))
+    assert names(store) == {"D-A": OLD}
+
+
+def test_a_log_is_compared_with_the_flights_of_its_board(run: Run, flown: Path, store: Path) -> None:
+    told = run("analyse", flown / "Downloads" / "new.tlog", "--history", store, "--json")
+    assert json.loads(told.out)["log"]["flight"][0]["aircraft"] == "D-A"
+    options = fleet.against(flown / "Downloads" / "nameless.tlog", store)
+    assert options.history is None
+
+
+def test_a_rule_that_is_given_names_known_logs_again(flown: Path, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    logs = flown / "D-A"
+    fleet.scan([logs], store, fleet.ScanOptions(workers=0))
+    assert [name[:6] for name in names(store)] == ["board "]
+    assert fleet.scan([logs], store, fleet.ScanOptions(aircraft="folder", workers=0)) == (0, 0, OLD)
+    assert names(store) == {"D-A": OLD}
+    assert {path for path, _ in fleet.verdicts(store, "D-A")} == {str(path) for path in logs.iterdir()}
+
+
+def test_a_rule_without_a_name_for_a_log_makes_no_phantom(flown: Path, tmp_path: Path) -> None:
+    rule = fleet.ScanOptions(aircraft=f"{re.escape(str(flown))}/(?P<aircraft>D-[A-Z])/", workers=0)
+    fleet.scan([flown / "D-A", flown / "Downloads" / "new.tlog"], tmp_path / "store", rule)
+    assert names(tmp_path / "store") == {"D-A": OLD, "": 1}
+
+
+def test_the_boards_of_a_table_are_remembered(flown: Path, tmp_path: Path) -> None:
+    board = fleet.analyse(flown / "D-A" / "0.tlog", flown / "store").log.flight[0].board
+    table = tmp_path / "table.csv"
+    table.write_text(f"aircraft,board,actuator,serial,from,to\nD-T,{board},,,,\n")
+    store = tmp_path / "store"
+    fleet.scan([flown / "D-A"], store, fleet.ScanOptions(aircraft_table=table, workers=0))
+    fleet.scan([flown / "Downloads" / "new.tlog"], store, fleet.ScanOptions(workers=0))
+    assert names(store) == {"D-T": OLD + 1}
+
+
+def test_a_store_of_an_earlier_version_is_told_by_its_names(run: Run, flown: Path, store: Path) -> None:
+    shutil.rmtree(store / NAMING)
+    asked = run("analyse", flown / "Downloads" / "new.tlog", "--history", store, "--keep")
+    assert "which aircraft is it of?" in asked.err
+    assert names(store) == {"D-A": OLD}
+
+
+def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, store: Path) -> None:
+    job = {"log": str(flown / "Downloads" / "new.tlog"), "store": str(store), "options": {}}
+    answer = answer_to(job)
+    assert answer["proposed"] == ["D-A"]
+    assert [*(store / "kept").iterdir()] == []
+    assert names(store) == {"D-A": OLD}
+    assert "kept in the store" in answer_to(job | {"options": {"aircraft": "=D-A"}})["told"]
+    assert names(store) == {"D-A": OLD + 1}
+    again = answer_to(job | {"log": str(flown / "D-A" / "0.tlog")})
+    assert "has this log already" in again["told"]
+    assert len([*(store / "kept").iterdir()]) == 1
+    assert names(store) == {"D-A": OLD + 1}
+
+
+def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.tlog"
+    bad.write_bytes(b"no log")
+    command = [sys.executable, "-m", "mavhums.cli.page_keeping"]
+    job = json.dumps({"log": str(bad), "store": str(store), "options": {"aircraft": "=D-A"}})
+    done = subprocess.run(command, input=job, capture_output=True, text=True, check=True)
+    answer = json.loads(done.stdout)
+    assert set(answer) == {"problem", "remedy"}
+    assert "bad.tlog" in answer["problem"]
+    assert answer["remedy"]
+    assert done.stderr == ""
+
+
+def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, tmp_path: Path) -> None:
+    data = {day: (flown / "D-A" / f"{day}.tlog").read_bytes() for day in range(OLD)}
+    logs = tmp_path / "logs" / "D-P"
+    logs.mkdir(parents=True)
+    (logs / "0.tlog.xz").write_bytes(lzma.compress(data[0]))
+    (logs / "1.tlog.bz2").write_bytes(bz2.compress(data[1]))
+    with zipfile.ZipFile(logs / "several.zip", "w") as archive:
+        archive.writestr("2.tlog", data[2])
+        archive.writestr("D-Q/3.tlog", moved(data[2], DAY_S))
+        archive.writestr("notes.txt", "windy")
+    with zipfile.ZipFile(logs / "notes.zip", "w") as archive:
+        archive.writestr("notes.txt", "windy")
+    (logs / "damaged.zip").write_bytes(b"PK\x03\x04" + bytes(50))
+    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    assert fleet.scan([tmp_path / "logs"], tmp_path / "store", options) == (4, 2, 0)
+    assert names(tmp_path / "store") == {"D-P": 3, "D-Q": 1}
+    failures = str(fleet.status(tmp_path / "store").failures)
+    assert "notes.zip" in failures
+    assert "damaged.zip" in failures
+
+
+def test_the_page_offers_what_is_read() -> None:
+    pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
+    from mavhums.serve.rendering import render
+
+    text = render("drop.html", packed=(*COMPRESSED, *ARCHIVES), limit_bytes=1, limit_mb="1", where="")
+    for suffix in (".tlog", ".BIN", ".ulg", ".gz", ".xz", ".bz2", ".zst", ".zip"):
+        assert f"{suffix}," in text
+
+
+def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> None:
+    from mavhums.serve.worker import _done
+
+    with zipfile.ZipFile(tmp_path / "several.zip", "w") as archive:
+        for day in range(2):
+            archive.write(flown / "D-A" / f"{day}.tlog", f"{day}.tlog")
+    job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
+    answer = _done(job, lambda _: None, lambda _, options: options)
+    assert str(tmp_path) not in json.dumps(answer)
+    assert "holds 2 files" in answer["problem"]
+    assert "drop the logs in it" in answer["remedy"]
+
+
+@pytest.mark.parametrize("wrong", ["D-X/rudder", "D-A/ruder", "ruder", "D-X/"])
+def test_a_repair_of_what_the_store_does_not_have_is_refused(run: Run, store: Path, wrong: str) -> None:
+    refused = run("fleet", "repairs", store, "--add", f"{wrong}=2026-01-02")
+    assert refused.code == 1
+    assert "the store has: " in refused.err
+    assert run("fleet", "repairs", store).out == "no repairs\n"
+    assert run("fleet", "repairs", store, "--add", "D-A/rudder=2026-01-02").code == 0
