@@ -22,7 +22,16 @@ from mavhums.health.motion import Motion
 from mavhums.health.own.registry import inspected
 from mavhums.health.slots import Slots
 
-__all__ = ["Detector", "EquationDetector", "Estimates", "Levels", "Seen", "detectors_for", "to_inspect"]
+__all__ = [
+    "Detector",
+    "EquationDetector",
+    "Estimates",
+    "Levels",
+    "Seen",
+    "detectors_for",
+    "sharp",
+    "to_inspect",
+]
 
 Array = NDArray[np.float64]
 
@@ -155,6 +164,17 @@ class EquationDetector:
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the quantity from the fits, given the fits of the flight so far."""
         raise NotImplementedError
+
+
+def sharp(value: Array, error: Array, widest: float, limit: float | None) -> NDArray[np.bool_]:
+    """Return whether estimates are certain enough to count, shape (k,).
+
+    ``widest`` is the largest standard error of a value within its limit. Beyond the limit the error may grow
+    with the value: a grave fault blurs what it is measured by, and must not be refused for that.
+    """
+    size = np.abs(value) / (np.inf if limit is None else limit)
+    allowed: NDArray[np.bool_] = error < widest * np.maximum(size, 1.0)
+    return allowed
 
 
 @cache
