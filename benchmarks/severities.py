@@ -16,6 +16,7 @@ import numpy as np
 from _fleet import MODES, SURFACES, Task, added, flight, fly_all, judge
 
 from mavhums.core.conditions import URGENCY, Condition
+from mavhums.health.monitor import Findings
 from mavhums_sim import FlightRecord
 
 ENDS = {
@@ -35,7 +36,11 @@ _AIRCRAFT = 860  # no other section flies it
 
 
 def _verdicts(name: str, record: FlightRecord) -> dict[str, list[Condition]]:
-    return {tier: [one.findings.condition for one in judge(name, record, tier=tier)] for tier in TIERS}
+    return {tier: [_gravest(one.findings) for one in judge(name, record, tier=tier)] for tier in TIERS}
+
+
+def _gravest(found: Findings) -> Condition:
+    return max(found.condition, found.worst, key=URGENCY.__getitem__)
 
 
 def swept(fault: str, seeds: range, args: argparse.Namespace) -> dict[str, list[list[Condition]]]:

@@ -99,6 +99,8 @@ class Detector(Protocol):
         Names of the equations in :mod:`mavhums.health.equations` that it reads.
     two_sided
         Whether the quantity is normal near zero and not below a value.
+    span_s
+        Time through which a fault lasts that a single estimate proves; None if several must agree.
     levels
         Limits of the quantity.
     inspect
@@ -111,6 +113,7 @@ class Detector(Protocol):
     inspect: ClassVar[str]
     equations: ClassVar[tuple[str, ...]]
     two_sided: ClassVar[bool]
+    span_s: ClassVar[float | None]
     levels: Levels
 
     def __init__(self, actuator: Actuator) -> None:
@@ -140,6 +143,7 @@ class EquationDetector:
 
     equations: ClassVar[tuple[str, ...]]
     two_sided: ClassVar[bool] = False
+    span_s: ClassVar[float | None] = None
 
     def __init__(self, actuator: Actuator) -> None:
         self.actuator = actuator
