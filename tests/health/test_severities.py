@@ -85,7 +85,7 @@ def test_it_holds_in_ten_steps(fault: str, seed: int, cyclogram: str) -> None:
 
 @pytest.mark.parametrize("fault", ["friction", "resistance", "torque_constant", "supply_sag", "jam"])
 def test_an_actuator_that_cannot_move_its_surface_is_an_emergency(fault: str) -> None:
-    """Nine times the winding's resistance leaves a ninth of the torque; a sensor at the shaft shows it drift."""
+    """Nine times the winding's resistance leaves a ninth of the torque; a sensor at the shaft shows it."""
     found = verdicts(fault, ENDS[fault], 941, "gusts")
     assert {found[tier] for tier in ("instrumented", "csrv")} == {"emergency"}
     assert found["esc-signed"] in ("degraded", "emergency")

@@ -17,6 +17,7 @@ __all__ = ["Detector", "contradicts", "relative_constant"]
 _WIDEST = 0.02
 _CONTRADICTION = 0.5
 _SURE = 0.1
+_TURNS = 0.05  # of the torque constant: with less, no motor overcomes the friction of its gear
 
 Array = NDArray[np.float64]
 
@@ -37,14 +38,14 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the loss; undecidable if the shaft moves too little for evidence of the back-EMF.
 
-        Magnets lose, up to everything. A gain of half contradicts the data sheet, and so does a back-EMF of
-        the wrong sign: the motor is not the profile's, or a sensor lies.
+        Magnets may lose most of it. A gain of half contradicts the data sheet, and so does a shaft that turns
+        without back-EMF: the motor is not the profile's, or a sensor lies.
         """
         ema = self.actuator.known_ema()
         fit = fits["voltage"]
         constant, error = _seen(fit, ema)
         shown = fit.spread & sharp(1.0 - constant, error, _WIDEST, self.levels.normal)
-        shown &= (constant > -_CONTRADICTION) & (constant < 1.0 + _CONTRADICTION)
+        shown &= (constant > _TURNS) & (constant < 1.0 + _CONTRADICTION)
         return Estimates.of(1.0 - constant, error, fit.freedom, shown)
 
 
