@@ -49,6 +49,7 @@ PAPER = EmaParameters.from_data_sheet().two_masses()
 ACTUATORS = {actuator.name: actuator for actuator in load_airframe("paper").actuators}
 SURFACES = tuple(ACTUATORS)
 MODES = ("takeoff", "cruise", "turns", "gusts", "landing")
+_CSRV = [0, 2, 9, 10]  # V1, V3, V10, V11
 _SEED = 70_000_000  # training and the study use seeds below ten million
 
 
@@ -102,8 +103,9 @@ def added(fault: str, severity: float) -> dict[str, tuple[Condition, ...]]:
 def quantities(record: ActuatorRecord, actuator: Actuator, tier: str) -> tuple[Array, Array]:
     """Return times and V1…V12 as reported by a tier's telemetry.
 
-    ``instrumented`` all twelve as float32; ``without load`` the same but V11 and V12; ``esc-signed`` V1 in
-    pulses, V4 and V5 as float32, V7 in whole rev/min, and what follows from them.
+    ``instrumented`` all twelve as float32; ``without load`` the same but V11 and V12; ``csrv`` what a servo
+    reports; ``esc-signed`` V1 in pulses, V4 and V5 as float32, V7 in whole rev/min; ``esc-unsigned`` the same
+    as magnitudes, V4 and V5 in hundredths; and what follows from them.
     """
     values = record.values.astype(np.float32).astype(np.float64)
     if tier == "instrumented":
@@ -111,21 +113,34 @@ def quantities(record: ActuatorRecord, actuator: Actuator, tier: str) -> tuple[A
     if tier == "without load":
         values[:, 10:] = np.nan
         return record.time_s, values
-    sensed = np.full_like(values, np.nan)
-    sensed[:, 0] = np.rint(values[:, 0] / 0.12) * 0.12
-    sensed[:, [3, 4]] = record.esc[:, :2].astype(np.float32)
-    sensed[:, 6] = np.rint(record.esc[:, 2])
+    time_s, sensed = record.time_s, np.full_like(values, np.nan)
+    if tier == "csrv":
+        sensed[:, _CSRV] = values[:, _CSRV]
+        sensed[:, [3, 4]] = record.esc[:, :2].astype(np.float32)
+    else:
+        sensed[:, 0] = np.rint(values[:, 0] / 0.12) * 0.12
+        sensed[:, [3, 4]] = record.esc[:, :2].astype(np.float32)
+        sensed[:, 6] = np.rint(record.esc[:, 2])
+    rate = np.gradient(sensed[:, 0], time_s)
+    if tier == "esc-unsigned":
+        sensed[:, 3:7] = np.abs(sensed[:, 3:7])
+        sensed[:, [3, 4]] = np.rint(sensed[:, [3, 4]] * 100.0) / 100.0
+        after, before = (np.interp(time_s - 0.05 + way * 0.05, time_s, sensed[:, 0]) for way in (1, -1))
+        rate = (after - before) / 0.1
     origin = np.where(np.isfinite(sensed), 0, -1).astype(np.int8)
-    time_us = np.rint(record.time_s * 1e6).astype(np.int64)
-    aligned = Aligned(time_us, sensed, origin, np.gradient(sensed[:, 0], record.time_s), "esc-signed", True)
-    return record.time_s, Deriver(actuator).complete(aligned)
+    time_us = np.rint(time_s * 1e6).astype(np.int64)
+    aligned = Aligned(time_us, sensed, origin, rate, tier, tier != "esc-unsigned")
+    return time_s, Deriver(actuator).complete(aligned)
 
 
 def measured(tier: str, count: int) -> NDArray[np.bool_] | None:
     """Return which of V1…V12 are measured, not derived, with the tier's telemetry, shape (count, 12)."""
-    if tier != "esc-signed":
-        return None
-    return np.tile(np.isin(KEYS, ("V1", "V4", "V5", "V7")), (count, 1))
+    given = {
+        "csrv": ("V1", "V3", "V4", "V5", "V10", "V11"),
+        "esc-signed": ("V1", "V4", "V5", "V7"),
+        "esc-unsigned": ("V1", "V4", "V5"),  # the sign of the speed is derived
+    }
+    return np.tile(np.isin(KEYS, given[tier]), (count, 1)) if tier in given else None
 
 
 def judge(

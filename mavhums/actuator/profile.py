@@ -95,6 +95,8 @@ class Limits(Contract):
         Values at the output shaft, °; None if the type's own value is not known.
     supply_sag_v
         Voltage lost on the actuator's supply.
+    following_deg, following_emergency_deg
+        Angle by which the shaft misses what slew rate and stroke allow, root mean square over a second.
     """
 
     normal: _Positive
@@ -104,11 +106,15 @@ class Limits(Contract):
     backlash_deg: _Positive | None = None
     sensor_bias_deg: _Positive | None = None
     supply_sag_v: _Positive = 3.0
+    following_deg: _Positive = 2.0
+    following_emergency_deg: _Positive = 5.0
 
     @model_validator(mode="after")
     def _ordered(self) -> Limits:
         if self.emergency <= self.normal:
             raise ValueError("the emergency limit must lie above the normal limit")
+        if self.following_emergency_deg <= self.following_deg:
+            raise ValueError("following_emergency_deg must lie above following_deg")
         return self
 
 
@@ -165,6 +171,9 @@ class Actuator(Contract):
         Output speed above which the actuator counts as moving.
     response_lag_s
         Delay of the shaft behind the command, s.
+    slew_deg_s
+        Speed of the output shaft that the data sheet gives under nominal load; None disables the detection
+        of a shaft that does not follow.
     min_rate_hz
         Minimum rate, Hz; a quantity with a lower rate is shown but not used as evidence.
     ema, limits
@@ -187,6 +196,7 @@ class Actuator(Contract):
     pwm_us: tuple[_Pulse, _Pulse, _Pulse]
     moving_speed_deg_s: _Positive = 1.0
     response_lag_s: Annotated[float, Field(ge=0.04, le=1.0)] = 0.05
+    slew_deg_s: _Positive | None = None
     min_rate_hz: _Positive = 5.0
     ema: Ema | None = None
     limits: Limits | None = None

@@ -5,7 +5,8 @@ reaches the emergency limit, and *degraded* in between; if the interval contains
 inconclusive. α is the allowed false-alarm probability of a 10 s window; the interval has the tail probability
 √α on either side. The condition changes when consecutive windows agree: over the length of two windows that
 share no sample, or five windows if even the interval with tail probability α agrees. Inconclusive windows
-change nothing.
+change nothing. A fault that one window proves through all of it (a jam) needs no second window to begin, only
+to end.
 """
 
 from __future__ import annotations
@@ -78,6 +79,13 @@ def shown_by(low: Array, high: Array, normal: float | Array, emergency: float | 
 class Decision:
     """Tracks the condition of one quantity of one actuator through the flight.
 
+    Parameters
+    ----------
+    levels
+        Limits of the quantity.
+    proven
+        Whether one window proves a fault, and that it lasted through all of it.
+
     Attributes
     ----------
     condition
@@ -87,7 +95,8 @@ class Decision:
         condition of a flight, that window's start.
     """
 
-    def __init__(self, levels: Levels) -> None:
+    def __init__(self, levels: Levels, *, proven: bool = False) -> None:
+        self._proven = proven
         self.condition: Condition = "undecided"
         self.since_s: float | None = None
         self.levels = levels
@@ -114,11 +123,13 @@ class Decision:
             return False
         if shown != self._candidate:
             self._candidate, self._run, self._sure = shown, 0, 0
-            self._first_s = start_s if self.condition == "undecided" else (start_s + end_s) / 2
+            throughout = self.condition == "undecided" or (self._proven and shown > 0)
+            self._first_s = start_s if throughout else (start_s + end_s) / 2
         self._run += 1
         self._sure = self._sure + 1 if sure else 0
         after = _CONDITIONS[shown]
-        if after == self.condition or (self._sure < CONFIRM and self._run < LASTING):
+        confirm = 1 if self._proven and shown > SEVERITY[self.condition] else CONFIRM
+        if after == self.condition or (self._sure < confirm and self._run < LASTING):
             return False
         self.condition, self.since_s = after, self._first_s
         return True

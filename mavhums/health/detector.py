@@ -22,7 +22,16 @@ from mavhums.health.motion import Motion
 from mavhums.health.own.registry import inspected
 from mavhums.health.slots import Slots
 
-__all__ = ["Detector", "EquationDetector", "Estimates", "Levels", "Seen", "detectors_for", "to_inspect"]
+__all__ = [
+    "Detector",
+    "EquationDetector",
+    "Estimates",
+    "Levels",
+    "Seen",
+    "detectors_for",
+    "sharp",
+    "to_inspect",
+]
 
 Array = NDArray[np.float64]
 
@@ -90,6 +99,8 @@ class Detector(Protocol):
         Names of the equations in :mod:`mavhums.health.equations` that it reads.
     two_sided
         Whether the quantity is normal near zero and not below a value.
+    span_s
+        Time through which a fault lasts that a single estimate proves; None if several must agree.
     levels
         Limits of the quantity.
     inspect
@@ -102,6 +113,7 @@ class Detector(Protocol):
     inspect: ClassVar[str]
     equations: ClassVar[tuple[str, ...]]
     two_sided: ClassVar[bool]
+    span_s: ClassVar[float | None]
     levels: Levels
 
     def __init__(self, actuator: Actuator) -> None:
@@ -131,6 +143,7 @@ class EquationDetector:
 
     equations: ClassVar[tuple[str, ...]]
     two_sided: ClassVar[bool] = False
+    span_s: ClassVar[float | None] = None
 
     def __init__(self, actuator: Actuator) -> None:
         self.actuator = actuator
@@ -155,6 +168,17 @@ class EquationDetector:
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the quantity from the fits, given the fits of the flight so far."""
         raise NotImplementedError
+
+
+def sharp(value: Array, error: Array, widest: float, limit: float | None) -> NDArray[np.bool_]:
+    """Return whether estimates are certain enough to count, shape (k,).
+
+    ``widest`` is the largest standard error of a value within its limit. Beyond the limit the error may grow
+    with the value: a grave fault blurs what it is measured by, and must not be refused for that.
+    """
+    size = np.abs(value) / (np.inf if limit is None else limit)
+    allowed: NDArray[np.bool_] = error < widest * np.maximum(size, 1.0)
+    return allowed
 
 
 @cache

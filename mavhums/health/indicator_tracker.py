@@ -70,11 +70,12 @@ class IndicatorTracker:
         recorded: bool = False,
     ) -> None:
         self.detector = detector
-        self.decision = Decision(detector.levels)
+        self.decision = Decision(detector.levels, proven=detector.span_s is not None)
         self.drift: Drift | None = (
             Drift(baseline, two_sided=detector.two_sided, false_alarms=false_alarms) if baseline else None
         )
         self.window_s = window_s
+        self._span_s = detector.span_s or window_s
         self.false_alarms = false_alarms
         self.episodes = Episodes()
         self.variance = RunningVariance()
@@ -112,7 +113,7 @@ class IndicatorTracker:
             if separate:
                 self._feed_separate(signed, error, freedom, end)
             severity = self._shown(said, here)
-            decided = self.decision.feed(severity, end - self.window_s, end, sure=certain)
+            decided = self.decision.feed(severity, end - self._span_s, end, sure=certain)
             if decided and self._recorded:
                 self.decided.append(Decided(end, self.decision.condition, self.decision.since_s or 0.0))
             if decided:

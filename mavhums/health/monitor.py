@@ -25,6 +25,7 @@ from mavhums.health.own.record import OwnSums
 from mavhums.health.own.registry import EQUATIONS
 from mavhums.health.own.voltage import VoltageSums
 from mavhums.health.panel import Look, Panel
+from mavhums.health.refusal import why_no_friction
 from mavhums.health.slots import SlotCutter, Slots, widen
 from mavhums.health.tracker_report import (
     evidence_of,
@@ -48,7 +49,8 @@ Array = NDArray[np.float64]
 class Findings:
     """Results of a flight for one actuator.
 
-    ``network`` is the network that gave ``p_emergency``; ``last_s`` is the flight time of the last sample.
+    ``network`` is the network that gave ``p_emergency``; ``last_s`` is the flight time of the last sample;
+    ``no_friction`` is the reason and the remedy if an undecided flight shows no friction.
     """
 
     condition: Condition
@@ -64,6 +66,7 @@ class Findings:
     last_s: float
     own: tuple[OwnRecord, ...] = ()
     own_gap: str | None = None
+    no_friction: tuple[str, str] | None = None
 
 
 class Monitor:
@@ -133,7 +136,7 @@ class Monitor:
         self._first: int | None = None
         self._held = Holding()
         self._concluded_s: float | None = None
-        self._windows = self._decidable = self._samples = self._moving = 0
+        self._windows = self._decidable = self._samples = self._moving = self._slots = 0
         self._friction: Interval | None = None
         self._vote: tuple[float, Outcome] | None = None
 
@@ -216,6 +219,17 @@ class Monitor:
                 if indicators and (record := own.record())
             ),
             own_gap=next((gap for own in self._own if (gap := own.gap)), None),
+            no_friction=self._why_no_friction() if self._held.condition == "undecided" else None,
+        )
+
+    def _why_no_friction(self) -> tuple[str, str] | None:
+        tracker, lasted_s = self._trackers.get("friction"), self._slots * self._slot_s
+        return why_no_friction(
+            tracker.detector if tracker else None,
+            self._fits.whole() if self._slots else {},
+            moving=self._moving,
+            samples=self._samples,
+            rate_hz=self._samples / max(lasted_s, self._slot_s),
         )
 
     def record(self) -> ActuatorRecord:
@@ -279,6 +293,7 @@ class Monitor:
                 bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
                 ratio = self.actuator.known_ema().gear_ratio
                 ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
+        self._slots += slots.index.size
         self._samples += int(counts[:, 0].sum())
         self._moving += int(counts[:, 1].sum())
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T

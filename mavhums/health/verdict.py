@@ -261,12 +261,10 @@ def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str,
     coverage = findings.coverage
     if coverage.windows == 0:
         return f"less than {WINDOW_S:g} s of telemetry", "record the whole flight"
-    if coverage.decidable == 0:
-        share = f"{100 * coverage.moving_fraction:.0f} %"
-        return (
-            f"the actuator moves in {share} of the samples, too little both ways to show friction",
-            "analyse a flight in which the surface moves, or sweep it before take-off",
-        )
+    if findings.no_friction:
+        return findings.no_friction
+    if actuator.blanks:
+        return f"the profile has no {', no '.join(actuator.blanks)}", FILL_IN
     return (
         f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",
         "analyse a longer flight",

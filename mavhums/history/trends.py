@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from pydantic import TypeAdapter
 
-from mavhums.core.conditions import URGENCY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.baseline import Baseline
 from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
@@ -22,7 +22,7 @@ from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.history.files import read_history
 from mavhums.history.flights import FlightHistory, PastFlight, Since
 from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
-from mavhums.report.trend import ActuatorTrend, FlightPoint, TrendReport, to_frame
+from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,7 +74,8 @@ def trend(
         A row per flight and indicator, sorted by actuator and time: ``vehicle``, ``actuator``,
         ``airframe``, ``fault``, ``quantity``, ``unit``, ``flight`` (from 1), ``start_utc``, ``log``,
         ``estimate`` with its 95 % interval ``low`` and ``high``, ``condition``, and the limits ``limit``
-        (degraded) and ``emergency``, NaN where there is none.
+        (degraded) and ``emergency``, NaN where there is none, and the flight's ``highest`` estimate and the
+        one at its ``end``, NaN where the flight does not tell.
 
     Raises
     ------
@@ -131,13 +132,17 @@ def trend_report(
     """
     trends: list[ActuatorTrend] = []
     unshown: list[str] = []
+    others: list[LastFlight] = []
     counted = latest(since, repaired)
     references = cache(lambda airframe, before: history.baselines(airframe, before, counted))
     for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():
         shown = _by_fault(flown)
         if not shown and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
-        for fault in sorted(name for name in shown if not faults or name in faults):
+        wanted = sorted(name for name in shown if not faults or name in faults)
+        if not wanted and SEVERITY[flown[-1].gravest] > SEVERITY["normal"]:
+            others.append(_last_flight(flown[-1]))
+        for fault in wanted:
             newest, _ = shown[fault][-1]
             baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
             trends.append(_trend(flown, shown[fault], baseline, counted))
@@ -147,6 +152,20 @@ def trend_report(
         unshown=tuple(unshown),
         errors=tuple(error.problem for error in history.errors),
         notices=history.notices,
+        others=tuple(sorted(others, key=lambda one: (-URGENCY[one.condition], one.vehicle, one.actuator))),
+    )
+
+
+def _last_flight(flown: _Flown) -> LastFlight:
+    """Return the condition of a flight, with its gravest finding."""
+    verdict = flown.verdict
+    rules = (each.rule for each in verdict.evidence if each.rule.startswith(flown.gravest))
+    return LastFlight(
+        subject=verdict.subject,
+        vehicle=verdict.vehicle or 0,
+        actuator=verdict.actuator,
+        condition=flown.gravest,
+        reason=next(rules, verdict.reason),
     )
 
 
@@ -220,12 +239,26 @@ def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None, counte
                     "start_utc": each.start_utc,
                     "log": each.flight.assessment.log.path,
                     "value": one.value,
+                    "highest": _highest(each.verdict, one),
+                    "end": _at_end(each.verdict, one),
                     "condition": each.gravest,
                 }
                 for each, one in pairs
             ]
         ),
     )
+
+
+def _highest(verdict: Verdict, one: Indicator) -> float | None:
+    """Return the highest estimate of a flight: the mean over it may lie below a limit that was passed."""
+    if one.fault in LOSSES:
+        return None
+    return max((each.value for each in verdict.evidence if each.kind == one.fault), default=None)
+
+
+def _at_end(verdict: Verdict, one: Indicator) -> float | None:
+    friction = verdict.friction_nm
+    return friction.estimate if one.fault == "friction" and friction is not None else None
 
 
 def _fitted(pairs: _Shown, emergency: float | None, sign: float) -> Trend | None:

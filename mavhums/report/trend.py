@@ -15,19 +15,39 @@ from mavhums.report.assessment import NOTICE, Interval
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ActuatorTrend", "FlightPoint", "RepairDate", "TrendReport", "to_frame"]
+__all__ = ["ActuatorTrend", "FlightPoint", "LastFlight", "RepairDate", "TrendReport", "to_frame"]
 
 _COLUMNS = "vehicle actuator airframe fault quantity unit flight start_utc log estimate low high condition"
 
 
 class FlightPoint(Contract):
-    """An indicator in one flight; ``flight`` counts the actuator's flights from 1, judged or not."""
+    """An indicator in one flight; ``flight`` counts the actuator's flights from 1, judged or not.
+
+    Attributes
+    ----------
+    value
+        Over the whole flight.
+    highest, end
+        The highest estimate that decided a condition, and the last one; None where the flight does not tell.
+    """
 
     flight: int
     start_utc: str
     log: str | None
     value: Interval
+    highest: float | None = None
+    end: float | None = None
     condition: Condition
+
+
+class LastFlight(Contract):
+    """The gravest condition of an actuator's or axis's last flight, of which no flight shows an indicator."""
+
+    subject: Literal["actuator", "axis"] = "actuator"
+    vehicle: int
+    actuator: str
+    condition: Condition
+    reason: str | None
 
 
 class ActuatorTrend(Contract):
@@ -92,6 +112,8 @@ class TrendReport(Contract):
         Number of flights in the folder.
     unshown
         Actuators of which no flight shows an indicator.
+    others
+        Actuators and axes whose last flight was faulty, and of which no flight shows a wanted fault.
     repairs
         Of the aircraft, in time order, where a fleet's store keeps them.
     """
@@ -104,6 +126,7 @@ class TrendReport(Contract):
     errors: tuple[str, ...]
     notices: tuple[str, ...]
     repairs: tuple[RepairDate, ...] = ()
+    others: tuple[LastFlight, ...] = ()
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the report as JSON."""
@@ -112,9 +135,9 @@ class TrendReport(Contract):
     @property
     def exit_code(self) -> ExitCode:
         """The exit code, as in ``mavhums analyse``; a predicted emergency counts as degraded."""
-        if any(shown.condition == "emergency" for shown in self.trends):
+        conditions = {one.condition for one in self.trends} | {one.condition for one in self.others}
+        if "emergency" in conditions:
             return ExitCode.EMERGENCY
-        conditions = {shown.condition for shown in self.trends}
         if conditions & {"changed", "degraded"} or any(shown.flights_left for shown in self.trends):
             return ExitCode.DEGRADED
         if (
@@ -136,9 +159,11 @@ def to_frame(trends: Collection[ActuatorTrend]) -> pd.DataFrame:
         for point in one.points:
             flown = point.model_dump(include={"flight", "log", "condition"})
             limits = {"limit": one.limit, "emergency": one.emergency}
+            ends = {"highest": point.highest, "end": point.end}
             rows.append(
-                {**whose, **flown, **point.value.model_dump(), **limits, "start_utc": point.start_utc}
+                {**whose, **flown, **point.value.model_dump(), **limits, **ends, "start_utc": point.start_utc}
             )
-    frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency"])
+    frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency", "highest", "end"])
     frame["start_utc"] = pd.to_datetime(frame["start_utc"], utc=True, format="ISO8601")
-    return frame.astype({"limit": float, "emergency": float, "estimate": float, "low": float, "high": float})
+    numbers = ("estimate", "low", "high", "limit", "emergency", "highest", "end")
+    return frame.astype(dict.fromkeys(numbers, float))

@@ -11,8 +11,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from mavhums.core.conditions import URGENCY
 from mavhums.report.assessment import Interval
-from mavhums.report.trend import ActuatorTrend, TrendReport
+from mavhums.report.trend import ActuatorTrend, LastFlight, TrendReport
 from mavhums.show._words import COLOURS, join, printable
 
 __all__ = ["render_trends", "sparkline"]
@@ -37,11 +38,12 @@ def headline(report: TrendReport) -> str:
     """Return the result in one line: the shortest remaining useful life, or that none is known."""
     if not report.flights:
         return "No flights in this folder: put them there with mavhums analyse LOG --history DIR --keep"
-    if not report.trends:
+    last: list[ActuatorTrend | LastFlight] = [*report.trends, *report.others]
+    if not last:
         return "No flight in this folder carries an indicator of a fault"
-    gravest = report.trends[0].condition
+    gravest = max((one.condition for one in last), key=URGENCY.__getitem__)
     if gravest in ("emergency", "degraded", "changed"):
-        names = dict.fromkeys(_name(one, report) for one in report.trends if one.condition == gravest)
+        names = dict.fromkeys(_name(one, report) for one in last if one.condition == gravest)
         return f"{join(names)}: {gravest.upper()} in the last flight"
     known = [one for one in report.trends if one.flights_left]
     if known:
@@ -88,6 +90,20 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
     return table
 
 
+def _peak(one: ActuatorTrend, report: TrendReport) -> str | None:
+    """Return the highest estimate of the last flight and the one at its end, if the flight was faulty.
+
+    The mean over the flight, which the table has, may lie below the limit that was passed.
+    """
+    point = one.points[-1]
+    if point.highest is None or one.limit is None or point.highest <= one.limit or point.flight < one.flights:
+        return None
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    end = "" if point.end is None else f", {point.end:.3g}{unit} at its end"
+    highest = f"{_title(one, report)}: up to {point.highest:.3g}{unit} in the last flight{end}"
+    return f"{highest}; {point.value.estimate:.3g}{unit} is its mean."
+
+
 def _signed(change: Interval | None) -> str:
     """Format a change with half its 95 % interval; for a change that may be zero, only the interval."""
     if change is None:
@@ -120,6 +136,10 @@ def _reasons(report: TrendReport) -> list[str]:
     if report.repairs:
         told = join(f"{one.actuator or 'all actuators'} {one.at_utc[:10]}" for one in report.repairs)
         lines.append(f"Repaired: {told}; flights since then are held against none before.")
+    lines += [said for one in report.trends if (said := _peak(one, report))]
+    for other in report.others:
+        why = f": {other.reason}" if other.reason else ""
+        lines.append(f"{_name(other, report)}: {other.condition} in the last flight{why}.")
     if report.unshown:
         lines.append(f"{join(report.unshown)}: no flight carries an indicator; `mavhums analyse` says why.")
     return lines
@@ -130,10 +150,10 @@ def _title(one: ActuatorTrend, report: TrendReport) -> str:
     return f"{_name(one, report)} ({one.fault})" if several else _name(one, report)
 
 
-def _name(one: ActuatorTrend, report: TrendReport) -> str:
+def _name(one: ActuatorTrend | LastFlight, report: TrendReport) -> str:
     name = one.actuator
     if len({other.vehicle for other in report.trends}) > 1:
         name = f"{one.vehicle}: {name}"
-    if len({other.airframe for other in report.trends}) > 1:
+    if isinstance(one, ActuatorTrend) and len({other.airframe for other in report.trends}) > 1:
         name = f"{name} [{one.airframe}]"
     return name

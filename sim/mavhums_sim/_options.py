@@ -54,7 +54,7 @@ class _Friction(click.ParamType[tuple[str, tuple[float, float]]]):
 
 
 class _Fault(click.ParamType["tuple[str, Condition]"]):
-    """``SURFACE=FAULT:SEVERITY[@S]`` or ``SURFACE=FAULT:FROM..TO[@S]``."""
+    """``SURFACE=FAULT:SEVERITY[@S[..S]]`` or ``SURFACE=FAULT:FROM..TO[@S[..S]]``."""
 
     name = "fault"
     _form = re.compile(r"(?P<surface>\w+)=(?P<fault>\w+):(?P<numbers>[^@]+)(@(?P<at>[^@]+))?")
@@ -68,9 +68,10 @@ class _Fault(click.ParamType["tuple[str, Condition]"]):
         if not match:
             self.fail(f"{value!r} is not SURFACE=FAULT:SEVERITY, for example rudder=jam:10@40", param, ctx)
         start, _, end = match["numbers"].partition("..")
+        at_s, _, until_s = (match["at"] or "0").partition("..")
         try:
             return match["surface"], Condition(
-                match["fault"], float(start), float(end or start), float(match["at"] or 0.0)
+                match["fault"], float(start), float(end or start), float(at_s), float(until_s or "inf")
             )
         except ValueError as error:
             self.fail(f"{value!r}: {error}", param, ctx)
@@ -103,8 +104,10 @@ _OPTIONS = (
         multiple=True,
         type=_Fault(),
         metavar="SURFACE=FAULT:X[@S]",
-        help="friction, backlash, resistance, torque_constant, supply_sag, sensor_bias or jam of severity X,"
-        " or growing X..Y, from S seconds on. Repeatable.",
+        help="A fault of severity X, or growing X..Y, from S seconds on, or only from S..T. X: friction (N·m"
+        " added), backlash (° added), resistance (share gained: 1 doubles it), torque_constant (share lost,"
+        " 0…1), supply_sag (V lost, 0…26), sensor_bias (°), jam (N·m that hold the shaft; 10 stop it)."
+        " Repeatable.",
     ),
     SEED,
     DURATION,
@@ -144,6 +147,13 @@ _OPTIONS = (
         default="single-mass",
         show_default=True,
         help="Rotor and surface as one mass, or as two with the gear's play and stiffness between them.",
+    ),
+    click.option(
+        "--friction-method",
+        type=click.Choice(["impulse", "karnopp"]),
+        default="impulse",
+        show_default=True,
+        help="How dry friction is integrated: as an impulse, or with Karnopp's band of speed that is rest.",
     ),
     click.option(
         "--aircraft", type=click.IntRange(0), metavar="N", help="Fly the individual actuators of aircraft N."
@@ -224,7 +234,7 @@ def _flight(options: dict[str, Any]) -> Flight:
     from mavhums_sim.ema import EmaParameters
     from mavhums_sim.flight import Flight
 
-    parameters = EmaParameters.from_data_sheet()
+    parameters = EmaParameters.from_data_sheet(friction_method=options["friction_method"])
     conditions: dict[str, tuple[Condition, ...]] = {}
     for surface, condition in options["fault"]:
         conditions[surface] = (*conditions.get(surface, ()), condition)

@@ -48,7 +48,7 @@ FAULTS = {
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """One fault over a flight: absent before ``at_s``, then from ``start`` linearly to ``end``.
+    """One fault over a flight: from ``at_s`` to ``until_s``, linearly from ``start`` to ``end``.
 
     Attributes
     ----------
@@ -56,8 +56,8 @@ class Condition:
         One of :data:`FAULTS`.
     start, end
         Severity from ``at_s`` on and at the end of the flight, in the fault's unit.
-    at_s
-        Flight time of the onset, s.
+    at_s, until_s
+        Flight times of the onset and of the end, s; by default from the first sample to beyond the last.
 
     Raises
     ------
@@ -74,6 +74,7 @@ class Condition:
     start: float
     end: float
     at_s: float = 0.0
+    until_s: float = inf
 
     def __post_init__(self) -> None:
         if self.fault not in FAULTS:
@@ -85,6 +86,8 @@ class Condition:
                 raise ValueError(f"{self.fault} of {severity} {FAULTS[self.fault].unit} is impossible")
         if not (isfinite(self.at_s) and self.at_s >= 0):
             raise ValueError(f"onset at {self.at_s} s is not a flight time")
+        if not self.until_s > self.at_s:
+            raise ValueError(f"an end at {self.until_s} s is not after the onset at {self.at_s} s")
 
     @classmethod
     def constant(cls, fault: str, severity: float) -> Condition:
@@ -106,13 +109,13 @@ class Condition:
         """``constant``, ``step`` or ``growing``."""
         if self.start != self.end:
             return "growing"
-        return "step" if self.at_s else "constant"
+        return "step" if self.at_s or isfinite(self.until_s) else "constant"
 
     def severity(self, time_s: Array) -> Array:
         """Return the severity at each time; the last time is the flight's end. Shape (n,)."""
-        lasting = max(float(time_s[-1]) - self.at_s, 1e-9)
+        lasting = max(min(float(time_s[-1]), self.until_s) - self.at_s, 1e-9)
         grown = self.start + (self.end - self.start) * (time_s - self.at_s) / lasting
-        return np.where(time_s < self.at_s, 0.0, grown)
+        return np.where((time_s < self.at_s) | (time_s >= self.until_s), 0.0, grown)
 
     def truth(self) -> dict[str, object]:
         """Return the condition as plain data."""
@@ -123,6 +126,7 @@ class Condition:
             "at_s": self.at_s,
             "start": self.start,
             "end": self.end,
+            **({"until_s": self.until_s} if isfinite(self.until_s) else {}),
         }
 
 

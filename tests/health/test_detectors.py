@@ -49,6 +49,7 @@ class Clear:
 
 CLEAR = {
     "backlash": Clear(Condition.constant("backlash", 0.3), 0.38, 0.05),
+    "following": Clear(Condition.constant("supply_sag", 25.0), 8.0, 3.0),
     "friction": Clear(Condition.constant("friction", 0.6), 0.82, 0.06),
     "jam": Clear(Condition.constant("jam", 10.0), 1.0, 0.05),
     "sensor_bias": Clear(Condition.constant("sensor_bias", 0.8), 0.8, 0.05),

@@ -22,7 +22,7 @@ from mavhums.health.monitor import Monitor
 from mavhums.history.files import keep_assessment, read_history
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
-from mavhums.report.assessment import Assessment, Interval
+from mavhums.report.assessment import Assessment, Evidence, Interval
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
@@ -71,7 +71,7 @@ def test_the_table_has_a_row_for_each_flight(run: Run, worn: Path, tmp_path: Pat
     frame = mavhums.trend(worn)
     assert list(frame.columns) == [
         *("vehicle", "actuator", "airframe", "fault", "quantity", "unit", "flight", "start_utc", "log"),
-        *("estimate", "low", "high", "condition", "limit", "emergency"),
+        *("estimate", "low", "high", "condition", "limit", "emergency", "highest", "end"),
     ]
     assert len(frame) == 80
     elevator = frame[frame["actuator"] == "elevator"]
@@ -410,3 +410,42 @@ def test_after_a_repair_the_trend_rests_on_the_flights_since(worn: Path) -> None
     assert whole.baseline == since.baseline
     assert whole.per_flight == since.per_flight
     assert whole.flights_left == since.flights_left
+
+
+def test_a_fault_without_an_indicator_is_told_as_analyse_told_it(run: Run, tmp_path: Path) -> None:
+    """An axis may be degraded by what no indicator shows; one that was not asked for hides no fault."""
+    rolled = verdict(actuator="roll", condition="degraded").model_copy(update={"subject": "axis"})
+    slack = verdict(shown(0.3, fault="backlash"), actuator="rudder", condition="degraded")
+    keep_assessment(flown(rolled, slack), tmp_path)
+    outcome = run("trend", tmp_path)
+    assert outcome.code == ExitCode.DEGRADED
+    assert outcome.out.splitlines()[0] == "roll and rudder: DEGRADED in the last flight (1 flight)"
+    assert "roll: degraded in the last flight." in outcome.out
+    assert [one["actuator"] for one in json.loads(run("trend", tmp_path, "--json").out)["others"]] == [
+        "roll",
+        "rudder",
+    ]
+    keep_assessment(flown(verdict(actuator="roll"), verdict(shown(0.2)), day=1), tmp_path)
+    assert run("trend", tmp_path, "--actuator", "roll").code == ExitCode.UNDECIDED
+
+
+def test_an_emergency_is_listed_with_its_highest_value_and_its_end(run: Run, tmp_path: Path) -> None:
+    """The mean of a flight in which friction grows lies below the limit that was passed."""
+    grew = verdict(shown(0.56), condition="emergency").model_copy(
+        update={
+            "friction_nm": Interval(estimate=0.93, low=0.92, high=0.94),
+            "evidence": (
+                Evidence(kind="friction", start_s=0.0, end_s=70.0, value=0.37, limit=0.375, rule="normal"),
+                Evidence(
+                    kind="friction", start_s=70.0, end_s=99.0, value=0.951, limit=0.875, rule="emergency"
+                ),
+            ),
+        }
+    )
+    keep_assessment(flown(grew), tmp_path)
+    outcome = run("trend", tmp_path)
+    assert outcome.code == ExitCode.EMERGENCY
+    told = " ".join(outcome.out.split())
+    assert "elevator: up to 0.951 N·m in the last flight, 0.93 N·m at its end; 0.56 N·m is its mean." in told
+    frame = mavhums.trend(tmp_path)
+    assert frame[["estimate", "highest", "end"]].iloc[0].tolist() == [0.56, 0.951, 0.93]

@@ -84,6 +84,8 @@ def test_campaign_writes_its_folder(
         (["flight", "-o", "x.tlog", "--fault", "rudder=jam:much"], "could not convert"),
         (["flight", "-o", "x.tlog", "--fault", "rudder=rust:1"], "no fault 'rust'"),
         (["flight", "-o", "x.tlog", "--fault", "rudder=backlash:1"], "two-mass"),
+        (["flight", "-o", "x.tlog", "--fault", "rudder=jam:10@5..4"], "not after the onset"),
+        (["flight", "-o", "x.tlog", "--friction-method", "coulomb"], "karnopp"),
         (["flight", "-o", "x.tlog", "--cyclogram", "loop"], "no cyclogram 'loop'"),
         (["flight", "-o", "x.tlog", "--channel", "rudder=17"], "output 1…16"),
         (["flight", "-o", "x.tlog", "--key", "abc"], "hexadecimal"),
@@ -115,6 +117,20 @@ def test_unwritable_file_is_one_line_and_exits_1(
     error = capsys.readouterr().err
     assert error.startswith("mavhums-sim: ")
     assert error.count("\n") == 1
+
+
+def test_friction_is_integrated_as_the_paper_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Karnopp's method counts slow motion as rest, so the two flights differ, and little."""
+    told = []
+    for method in ("impulse", "karnopp"):
+        log = tmp_path / f"{method}.tlog"
+        asked = ("--duration", "5", "--friction-method", method, "--fault", "rudder=jam:10@1..2")
+        assert run(monkeypatch, "flight", "-o", str(log), *asked) == 0
+        told.append(json.loads(log.with_suffix(".truth.json").read_text()))
+    moved = [truth["flights"][0]["actuators"]["elevator"]["moving_fraction"] for truth in told]
+    assert moved[0] != moved[1]
+    assert moved[0] == pytest.approx(moved[1], abs=0.05)
+    assert told[0]["flights"][0]["actuators"]["rudder"]["conditions"][0]["until_s"] == 2.0
 
 
 def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -208,3 +208,15 @@ def test_each_trait_of_an_individual_counts(trait: str, monkeypatch: pytest.Monk
 def test_impossible_data_sheets_are_refused(wrong: dict[str, float], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         DataSheet(**wrong)
+
+
+def test_a_fault_ends_when_it_is_told_to() -> None:
+    time_s = np.arange(0.0, 10.0, 1.0)
+    jam = Condition("jam", 10.0, 10.0, 2.0, 5.0)
+    assert jam.severity(time_s).tolist() == [0, 0, 10, 10, 10, 0, 0, 0, 0, 0]
+    assert (jam.onset, jam.truth()["until_s"]) == ("step", 5.0)
+    growing = Condition("friction", 0.0, 0.3, 2.0, 5.0)
+    assert growing.severity(time_s)[2:6] == pytest.approx([0.0, 0.1, 0.2, 0.0])
+    assert "until_s" not in Condition.step("jam", 10.0, 2.0).truth()
+    with pytest.raises(ValueError, match="not after the onset"):
+        Condition("jam", 10.0, 10.0, 5.0, 5.0)

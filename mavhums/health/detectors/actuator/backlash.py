@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from mavhums.actuator.profile import Actuator
-from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.detector import EquationDetector, Estimates, Levels, sharp
 from mavhums.health.equations.gear import LEAST_SLOTS
 from mavhums.health.least_squares import Fit
 
@@ -38,5 +38,6 @@ class Detector(EquationDetector):
         fit = fits["gear"]
         half_play, half_error = fit["flank"]
         both = fit.spread & (fit.both_ways("flank", "bias") >= LEAST_SLOTS)
-        shown = both & (2.0 * half_error < _WIDEST_DEG)
-        return Estimates.of(-2.0 * half_play, 2.0 * half_error, fit.freedom, shown)
+        play, error = -2.0 * half_play, 2.0 * half_error
+        shown = both & sharp(play, error, _WIDEST_DEG, self.levels.normal)
+        return Estimates.of(play, error, fit.freedom, shown)

@@ -17,12 +17,12 @@ from mavhums.health.detector import EquationDetector, Estimates, Levels
 from mavhums.health.detectors.actuator.torque_constant import relative_constant
 from mavhums.health.least_squares import Fit
 
-__all__ = ["Detector"]
+__all__ = ["CONTRADICTION", "FRICTIONLESS", "MIN_SAMPLES", "Detector"]
 
-_MIN_SAMPLES = 20
-_CONTRADICTION = 3.0  # standard errors below zero
+MIN_SAMPLES = 20
+CONTRADICTION = 3.0  # standard errors below zero
 _BRIEF_ERROR = 0.05  # what motion in single samples leaves out; share of the friction
-_FRICTIONLESS = 0.01  # of the normal limit: no gear turns with less
+FRICTIONLESS = 0.01  # of the normal limit: no gear turns with less
 _MODEL_ERROR = 0.02  # play, wind-up and stick-slip, which the balance leaves out; share of the normal limit
 
 
@@ -87,7 +87,7 @@ class Detector(EquationDetector):
         scale, scale_error = relative_constant(flight["voltage"], self.actuator.known_ema())
         friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
-        shown = fit.spread & (fit.count >= _MIN_SAMPLES)
-        shown &= (2 * 2 * whole_error < self._widest) & (friction > -_CONTRADICTION * error)
-        shown &= (friction + 2 * error) * scale > _FRICTIONLESS * self.actuator.known_limits().normal
+        shown = fit.spread & (fit.count >= MIN_SAMPLES)
+        shown &= (2 * 2 * whole_error < self._widest) & (friction > -CONTRADICTION * error)
+        shown &= (friction + 2 * error) * scale > FRICTIONLESS * self.actuator.known_limits().normal
         return Estimates.of(friction * scale, whole_error, fit.freedom, shown)

@@ -8,26 +8,27 @@ with the rotor, which moves through the gear's play and winds up the gear even i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import ceil
 from typing import ClassVar
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import column
 from mavhums.health.detector import Estimates, Levels, Seen
 from mavhums.health.least_squares import Fit
-from mavhums.health.slots import SENSED, SHAFT
+from mavhums.health.slots import GUARD_S, SENSED, SHAFT, Slots
 from mavhums.health.windows import Windows
 
 __all__ = ["Detector"]
 
 _V1 = column("V1")
-_STANDS = 0.9
+_STANDS = 0.8  # of healthy actuators none leaves out more than 0.15, of 1.5 N·m of friction 0.4
 _LEAST_COMMAND_DEG = 4.0
-_LASTING_S = (3.0, 10.0)
-_FOLLOWING_S = 1.0
+_PARTS = 4  # of a slot: a jam of 3 s holds 11 whole quarters of a second, whenever it begins
+_LASTING = (11, 40)  # parts: 2.75 s and 10 s
+_FOLLOWING = 4  # parts: 1 s
 _WOUND_UP_DEG = 1.5  # of a gear of 400 N·m/rad and 0.1° of play, by 5 N·m to either side
 
 Array = NDArray[np.float64]
@@ -37,7 +38,8 @@ class Detector:
     """Fraction of the commanded travel that the shaft does not follow within three seconds.
 
     If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
-    does not count, because the shaft may not have followed yet.
+    does not count, because the shaft may not have followed yet. One such window is a jam: no actuator that
+    follows leaves out most of 4°, and a jam may be over before several windows agree.
     """
 
     fault: ClassVar[str] = "jam"
@@ -46,12 +48,12 @@ class Detector:
     inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
     equations: ClassVar[tuple[str, ...]] = ()
     two_sided: ClassVar[bool] = False
+    span_s: ClassVar[float | None] = 3.0
 
     def __init__(self, actuator: Actuator, slot_s: float = 1.0) -> None:
         self.levels = Levels(_STANDS, _STANDS)
-        self._following = ceil(_FOLLOWING_S / slot_s)
-        self._lasting = [ceil(lasting_s / slot_s) for lasting_s in _LASTING_S]
-        self._windows = Windows(5, max(self._lasting), empty=np.nan)
+        self._slot_s = slot_s
+        self._windows = Windows(5, max(_LASTING), empty=-np.inf)
 
     @staticmethod
     def suits(actuator: Actuator) -> bool:
@@ -60,7 +62,8 @@ class Detector:
 
     def feed(self, seen: Seen) -> Estimates:
         """Return the fraction; undecidable if less than 4° of travel was commanded."""
-        own, start = seen.slots.values[seen.slots.judged], seen.slots.start
+        own, part = seen.slots.values[seen.slots.judged], self._parts(seen.slots)
+        start = np.flatnonzero(np.diff(part, prepend=part[0] - 1))
         extremes = np.stack(
             [
                 np.maximum.reduceat(own[:, _V1], start),
@@ -71,18 +74,36 @@ class Detector:
             ],
             axis=1,
         )
-        windows = self._windows.feed(seen.slots.index, extremes)
-        share = np.full(len(windows), np.nan)
-        for slots in self._lasting:
-            left_out = self._left_out(windows[:, -slots:])
-            share = np.where(np.isnan(share), left_out, share)
-        return Estimates.of(share, np.zeros_like(share), np.ones_like(share), np.isfinite(share))
+        windows = self._windows.feed(part[start], extremes)
+        left_out = np.full(len(windows), np.nan)
+        for parts in _LASTING:
+            share = self._left_out(windows[:, -parts:])
+            left_out = np.where(np.isnan(left_out), share, left_out)
+        slot = part[start] // _PARTS
+        most = np.fmax.reduceat(left_out, np.flatnonzero(np.diff(slot, prepend=slot[0] - 1)))
+        return Estimates.of(most, np.zeros_like(most), np.ones_like(most), np.isfinite(most))
+
+    def _parts(self, slots: Slots) -> NDArray[np.int64]:
+        """Return the part of a slot to which each judged sample belongs, counted through the flight.
+
+        A sample's slot is the one that confirms it, ``GUARD_S`` or more after it.
+        """
+        slot = np.repeat(slots.index, slots.count())
+        within = (slots.time_s[slots.judged] + GUARD_S) / self._slot_s - slot
+        part = np.clip(np.floor(within * _PARTS), 0, _PARTS - 1).astype(np.int64)
+        return np.asarray(slot * _PARTS + part)
 
     def _left_out(self, windows: Array) -> Array:
-        """Return the fraction of the commanded travel not followed; NaN if too little was commanded."""
-        commanded = windows[:, : -self._following, :2].max(axis=1).sum(axis=1)
-        travelled = windows[:, :, 2:4].max(axis=1).sum(axis=1) - windows[:, :, 4].max(axis=1)
-        enough = np.where(commanded >= _LEAST_COMMAND_DEG, commanded, np.nan)
+        """Return the fraction of the commanded travel not followed; NaN if too little was commanded.
+
+        NaN as well if no sample came for a second: the shaft may have moved and returned.
+        """
+        commanded = windows[:, :-_FOLLOWING, :2].max(axis=1).sum(axis=1)
+        wound_up = windows[:, :, 4].max(axis=1)
+        travelled = windows[:, :, 2:4].max(axis=1).sum(axis=1) - wound_up
+        empty = np.isneginf(windows[:, :, 0])
+        gap = np.any(sliding_window_view(empty, _PARTS, axis=1).all(axis=2), axis=1)
+        enough = np.where((commanded >= _LEAST_COMMAND_DEG + wound_up) & ~gap, commanded, np.nan)
         share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
         return share
 

@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, Ema
-from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.detector import EquationDetector, Estimates, Levels, sharp
 from mavhums.health.least_squares import Fit
 
-__all__ = ["Detector", "relative_constant"]
+__all__ = ["Detector", "contradicts", "relative_constant"]
 
 _WIDEST = 0.02
 _CONTRADICTION = 0.5
 _SURE = 0.1
+_TURNS = 0.05  # of the torque constant: with less, no motor overcomes the friction of its gear
 
 Array = NDArray[np.float64]
 
@@ -37,13 +38,24 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the loss; undecidable if the shaft moves too little for evidence of the back-EMF.
 
-        A loss or gain of half contradicts the data sheet: the motor is not the profile's.
+        Magnets may lose most of it. A gain of half contradicts the data sheet, and so does a shaft that turns
+        without back-EMF: the motor is not the profile's, or a sensor lies.
         """
         ema = self.actuator.known_ema()
         fit = fits["voltage"]
         constant, error = _seen(fit, ema)
-        shown = fit.spread & (error < _WIDEST) & (np.abs(1.0 - constant) < _CONTRADICTION)
+        shown = fit.spread & sharp(1.0 - constant, error, _WIDEST, self.levels.normal)
+        shown &= (constant > _TURNS) & (constant < 1.0 + _CONTRADICTION)
         return Estimates.of(1.0 - constant, error, fit.freedom, shown)
+
+
+def contradicts(voltage: Fit, ema: Ema) -> tuple[NDArray[np.bool_], Array]:
+    """Return whether the back-EMF surely departs from the data sheet by half or more, and its share of it.
+
+    Then nobody knows what torque a current is worth, and no torque balance holds.
+    """
+    shown, error = _seen(voltage, ema)
+    return (error < _SURE) & (np.abs(1.0 - shown) >= _CONTRADICTION), shown
 
 
 def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
@@ -55,7 +67,7 @@ def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
     shown, error = _seen(voltage, ema)
     known = max(ema.torque_uncertainty / 2, 1e-6)
     weight = known**2 / (known**2 + error**2)
-    contradicted = (error < _SURE) & (np.abs(1.0 - shown) >= _CONTRADICTION)
+    contradicted, _ = contradicts(voltage, ema)
     return np.where(contradicted, np.nan, 1.0 + weight * (shown - 1.0)), np.sqrt(weight) * error
 
 

@@ -1,0 +1,65 @@
+"""A jam of a few seconds is told with its beginning and its end, also when it frees itself."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from mavhums.core.quantities import column
+from mavhums_sim.conditions import Condition
+from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
+
+_V1, _V3 = column("V1"), column("V3")
+BARE = actuator_of().model_copy(update={"ema": None, "limits": None})
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 50.0])
+@pytest.mark.parametrize(
+    ("start_s", "lasting_s"), [(20.0, 3.0), (23.37, 3.0), (25.6, 4.0), (21.2, 6.0), (20.9, 8.0)]
+)
+def test_a_short_jam_is_told_with_its_beginning_and_end(
+    start_s: float, lasting_s: float, rate_hz: float
+) -> None:
+    jam = Condition("jam", 10.0, 10.0, start_s, start_s + lasting_s)
+    _, findings = watch(telemetry(flown(jam, rate_hz=rate_hz, seconds=60.0)))
+    assert (findings.condition, findings.worst) == ("normal", "emergency")
+    told = [e for e in findings.evidence if e.kind == "jam" and e.rule.startswith("emergency")]
+    assert len(told) == 1
+    assert told[0].start_s == pytest.approx(start_s, abs=1.5)
+    assert told[0].end_s == pytest.approx(start_s + lasting_s, abs=1.5)
+
+
+@pytest.mark.parametrize("phase_s", np.arange(0.0, 1.0, 0.125).tolist())
+@pytest.mark.parametrize("flown_deg", [0.1, 1.6])
+def test_three_seconds_are_enough_whenever_they_begin(phase_s: float, flown_deg: float) -> None:
+    """The shaft gives by up to a fifth of the 8° that are commanded; the profile knows nothing."""
+    time_s = np.arange(0.0, 40.0, 0.04)
+    held = (time_s >= 20.0 + phase_s) & (time_s < 23.0 + phase_s)
+    values = np.full((time_s.size, 12), np.nan)
+    command = 4.2 * np.sin(2.0 * np.pi * time_s / 1.7)
+    start = command[held][0]
+    values[:, _V1] = command
+    values[:, _V3] = np.where(held, start + flown_deg * (command - start) / 8.4, command)
+    _, findings = watch(Telemetry(time_s, values), BARE)
+    assert findings.worst == "emergency"
+
+
+def test_a_pause_of_the_link_is_no_jam() -> None:
+    """Command and shaft move and return while no sample comes."""
+    time_s = np.arange(0.0, 40.0, 0.04)
+    values = np.full((time_s.size, 12), np.nan)
+    values[:, _V1] = values[:, _V3] = 8.0 * np.sin(2.0 * time_s)
+    there = (time_s < 20.0) | (time_s > 22.2)
+    values[(time_s > 19.9) & (time_s < 22.5), _V3] = 0.0
+    _, findings = watch(Telemetry(time_s[there], values[there]), BARE)
+    assert findings.worst == "undecided"
+
+
+def test_a_jam_does_not_depend_on_the_blocks() -> None:
+    seen = telemetry(flown(Condition("jam", 10.0, 10.0, 23.4, 26.9), rate_hz=50.0))
+    whole = watch(seen)[1].evidence
+    cuts = [0, 1, 900, 1171, 1172, 1200, seen.time_s.size]
+    parts = [seen.between(a, b) for a, b in itertools.pairwise(cuts)]
+    assert watch_blocks(parts)[1].evidence == whole
