@@ -32,6 +32,7 @@ class Wear:
     inspect = "everything"
     equations = ()
     two_sided = False
+    span_s = None
 
     def __init__(self, levels: Levels | None = None, whole: Estimates | None = None) -> None:
         self.levels = levels or Levels(0.5, 1.0)
