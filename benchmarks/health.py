@@ -1,7 +1,7 @@
 """Accuracy, delay and certainty of verdicts: ``python benchmarks/health.py [SECTION…] [--scale 1.0]``.
 
-Sections: windows, flights, friction, early, alarms, growth, conditions, replay, bounds, cost; all if none is
-named.
+Sections: windows, flights, friction, early, alarms, growth, conditions, unsigned, replay, bounds, cost; all
+if none is named.
 Every flight is flown by two-mass individuals with dispersion, from seeds that training never used, at
 100 s and five flight modes in turn, unless said otherwise. ``--scale`` changes the number of flights.
 """
@@ -17,6 +17,7 @@ import numpy as np
 from _against_baseline import alarms, conditions, early, growth
 from _against_limits import flights, friction, windows
 from _fleet import ACTUATORS, MODES, flight, quantities, replayed
+from _unsigned import unsigned
 from numpy.typing import NDArray
 
 from mavhums.health import Monitor
@@ -89,6 +90,7 @@ SECTIONS: dict[str, Callable[[argparse.Namespace], Rows]] = {
     "alarms": alarms,
     "growth": growth,
     "conditions": conditions,
+    "unsigned": unsigned,
     "replay": replay,
     "bounds": bounds,
     "cost": cost,

@@ -1,8 +1,8 @@
 """Derives quantities from others and the actuator's constants (paper, section 4).
 
-Signs of magnitudes are derived first: the sign of the speed from the command, the sign of the current
-from the voltage equation |U| = |R·I + k_t·ω|, which distinguishes a driving current from an opposing
-one. An ESC at the supply bus gives only the motor's power.
+Signs of magnitudes are derived first: the sign of the speed from the command, those of current and voltage
+from the voltage equation (:mod:`~mavhums.actuator.signs`). An ESC at the supply bus gives only the
+motor's power.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.profile import Actuator, Ema
+from mavhums.actuator.signs import SIGNED_BY_VOLTAGE, CurrentSigns
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 
@@ -24,9 +25,6 @@ _RAD_S = 2 * np.pi / 60
 _DEGREES_S = 6.0
 _AGREEMENT_DEG_S = 5.0
 _MAX_STEP_US = 500_000
-_STEP_A = 0.01  # of ESC_TELEMETRY's current, which in the winding is a quarter of a volt
-_MISFIT_V = 0.5  # sampling and quantisation
-_MISFIT_SHARE = 0.3  # an aged winding or magnet
 
 Array = NDArray[np.float64]
 
@@ -60,6 +58,7 @@ class Deriver:
         self.dropped: set[str] = set()
         self._actuator = actuator
         self._turned = np.full(3, np.nan)
+        self._signs: CurrentSigns | None = None
 
     def complete(self, aligned: Aligned) -> Array:
         """Return V1…V12 of shape (n, 12), including the derived values."""
@@ -74,7 +73,7 @@ class Deriver:
             if self._actuator.esc_side == "bus":
                 self._from_bus(values, signed=aligned.signed)
             elif not aligned.signed:
-                self._sign_current(values)
+                self._sign_current(aligned, values)
         if aligned.tier == "csrv":
             self._turn_back(values)
         self._fill(values)
@@ -99,26 +98,11 @@ class Deriver:
         values[:, _V7] = np.where(values[:, _V7] == 0, 0.0, signed)
         self.derived["V7"] = "magnitude from {V7}, sign of the command's rate"
 
-    def _sign_current(self, values: Array) -> None:
-        """Give V5 and V4 the signs that satisfy the voltage equation best.
-
-        They stay unknown where neither sign satisfies it, and where the distinguishing back-EMF is less
-        than the voltage of one step of the current's resolution.
-        """
-        ema = self._actuator.known_ema()
-        drop = ema.resistance * values[:, _V5]
-        back_emf = ema.torque_constant * np.abs(values[:, _V7]) * _RAD_S
-        driving = np.abs(values[:, _V4] - (back_emf + drop))
-        opposing = np.abs(values[:, _V4] - np.abs(back_emf - drop))
-        misfit = np.minimum(driving, opposing)
-        allowed = _MISFIT_V + _MISFIT_SHARE * np.maximum(back_emf, drop)
-        along = np.where(driving <= opposing, 1.0, -1.0) * np.sign(values[:, _V7])
-        accepted = (misfit <= allowed) & (back_emf > ema.resistance * _STEP_A)
-        values[:, _V5] *= np.where(accepted, along, np.nan)
-        volts = ema.resistance * values[:, _V5] + ema.torque_constant * values[:, _V7] * _RAD_S
-        values[:, _V4] *= np.sign(volts)
-        self.derived["V5"] = "magnitude from {V5}, sign from the voltage equation"
-        self.derived["V4"] = "magnitude from {V4}, sign from the voltage equation"
+    def _sign_current(self, aligned: Aligned, values: Array) -> None:
+        """Give V5 and V4 the signs of the voltage equation; NaN where it does not tell them."""
+        self._signs = self._signs or CurrentSigns(self._actuator)
+        self._signs.complete(aligned.utc_us, values, aligned.values[:, _V7])
+        self.derived |= {key: f"magnitude from {{{key}}}, {SIGNED_BY_VOLTAGE}" for key in ("V4", "V5")}
 
     def _from_bus(self, values: Array, *, signed: bool) -> None:
         """Replace the bus's voltage and current by the motor's power, the only motor quantity they determine.

@@ -14,7 +14,7 @@ from mavhums.health.flight_record import Estimate
 from mavhums.health.rules import Quantity, drift_rule
 from mavhums.report.assessment import Evidence, Suspect
 
-__all__ = ["Described", "drift_evidence", "in_order", "ranked", "suspected"]
+__all__ = ["Described", "concludes", "drift_evidence", "in_order", "ranked", "suspected"]
 
 
 class Described(Quantity, Protocol):
@@ -27,6 +27,16 @@ class Described(Quantity, Protocol):
     @property
     def two_sided(self) -> bool:
         """Whether the quantity is normal near zero, and not below a value."""
+
+
+def concludes(windows: int, friction_windows: int) -> bool:
+    """Return whether a finished flight as a whole may decide on a quantity, given the windows that show it.
+
+    What no window shows the whole flight may show, as play that the load seldom crosses, if the actuator was
+    judged at all: if windows show its friction. The friction itself needs such windows. Samples too few or
+    too doubtful for any window do not become evidence by their number.
+    """
+    return bool(windows or friction_windows)
 
 
 def drift_evidence(

@@ -87,6 +87,11 @@ class IndicatorTracker:
         self._recorded = recorded
 
     @property
+    def judged(self) -> int:
+        """Number of windows that show the quantity and do not overlap."""
+        return self.variance.count
+
+    @property
     def condition(self) -> Condition:
         """Condition according to the limits, or at least degraded after a shift from the baseline."""
         return held(self.decision.condition, self.drift.alarm if self.drift else None)

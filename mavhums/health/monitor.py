@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
-from mavhums.core.conditions import Condition
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.detector import Seen, detectors_for
 from mavhums.health.events import ConditionChanged, Indication, Window
-from mavhums.health.findings_parts import in_order, ranked
+from mavhums.health.findings_parts import concludes, in_order, ranked
 from mavhums.health.fits import Fits
 from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.holding import Change, Holding
@@ -174,11 +174,14 @@ class Monitor:
             return
         whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
         self._concluded_s = start_s
+        friction = self._trackers.get("friction")
+        judged = friction.judged if friction else 0
         concluded = [
-            (fault, tracker.conclude(whole, start_s, end_s)) for fault, tracker in self._trackers.items()
+            (fault, tracker.conclude(whole, start_s, end_s))
+            for fault, tracker in self._trackers.items()
+            if concludes(tracker.judged, judged)
         ]
         yield from self._changed([(fault, change) for fault, change in concluded if change], end_s)
-        friction = self._trackers.get("friction")
         self._friction = (friction and friction.concluded) or self._friction
 
     @property
@@ -206,7 +209,7 @@ class Monitor:
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
-                decidable=self._decidable,
+                decidable=max([self._decidable, *(t.judged for t in trackers if _is_faulty(t.condition))]),
                 late=self._cutter.late,
             ),
             last_s=self._latest_s,
@@ -274,6 +277,7 @@ class Monitor:
             for change in self._trackers[fault].feed(look, end_s):
                 changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
+        self._count_decidable(looks.values(), friction)
         voted = outcomes(self._networks, votes[whole].astype(np.int64))
         for k, (end, fraction, vote) in enumerate(
             zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
@@ -299,6 +303,11 @@ class Monitor:
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
         return moving / samples, self._votes.feed(slots.index, ballots)
 
+    def _count_decidable(self, looks: Iterable[Look], friction: Mapping[int, Interval]) -> None:
+        """Count the windows on which a condition can rest: those that show the friction, or a fault."""
+        faulty = np.any([look.severity > SEVERITY["normal"] for look in looks], axis=0)
+        self._decidable += len(friction.keys() | set(np.flatnonzero(faulty).tolist()))
+
     def _indicate(self, fault: str, look: Look, end_s: Array) -> Iterator[Indication]:
         shown = np.isfinite(look.own.value)
         if shown.any():
@@ -317,7 +326,6 @@ class Monitor:
     def _window(self, end_s: float, moving: float, friction: Interval | None, vote: Outcome | None) -> Window:
         self._windows += 1
         if friction is not None:
-            self._decidable += 1
             self._friction = friction
         if vote is not None:
             self._vote = end_s, vote
@@ -331,6 +339,10 @@ class Monitor:
             p_emergency=vote.p_emergency if vote else None,
             condition=self._held.condition,
         )
+
+
+def _is_faulty(condition: Condition) -> bool:
+    return SEVERITY[condition] > SEVERITY["normal"]
 
 
 def _intervals(look: Look) -> dict[int, Interval]:

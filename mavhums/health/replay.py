@@ -15,7 +15,7 @@ from typing import NamedTuple
 from mavhums.core.conditions import Condition
 from mavhums.health.baseline import Baseline
 from mavhums.health.drift import Drift, Shift, held, held_since
-from mavhums.health.findings_parts import drift_evidence, in_order, ranked, suspected
+from mavhums.health.findings_parts import concludes, drift_evidence, in_order, ranked, suspected
 from mavhums.health.flight_record import ActuatorRecord, FaultRecord
 from mavhums.health.holding import Change, Holding
 from mavhums.health.rules import drift_rule, limit_rule
@@ -54,7 +54,12 @@ def replay(
     for _, place, said in sorted(changes, key=lambda each: each[:2]):
         holding.take(record.faults[place].fault, said)
     if record.concluded_s is not None:
-        concluded = [(trace.fault.fault, trace.conclude(record.concluded_s)) for trace in traces]
+        judged = next((len(fault.windows) for fault in record.faults if fault.fault == "friction"), 0)
+        concluded = [
+            (trace.fault.fault, trace.conclude(record.concluded_s))
+            for trace in traces
+            if concludes(len(trace.fault.windows), judged)
+        ]
         for fault, change in concluded:
             if change is not None:
                 holding.take(fault, change)
@@ -70,6 +75,7 @@ def replay(
             evidence=in_order(evidence, record.vote, holding.condition, record.window_s),
             baselines=intervals,
             last_s=record.end_s,
+            decidable=max([0, *(len(trace.fault.windows) for trace in traces if trace.alarm)]),
         ),
         start_utc=start_utc,
         end_s=end_s,
@@ -106,7 +112,7 @@ class _Trace:
             for event in together:
                 self._take(event)
             if self._condition != before:
-                since_s = held_since(self._decided, self._decided_s, self._alarm)
+                since_s = held_since(self._decided, self._decided_s, self.alarm)
                 yield end_s, Change(0, self._condition, since_s or 0.0, self._rule())
 
     def conclude(self, start_s: float) -> Change | None:
@@ -123,25 +129,26 @@ class _Trace:
 
     def suspect(self) -> Suspect | None:
         """Return the suspected fault, if there is one."""
-        return suspected(self.fault, self._decided, self._latest, self._alarm)
+        return suspected(self.fault, self._decided, self._latest, self.alarm)
 
     def evidence(self) -> Iterator[Evidence]:
         """Yield the evidence according to the limits, and the shift from the baseline if it alarmed."""
         yield from self.fault.evidence
-        if self.drift is not None and self._alarm is not None:
+        if self.drift is not None and self.alarm is not None:
             windows, length_s = self.fault.windows, self.record.window_s
-            last_s = windows[-1].end_s + length_s - length_s if windows else self._alarm.since_s
+            last_s = windows[-1].end_s + length_s - length_s if windows else self.alarm.since_s
             yield drift_evidence(
-                self.fault, self.drift.baseline, self._alarm, last_s, self.record.false_alarms
+                self.fault, self.drift.baseline, self.alarm, last_s, self.record.false_alarms
             )
 
     @property
-    def _alarm(self) -> Shift | None:
+    def alarm(self) -> Shift | None:
+        """The shift from the baseline, if it alarmed."""
         return self.drift.alarm if self.drift else None
 
     @property
     def _condition(self) -> Condition:
-        return held(self._decided, self._alarm)
+        return held(self._decided, self.alarm)
 
     def _take(self, event: _Event) -> None:
         if event.order:
@@ -154,6 +161,6 @@ class _Trace:
     def _rule(self) -> str:
         """Return the reason for the condition as text."""
         condition, alarms = self._condition, self.record.false_alarms
-        if condition != self._decided and self.drift is not None and self._alarm is not None:
-            return drift_rule(self.fault, self.drift.baseline, self._alarm, alarms)
+        if condition != self._decided and self.drift is not None and self.alarm is not None:
+            return drift_rule(self.fault, self.drift.baseline, self.alarm, alarms)
         return limit_rule(self.fault, condition, alarms)

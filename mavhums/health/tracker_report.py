@@ -55,7 +55,7 @@ def suspect_of(tracker: IndicatorTracker) -> Suspect | None:
 def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indicator | None:
     """Return the quantity over the whole flight; None if the flight has no evidence for it."""
     overall = tracker.detector.overall(flight)
-    if overall is None or not np.isfinite(overall.value[0]) or not tracker.variance.count:
+    if overall is None or not np.isfinite(overall.value[0]) or not tracker.judged:
         return None
     value = float(overall.value[0])
     half = float(stdtrit(overall.freedom[0], 0.975) * overall.error[0])
@@ -64,7 +64,7 @@ def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indica
         quantity=tracker.detector.quantity,
         unit=tracker.detector.unit,
         value=Interval(estimate=value, low=value - half, high=value + half),
-        windows=tracker.variance.count,
+        windows=tracker.judged,
         scatter=tracker.variance.deviation,
         limit=tracker.detector.levels.normal,
         emergency=tracker.detector.levels.emergency,

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
 from mavhums.actuator.profile import FILL_IN, Actuator
+from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.monitor import WINDOW_S, Findings
@@ -33,7 +34,8 @@ _MOSTLY = 0.1
 class Held(NamedTuple):
     """Findings about an actuator in comparison with its own baseline, unrounded.
 
-    ``baselines`` are by fault; the other fields are those of :class:`mavhums.health.monitor.Findings`.
+    ``baselines`` are by fault; ``decidable`` is the number of windows that show what left its baseline. The
+    other fields are those of :class:`mavhums.health.monitor.Findings`.
     """
 
     condition: Condition
@@ -43,6 +45,7 @@ class Held(NamedTuple):
     evidence: tuple[Evidence, ...]
     baselines: Mapping[str, Interval]
     last_s: float
+    decidable: int
 
 
 def judged(
@@ -104,6 +107,7 @@ def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_
     ``end_s`` is the end of the log, in flight time.
     """
     silent = _is_silent(found.last_s, end_s)
+    decidable = max(verdict.coverage.decidable, found.decidable)
     reason, remedy = verdict.reason, verdict.remedy
     if found.condition != "undecided":
         reason, remedy = _silence(found.last_s, end_s, found.condition) if silent else (None, None)
@@ -112,6 +116,7 @@ def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_
             "condition": "undecided" if silent else found.condition,
             "worst": found.worst,
             "suspects": _rounded_suspects(found.suspects),
+            "coverage": verdict.coverage.model_copy(update={"decidable": decidable}),
             "since": _since(None if silent else found.since_s, start_utc),
             "evidence": tuple(_rounded_evidence(evidence) for evidence in found.evidence),
             "indicators": tuple(
@@ -265,6 +270,13 @@ def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str,
         return findings.no_friction
     if actuator.blanks:
         return f"the profile has no {', no '.join(actuator.blanks)}", FILL_IN
+    if coverage.decidable == 0 and provenance.get("V5", "").endswith(SIGNED_BY_VOLTAGE):
+        share = f"{100 * coverage.moving_fraction:.0f} %"
+        return (
+            f"the actuator moves in {share} of the samples, too slowly to show friction: in slow motion the "
+            "magnitudes that the ESC sends do not tell a driving current from a braking one",
+            "analyse a flight in which the surface moves faster, or send signed values (ESC_STATUS)",
+        )
     return (
         f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",
         "analyse a longer flight",

@@ -29,6 +29,8 @@ def gusts(rng: np.random.Generator, time: Array, low_hz: float, high_hz: float, 
 
 
 def held(demand: Array, threshold: float) -> Array:
-    """Return the demand after an autopilot's dead band: in steps of ``threshold``."""
+    """Return the demand after an autopilot's dead band: in steps of ``threshold``; as it is if that is 0."""
+    if threshold == 0.0:
+        return demand
     stairs: Array = np.round(demand / threshold) * threshold
     return stairs

@@ -15,14 +15,15 @@ from mavhums_sim._signals import gusts, held, ramp
 from mavhums_sim.cyclogram import SURFACES, Cyclogram, takeoff
 from mavhums_sim.motion import CONTROL_PERIOD_S
 
-__all__ = ["CYCLOGRAMS", "cruise", "gusty", "landing", "preflight", "turns"]
+__all__ = ["CYCLOGRAMS", "DEAD_BAND_DEG", "cruise", "gusty", "landing", "preflight", "turns"]
 
 Array = NDArray[np.float64]
 
-_DEAD_BAND_DEG = 0.4
+DEAD_BAND_DEG = 0.4
+"""Default step of the commands: an autopilot's. One of a servo pulse (1 µs) is 0.12°; 0 is smooth."""
 
 
-def preflight(seed: int, duration_s: float = 100.0) -> Cyclogram:
+def preflight(seed: int, duration_s: float = 100.0, dead_band_deg: float = DEAD_BAND_DEG) -> Cyclogram:
     """Return the pre-flight check: the aircraft stands, and each surface in turn moves to full deflection.
 
     Each surface moves twice to either side at 10…15 °/s, with rests in between; the others stand still.
@@ -42,10 +43,10 @@ def preflight(seed: int, duration_s: float = 100.0) -> Cyclogram:
         levels = travel * np.array([0, 1, 1, -1, -1, 1, 1, -1, -1, 0])
         degrees[SURFACES[index]] = np.interp(time, corners, levels)
     still = dict.fromkeys(SURFACES, zero)
-    return _flown("preflight", time, degrees, zero, still, zero, zero, zero + np.pi / 2)
+    return _flown("preflight", dead_band_deg, time, degrees, zero, still, zero, zero, zero + np.pi / 2)
 
 
-def cruise(seed: int, duration_s: float = 100.0) -> Cyclogram:
+def cruise(seed: int, duration_s: float = 100.0, dead_band_deg: float = DEAD_BAND_DEG) -> Cyclogram:
     """Return level flight at 28 m/s in light turbulence: small corrections, long rests."""
     rng, time = _begin(seed, duration_s)
     airspeed = 28.0 + 0.5 * gusts(rng, time, 0.05, 0.5)
@@ -57,10 +58,10 @@ def cruise(seed: int, duration_s: float = 100.0) -> Cyclogram:
     degrees = {s: 1.2 * gusts(rng, time, 0.05, 0.4) for s in SURFACES}
     degrees["elevator"] = degrees["elevator"] - 3.0
     incidence = _incidence(rng, time, 3.0 + 0.0 * time, 1.0)
-    return _flown("cruise", time, degrees, airspeed, incidence, roll, pitch, yaw)
+    return _flown("cruise", dead_band_deg, time, degrees, airspeed, incidence, roll, pitch, yaw)
 
 
-def turns(seed: int, duration_s: float = 100.0) -> Cyclogram:
+def turns(seed: int, duration_s: float = 100.0, dead_band_deg: float = DEAD_BAND_DEG) -> Cyclogram:
     """Return steep coordinated turns to alternating sides at 30 m/s, with a bank of 40…50°."""
     rng, time = _begin(seed, duration_s)
     starts = np.arange(0.05, 0.9, 0.15) + rng.uniform(-0.01, 0.01, 6)
@@ -80,10 +81,12 @@ def turns(seed: int, duration_s: float = 100.0) -> Cyclogram:
     degrees["rudder"] = degrees["rudder"] + 0.15 * roll_rate + 0.08 * bank
     incidence = _incidence(rng, time, 4.0 * load_factor, 1.5)
     yaw = np.pi / 2 + np.cumsum(9.81 / airspeed * np.tan(np.radians(bank))) * CONTROL_PERIOD_S
-    return _flown("turns", time, degrees, airspeed, incidence, np.radians(bank), 0.0 * bank + 0.05, yaw)
+    return _flown(
+        "turns", dead_band_deg, time, degrees, airspeed, incidence, np.radians(bank), 0.0 * bank + 0.05, yaw
+    )
 
 
-def gusty(seed: int, duration_s: float = 100.0) -> Cyclogram:
+def gusty(seed: int, duration_s: float = 100.0, dead_band_deg: float = DEAD_BAND_DEG) -> Cyclogram:
     """Return flight at 26 m/s through heavy gusts: large, fast, continuous corrections."""
     rng, time = _begin(seed, duration_s)
     airspeed = 26.0 + 2.5 * gusts(rng, time, 0.1, 1.5)
@@ -91,10 +94,10 @@ def gusty(seed: int, duration_s: float = 100.0) -> Cyclogram:
     yaw = np.radians(90.0 + 8.0 * gusts(rng, time, 0.02, 0.1))
     degrees = {s: 7.0 * gusts(rng, time, 0.15, 1.5) for s in SURFACES}
     incidence = _incidence(rng, time, 4.0 + 0.0 * time, 5.0)
-    return _flown("gusts", time, degrees, airspeed, incidence, roll, 0.3 * pitch, yaw)
+    return _flown("gusts", dead_band_deg, time, degrees, airspeed, incidence, roll, 0.3 * pitch, yaw)
 
 
-def landing(seed: int, duration_s: float = 100.0) -> Cyclogram:
+def landing(seed: int, duration_s: float = 100.0, dead_band_deg: float = DEAD_BAND_DEG) -> Cyclogram:
     """Return an approach at 20 m/s, flare, touch-down and roll-out to standstill."""
     rng, time = _begin(seed, duration_s)
     phase = time / duration_s
@@ -107,10 +110,10 @@ def landing(seed: int, duration_s: float = 100.0) -> Cyclogram:
     degrees = {s: 5.0 * gusts(rng, time, 0.1, 0.8) * active for s in SURFACES}
     degrees["elevator"] = degrees["elevator"] - (6.0 + 10.0 * flare) * (1.0 - stopped)
     incidence = _incidence(rng, time, 6.0 + 4.0 * flare, 2.0)
-    return _flown("landing", time, degrees, airspeed, incidence, roll, pitch, yaw)
+    return _flown("landing", dead_band_deg, time, degrees, airspeed, incidence, roll, pitch, yaw)
 
 
-CYCLOGRAMS: dict[str, Callable[[int, float], Cyclogram]] = {
+CYCLOGRAMS: dict[str, Callable[..., Cyclogram]] = {
     "preflight": preflight,
     "takeoff": takeoff,
     "cruise": cruise,
@@ -135,6 +138,7 @@ def _incidence(rng: np.random.Generator, time: Array, mean: Array, gust_deg: flo
 
 def _flown(
     name: str,
+    dead_band_deg: float,
     time: Array,
     degrees: dict[str, Array],
     airspeed: Array,
@@ -144,7 +148,7 @@ def _flown(
     yaw: Array,
 ) -> Cyclogram:
     """Complete a cyclogram: dead band, travel limits, opposed ailerons, and altitude from pitch."""
-    commands = {s: np.radians(np.clip(held(degrees[s], _DEAD_BAND_DEG), -25.0, 25.0)) for s in SURFACES}
+    commands = {s: np.radians(np.clip(held(degrees[s], dead_band_deg), -25.0, 25.0)) for s in SURFACES}
     if name != "preflight":
         commands["aileron_right"] = -commands["aileron_left"]
     climbed = np.cumsum(airspeed * np.sin(pitch)) * CONTROL_PERIOD_S
