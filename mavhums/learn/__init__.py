@@ -17,7 +17,15 @@ if TYPE_CHECKING:
     from mavhums.learn.ensemble import TanhNetworkEnsemble
     from mavhums.learn.inference import Network, TanhNetwork
     from mavhums.learn.leakage import CommandLeak, CommandLeakWarning, check_command
-    from mavhums.learn.model import Model, ModelError, default_model, load_model, packaged_models, save_model
+    from mavhums.learn.model import (
+        Answers,
+        Model,
+        ModelError,
+        default_model,
+        load_model,
+        packaged_models,
+        save_model,
+    )
     from mavhums.learn.network import TanhNetworkClassifier
     from mavhums.learn.precedents import Precedent, PrecedentBase, PrecedentError, Provenance
     from mavhums.learn.ranking import ChiSquareRanking
@@ -29,6 +37,7 @@ if TYPE_CHECKING:
     from mavhums.learn.wrapper import NetworkSubsetSelector, network_objective
 
 __all__ = [
+    "Answers",
     "Calibration",
     "Candidate",
     "Card",
@@ -76,7 +85,15 @@ _MODULES = {
     "ensemble": ("TanhNetworkEnsemble",),
     "inference": ("Network", "TanhNetwork"),
     "leakage": ("CommandLeak", "CommandLeakWarning", "check_command"),
-    "model": ("Model", "ModelError", "default_model", "load_model", "packaged_models", "save_model"),
+    "model": (
+        "Answers",
+        "Model",
+        "ModelError",
+        "default_model",
+        "load_model",
+        "packaged_models",
+        "save_model",
+    ),
     "network": ("TanhNetworkClassifier",),
     "precedents": ("Precedent", "PrecedentBase", "PrecedentError", "Provenance"),
     "ranking": ("ChiSquareRanking",),

@@ -5,15 +5,23 @@ from __future__ import annotations
 from math import tanh
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, JsonValue
+from pydantic import AfterValidator, Field, JsonValue
 
 from mavhums.core.models import Contract
 
-__all__ = ["FORMAT", "Calibration", "Card", "Selection"]
+__all__ = ["CLASSES", "FORMAT", "Calibration", "Card", "Selection"]
 
 FORMAT: Final = "mavhums.model/1"
+CLASSES: Final = ("normal", "emergency")
+"""The paper's two classes, by rising severity."""
 
 _Text = Annotated[str, Field(min_length=1)]
+
+
+def _told_apart(classes: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(classes)) != len(classes) or not set(CLASSES) <= set(classes):
+        raise ValueError("classes must be distinct, normal and emergency among them")
+    return classes
 
 
 class Selection(Contract):
@@ -80,6 +88,8 @@ class Card(Contract):
         Name of the profile whose actuators the model was trained for; it is applied to no others.
     features
         Keys of the network's inputs, in order.
+    classes
+        The conditions that the network tells apart, in the order of its probabilities.
     tier
         Telemetry tier of the training data.
     conditions
@@ -102,6 +112,7 @@ class Card(Contract):
     name: _Text
     airframe: _Text
     features: Annotated[tuple[_Text, ...], Field(min_length=1)]
+    classes: Annotated[tuple[_Text, ...], AfterValidator(_told_apart)] = CLASSES
     tier: _Text
     conditions: dict[str, JsonValue] = {}
     metrics: dict[str, float] = {}
