@@ -12,7 +12,8 @@ from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.learn.calibration import brier_score, calibrate, expected_calibration_error
-    from mavhums.learn.card import Calibration, Card, Selection
+    from mavhums.learn.card import Calibration, Card
+    from mavhums.learn.chain import Scheme, select_features
     from mavhums.learn.dependence import Dependence, RegressionRedundancyFilter
     from mavhums.learn.ensemble import TanhNetworkEnsemble
     from mavhums.learn.inference import Network, TanhNetwork
@@ -31,9 +32,10 @@ if TYPE_CHECKING:
     from mavhums.learn.ranking import ChiSquareRanking
     from mavhums.learn.redundancy import PairwiseRedundancyFilter
     from mavhums.learn.regression import NonlinearRegression
+    from mavhums.learn.selection import Selection
     from mavhums.learn.subsets import SubsetSearch, exhaustive_search, genetic_search
     from mavhums.learn.thinning import VectorThinning
-    from mavhums.learn.training import Candidate, TrainingResult, select_features, train_network
+    from mavhums.learn.training import Candidate, TrainingResult, train_network
     from mavhums.learn.wrapper import NetworkSubsetSelector, network_objective
 
 __all__ = [
@@ -56,6 +58,7 @@ __all__ = [
     "PrecedentError",
     "Provenance",
     "RegressionRedundancyFilter",
+    "Scheme",
     "Selection",
     "SubsetSearch",
     "TanhNetwork",
@@ -80,7 +83,8 @@ __all__ = [
 
 _MODULES = {
     "calibration": ("brier_score", "calibrate", "expected_calibration_error"),
-    "card": ("Calibration", "Card", "Selection"),
+    "card": ("Calibration", "Card"),
+    "chain": ("Scheme", "select_features"),
     "dependence": ("Dependence", "RegressionRedundancyFilter"),
     "ensemble": ("TanhNetworkEnsemble",),
     "inference": ("Network", "TanhNetwork"),
@@ -99,9 +103,10 @@ _MODULES = {
     "ranking": ("ChiSquareRanking",),
     "redundancy": ("PairwiseRedundancyFilter",),
     "regression": ("NonlinearRegression",),
+    "selection": ("Selection",),
     "subsets": ("SubsetSearch", "exhaustive_search", "genetic_search"),
     "thinning": ("VectorThinning",),
-    "training": ("Candidate", "TrainingResult", "select_features", "train_network"),
+    "training": ("Candidate", "TrainingResult", "train_network"),
     "wrapper": ("NetworkSubsetSelector", "network_objective"),
 }
 __getattr__, __dir__ = lazy_exports(

@@ -8,6 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import AfterValidator, Field, JsonValue
 
 from mavhums.core.models import Contract
+from mavhums.learn.selection import Selection
 
 __all__ = ["CLASSES", "FORMAT", "Calibration", "Card", "Selection"]
 
@@ -22,27 +23,6 @@ def _told_apart(classes: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(classes)) != len(classes) or not set(CLASSES) <= set(classes):
         raise ValueError("classes must be distinct, normal and emergency among them")
     return classes
-
-
-class Selection(Contract):
-    """Result of the two stages of feature selection (paper, section 3, figure 15).
-
-    Attributes
-    ----------
-    chi_square
-        Statistic of each quantity, by key.
-    p_values
-        Of those statistics, by key.
-    groups
-        Keys that explain one another; a constant quantity is in none.
-    selected
-        The quantity of each group with the largest statistic, in the order V1…V12.
-    """
-
-    chi_square: dict[str, float]
-    p_values: dict[str, float]
-    groups: tuple[tuple[str, ...], ...]
-    selected: tuple[str, ...]
 
 
 class Calibration(Contract):
