@@ -63,7 +63,7 @@ _BASE = click.option(
 )
 @click.option(
     "--r2",
-    default=0.99,
+    default=0.999,
     show_default=True,
     type=click.FloatRange(0, 1, min_open=True),
     help="R² from which a filter drops a quantity that others explain.",
@@ -148,9 +148,19 @@ def precedents() -> None:
 @_BASE
 @click.option("--actuator", "names", multiple=True, metavar="NAME", help="Only this one; can be repeated.")
 @AIRFRAME
-@click.option("--simulated", is_flag=True, help="The log is of a simulator, not of an aircraft.")
+@click.option(
+    "--simulated/--flown",
+    default=None,
+    help="Whether the log is of a simulator or of an aircraft. Default: flown, but simulated if its board is"
+    " that of mavhums-sim.",
+)
 def add_precedent(
-    log: Path, label: Label, folder: Path, names: tuple[str, ...], airframe: str | None, simulated: bool
+    log: Path,
+    label: Label,
+    folder: Path,
+    names: tuple[str, ...],
+    airframe: str | None,
+    simulated: bool | None,
 ) -> None:
     """Add the actuators of LOG, in a condition that an inspection has established, to the base DIR."""
     from mavhums.actuator.profile import load_airframe
@@ -164,11 +174,12 @@ def add_precedent(
             label=label,
             actuators=names,
             airframe=load_airframe(airframe) if airframe else None,
-            origin="simulated" if simulated else "flown",
+            origin=None if simulated is None else "simulated" if simulated else "flown",
             progress=progress,
         )
     for precedent in added:
-        say(f"{precedent.path}: {precedent.provenance.actuator}, {label}, {precedent.samples} samples")
+        said = precedent.provenance
+        say(f"{precedent.path}: {said.actuator}, {label}, {said.origin}, {precedent.samples} samples")
 
 
 @precedents.command("list")

@@ -86,7 +86,7 @@ class Scheme:
     select: Select = "algorithm-1"
     functions: tuple[str, ...] = ("x",)
     order: int = 2
-    r2: float = 0.99
+    r2: float = 0.999
     vectors: int | None = 4000
     networks: int = 50
     hidden: tuple[int, ...] = field(default=tuple(range(4, 17)))

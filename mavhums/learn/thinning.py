@@ -147,7 +147,7 @@ class VectorThinning(Classified):
         nearest = pairwise_distances_argmin(clusters.cluster_centers_, scaled, metric=self.metric)
         chosen = np.unique(nearest)
         stands_for = pairwise_distances_argmin(scaled, scaled[chosen], metric=self.metric)
-        return chosen, np.bincount(stands_for, weights=counts, minlength=len(chosen))
+        return chosen, np.bincount(stands_for, weights=counts, minlength=len(chosen)).astype(np.float64)
 
     def _drawn(
         self,

@@ -16,9 +16,9 @@ PUBLIC = {
     "Dependence", "Model", "ModelError", "Network", "NetworkSubsetSelector", "NonlinearRegression",
     "PairwiseRedundancyFilter", "Precedent", "PrecedentBase", "PrecedentError", "Provenance",
     "RegressionRedundancyFilter", "Scheme", "Selection", "SubsetSearch", "TanhNetwork",
-    "TanhNetworkClassifier", "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "brier_score", "calibrate",
-    "check_command", "default_model", "exhaustive_search", "expected_calibration_error", "genetic_search",
-    "load_model", "network_objective", "packaged_models", "save_model", "select_features",
+    "TanhNetworkClassifier", "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "brier_score",
+    "calibrate", "check_command", "default_model", "exhaustive_search", "expected_calibration_error",
+    "genetic_search", "load_model", "network_objective", "packaged_models", "save_model", "select_features",
     "train_network",
 }  # fmt: skip
 
