@@ -55,7 +55,7 @@ def _selection(card: Card, console: Console) -> None:
     selection = card.selection
     groups = {key: k for k, group in enumerate(selection.groups, 1) for key in group}
     table = Table(
-        title="Stage 1: chi-square of each quantity, and stage 2: groups that explain one another",
+        title="Stages 1 and 2: chi-square, and groups that explain one another",
         title_justify="left",
         box=None,
         pad_edge=False,
@@ -86,7 +86,7 @@ def _selection(card: Card, console: Console) -> None:
 def _fate(card: Card, key: str) -> str:
     if key in card.features:
         return "input"
-    return "kept by the filter, dropped by the wrapper" if key in card.selection.selected else ""
+    return "wrapper drops it" if key in card.selection.selected else ""
 
 
 def _words(name: str) -> str:
