@@ -262,7 +262,8 @@ def search_subsets(
     whole = np.ones((1, features), dtype=bool)
     best = search.subsets[np.argsort(-search.scores, kind="stable")[:_SHORTLIST]]
     shortlist = np.unique(np.concatenate([whole, best]), axis=0)
-    scores = np.mean(
+    # The best of several seeds: a network that started badly says nothing about its inputs.
+    scores = np.max(
         [
             network_objective(
                 (vectors.features, vectors.emergency),
