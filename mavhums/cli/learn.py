@@ -12,6 +12,7 @@ from mavhums.cli.output import say
 from mavhums.cli.progress import reading, steps
 
 if TYPE_CHECKING:
+    from mavhums.learn.chain import Select
     from mavhums.learn.precedents import Label
 
 __all__ = ["precedents", "study", "train"]
@@ -37,9 +38,45 @@ _BASE = click.option(
     type=click.Choice(["instrumented", "without-load", "esc"]),
     help="Telemetry that the model is for: all of V1-V12, without V11 and V12, or of the ESCs.",
 )
-@click.option("--flights", default=12, show_default=True, type=click.IntRange(1), help="Flights per class.")
+@click.option("--flights", default=24, show_default=True, type=click.IntRange(1), help="Flights per class.")
 @click.option(
-    "--networks", default=10, show_default=True, type=click.IntRange(1), help="Networks to choose from."
+    "--select",
+    default="algorithm-1",
+    show_default=True,
+    type=click.Choice(["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]),
+    help="What chooses the inputs: a filter, then a search of the subsets of what it keeps; or the search of"
+    " all subsets, or of some by a genetic algorithm, without a filter; or nothing.",
+)
+@click.option(
+    "--functions",
+    default="x",
+    show_default=True,
+    metavar="NAME,...",
+    help="Elementary functions of Algorithm 1: x, abs, sign, square, sqrt, sin.",
+)
+@click.option(
+    "--order",
+    default=2,
+    show_default=True,
+    type=click.IntRange(1, 6),
+    help="How many functions form a product of Algorithm 1; the degree for --select pairwise.",
+)
+@click.option(
+    "--r2",
+    default=0.999,
+    show_default=True,
+    type=click.FloatRange(0, 1, min_open=True),
+    help="R² from which a filter drops a quantity that others explain.",
+)
+@click.option(
+    "--vectors",
+    default=4000,
+    show_default=True,
+    type=click.IntRange(0),
+    help="How many vectors represent the training samples; 0 trains on all.",
+)
+@click.option(
+    "--networks", default=50, show_default=True, type=click.IntRange(1), help="Networks to choose from."
 )
 @click.option("--seed", default=1, show_default=True, type=int, help="Makes the model repeatable.")
 @click.option("--precedents", type=PATH, metavar="DIR", help="Flights that supplement the simulation.")
@@ -55,6 +92,11 @@ def train(
     airframe: str,
     tier: str,
     flights: int,
+    select: Select,
+    functions: str,
+    order: int,
+    r2: float,
+    vectors: int,
     networks: int,
     seed: int,
     precedents: Path | None,
@@ -63,31 +105,34 @@ def train(
 ) -> None:
     """Train a model for an airframe's actuators on simulated flights, and write it to MODEL.
 
-    Training flies each class in the simulator, selects features by chi-square and regression,
-    trains several networks, chooses one by flights that it did not train on, and calibrates its votes
-    on others again.
+    Training flies each class in the simulator in all flight modes and runs the paper's scheme: chi-square
+    ranks the quantities, Algorithm 1 drops those that others explain, similar vectors are thinned, and
+    networks of 4 to 16 tanh neurons choose the best subset of the rest and, on it, the best network. Flights
+    that nothing was trained on calibrate its votes, and others again measure it. Each stage tells what it
+    kept; `mavhums model show MODEL` repeats it.
     """
     from mavhums.actuator.profile import load_airframe
-    from mavhums.learn import PrecedentBase, save_model
+    from mavhums.learn import PrecedentBase, Scheme, save_model
     from mavhums.training.train import train_model
 
     profile = load_airframe(airframe)
+    names = tuple(name.strip() for name in functions.split(","))
+    scheme = Scheme(select, names, order, r2, vectors or None, networks)
     base = PrecedentBase(precedents) if precedents else None
     with steps("training") as progress:
         network, card = train_model(
             profile,
             tier=tier,
             flights=flights,
-            networks=networks,
             seed=seed,
+            scheme=scheme,
             precedents=base,
             flown_weight=flown_weight,
+            tell=say,
             progress=progress,
         )
     model = save_model(output, network, card)
     say(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
-    for name, value in card.metrics.items():
-        say(f"  {name.replace('_', ' ')}: {100 * value:.2f} %")
     for name, value in (card.calibration.metrics if card.calibration else {}).items():
         say(f"  {name.replace('_', ' ')}: {value:.4g}")
 
@@ -103,9 +148,19 @@ def precedents() -> None:
 @_BASE
 @click.option("--actuator", "names", multiple=True, metavar="NAME", help="Only this one; can be repeated.")
 @AIRFRAME
-@click.option("--simulated", is_flag=True, help="The log is of a simulator, not of an aircraft.")
+@click.option(
+    "--simulated/--flown",
+    default=None,
+    help="Whether the log is of a simulator or of an aircraft. Default: flown, but simulated if its board is"
+    " that of mavhums-sim.",
+)
 def add_precedent(
-    log: Path, label: Label, folder: Path, names: tuple[str, ...], airframe: str | None, simulated: bool
+    log: Path,
+    label: Label,
+    folder: Path,
+    names: tuple[str, ...],
+    airframe: str | None,
+    simulated: bool | None,
 ) -> None:
     """Add the actuators of LOG, in a condition that an inspection has established, to the base DIR."""
     from mavhums.actuator.profile import load_airframe
@@ -119,11 +174,12 @@ def add_precedent(
             label=label,
             actuators=names,
             airframe=load_airframe(airframe) if airframe else None,
-            origin="simulated" if simulated else "flown",
+            origin=None if simulated is None else "simulated" if simulated else "flown",
             progress=progress,
         )
     for precedent in added:
-        say(f"{precedent.path}: {precedent.provenance.actuator}, {label}, {precedent.samples} samples")
+        said = precedent.provenance
+        say(f"{precedent.path}: {said.actuator}, {label}, {said.origin}, {precedent.samples} samples")
 
 
 @precedents.command("list")

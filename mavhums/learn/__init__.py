@@ -12,23 +12,34 @@ from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.learn.calibration import brier_score, calibrate, expected_calibration_error
-    from mavhums.learn.card import Calibration, Card, Selection
+    from mavhums.learn.card import Calibration, Card
+    from mavhums.learn.chain import Scheme, select_features
     from mavhums.learn.dependence import Dependence, RegressionRedundancyFilter
     from mavhums.learn.ensemble import TanhNetworkEnsemble
     from mavhums.learn.inference import Network, TanhNetwork
     from mavhums.learn.leakage import CommandLeak, CommandLeakWarning, check_command
-    from mavhums.learn.model import Model, ModelError, default_model, load_model, packaged_models, save_model
+    from mavhums.learn.model import (
+        Answers,
+        Model,
+        ModelError,
+        default_model,
+        load_model,
+        packaged_models,
+        save_model,
+    )
     from mavhums.learn.network import TanhNetworkClassifier
     from mavhums.learn.precedents import Precedent, PrecedentBase, PrecedentError, Provenance
     from mavhums.learn.ranking import ChiSquareRanking
     from mavhums.learn.redundancy import PairwiseRedundancyFilter
     from mavhums.learn.regression import NonlinearRegression
+    from mavhums.learn.selection import Selection
     from mavhums.learn.subsets import SubsetSearch, exhaustive_search, genetic_search
     from mavhums.learn.thinning import VectorThinning
-    from mavhums.learn.training import Candidate, TrainingResult, select_features, train_network
+    from mavhums.learn.training import Candidate, TrainingResult, train_network
     from mavhums.learn.wrapper import NetworkSubsetSelector, network_objective
 
 __all__ = [
+    "Answers",
     "Calibration",
     "Candidate",
     "Card",
@@ -47,6 +58,7 @@ __all__ = [
     "PrecedentError",
     "Provenance",
     "RegressionRedundancyFilter",
+    "Scheme",
     "Selection",
     "SubsetSearch",
     "TanhNetwork",
@@ -71,20 +83,30 @@ __all__ = [
 
 _MODULES = {
     "calibration": ("brier_score", "calibrate", "expected_calibration_error"),
-    "card": ("Calibration", "Card", "Selection"),
+    "card": ("Calibration", "Card"),
+    "chain": ("Scheme", "select_features"),
     "dependence": ("Dependence", "RegressionRedundancyFilter"),
     "ensemble": ("TanhNetworkEnsemble",),
     "inference": ("Network", "TanhNetwork"),
     "leakage": ("CommandLeak", "CommandLeakWarning", "check_command"),
-    "model": ("Model", "ModelError", "default_model", "load_model", "packaged_models", "save_model"),
+    "model": (
+        "Answers",
+        "Model",
+        "ModelError",
+        "default_model",
+        "load_model",
+        "packaged_models",
+        "save_model",
+    ),
     "network": ("TanhNetworkClassifier",),
     "precedents": ("Precedent", "PrecedentBase", "PrecedentError", "Provenance"),
     "ranking": ("ChiSquareRanking",),
     "redundancy": ("PairwiseRedundancyFilter",),
     "regression": ("NonlinearRegression",),
+    "selection": ("Selection",),
     "subsets": ("SubsetSearch", "exhaustive_search", "genetic_search"),
     "thinning": ("VectorThinning",),
-    "training": ("Candidate", "TrainingResult", "select_features", "train_network"),
+    "training": ("Candidate", "TrainingResult", "train_network"),
     "wrapper": ("NetworkSubsetSelector", "network_objective"),
 }
 __getattr__, __dir__ = lazy_exports(

@@ -5,36 +5,24 @@ from __future__ import annotations
 from math import tanh
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, JsonValue
+from pydantic import AfterValidator, Field, JsonValue
 
 from mavhums.core.models import Contract
+from mavhums.learn.selection import Selection
 
-__all__ = ["FORMAT", "Calibration", "Card", "Selection"]
+__all__ = ["CLASSES", "FORMAT", "Calibration", "Card", "Selection"]
 
 FORMAT: Final = "mavhums.model/1"
+CLASSES: Final = ("normal", "emergency")
+"""The paper's two classes, by rising severity."""
 
 _Text = Annotated[str, Field(min_length=1)]
 
 
-class Selection(Contract):
-    """Result of the two stages of feature selection (paper, section 3, figure 15).
-
-    Attributes
-    ----------
-    chi_square
-        Statistic of each quantity, by key.
-    p_values
-        Of those statistics, by key.
-    groups
-        Keys that explain one another; a constant quantity is in none.
-    selected
-        The quantity of each group with the largest statistic, in the order V1…V12.
-    """
-
-    chi_square: dict[str, float]
-    p_values: dict[str, float]
-    groups: tuple[tuple[str, ...], ...]
-    selected: tuple[str, ...]
+def _told_apart(classes: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(classes)) != len(classes) or not set(CLASSES) <= set(classes):
+        raise ValueError("classes must be distinct, normal and emergency among them")
+    return classes
 
 
 class Calibration(Contract):
@@ -80,6 +68,8 @@ class Card(Contract):
         Name of the profile whose actuators the model was trained for; it is applied to no others.
     features
         Keys of the network's inputs, in order.
+    classes
+        The conditions that the network tells apart, in the order of its probabilities.
     tier
         Telemetry tier of the training data.
     conditions
@@ -102,6 +92,7 @@ class Card(Contract):
     name: _Text
     airframe: _Text
     features: Annotated[tuple[_Text, ...], Field(min_length=1)]
+    classes: Annotated[tuple[_Text, ...], AfterValidator(_told_apart)] = CLASSES
     tier: _Text
     conditions: dict[str, JsonValue] = {}
     metrics: dict[str, float] = {}

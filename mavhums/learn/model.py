@@ -7,11 +7,12 @@ import json
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import safetensors
 import safetensors.numpy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
 from mavhums.core.errors import MavhumsError
@@ -19,7 +20,7 @@ from mavhums.core.files import written_whole
 from mavhums.learn.card import Card
 from mavhums.learn.inference import Network
 
-__all__ = ["Model", "ModelError", "default_model", "load_model", "packaged_models", "save_model"]
+__all__ = ["Answers", "Model", "ModelError", "default_model", "load_model", "packaged_models", "save_model"]
 
 _CARD_KEY = "mavhums.card"
 _PACKAGED = ("paper-instrumented", "paper-without-load", "paper-esc")
@@ -30,6 +31,23 @@ _REMEDY = "train one with `mavhums train -o MODEL`"
 
 class ModelError(MavhumsError):
     """A model file is missing, damaged, or not supported by this version."""
+
+
+class Answers(NamedTuple):
+    """A model's answers for n samples.
+
+    Attributes
+    ----------
+    probabilities
+        Shape (n, classes), in the order of :attr:`Model.classes`, each row of sum 1; NaN where an
+        input quantity is not finite.
+    inside
+        Whether the sample lies within the range of the training data, slightly widened, shape (n,).
+        Outside it the network abstains, whatever its probabilities.
+    """
+
+    probabilities: NDArray[np.float64]
+    inside: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +62,32 @@ class Model:
     def keys(self) -> tuple[str, ...]:
         """The network's input quantities."""
         return self.network.keys
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The conditions that the network tells apart, in the order of its probabilities."""
+        return self.card.classes
+
+    @property
+    def emergency(self) -> int:
+        """Index in :attr:`classes` of the condition that is an emergency by friction."""
+        return self.classes.index("emergency")
+
+    def classify(self, values: ArrayLike) -> Answers:
+        """Return the probability of each class, and whether the network may be asked, for each sample.
+
+        Parameters
+        ----------
+        values
+            V1…V12, shape (n, 12); only the columns of :attr:`keys` are read.
+
+        Raises
+        ------
+        ValueError
+            If ``values`` has not twelve columns.
+        """
+        second = self.network.p_emergency(values)
+        return Answers(np.column_stack([1 - second, second]), self.network.inside(values))
 
     def votes(self, values: NDArray[np.float64]) -> NDArray[np.int8]:
         """Return the vote on each sample, as :meth:`Network.votes` does."""

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.cluster import KMeans
 from sklearn.metrics import pairwise_distances_argmin
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted
+from threadpoolctl import threadpool_limits
 
 from mavhums.learn._classified import Classified
 from mavhums.learn._parameters import check_choice, check_positive_integers
@@ -45,7 +46,7 @@ class VectorThinning(Classified):
     indices_
         Indices of the kept rows, ascending.
     weights_
-        Number of samples that each kept row represents; the sum is the number of samples.
+        Number (or weight) of the samples that each kept row represents; the sum is that of all samples.
     n_features_in_
         Number of features seen by :meth:`fit`.
 
@@ -78,7 +79,7 @@ class VectorThinning(Classified):
         self.metric = metric
         self.random_state = random_state
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> VectorThinning:
+    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> VectorThinning:
         """Choose the vectors to keep.
 
         Parameters
@@ -87,6 +88,8 @@ class VectorThinning(Classified):
             Shape (n_samples, n_features), finite.
         y
             Class of each sample, shape (n_samples,).
+        sample_weight
+            How many samples each one counts for in :attr:`weights_`, shape (n_samples,); 1 if None.
 
         Raises
         ------
@@ -96,6 +99,7 @@ class VectorThinning(Classified):
         check_positive_integers(self, "n_vectors")
         check_choice(self, "method", ("kmeans", "random"))
         values, target = self._checked(X, y)
+        counts = _check_sample_weight(sample_weight, values, dtype=np.float64, ensure_non_negative=True)
         random = check_random_state(self.random_state)
         scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
         choose = self._representatives if self.method == "kmeans" else self._drawn
@@ -104,9 +108,9 @@ class VectorThinning(Classified):
             members = np.flatnonzero(target == label)
             count = max(1, round(self.n_vectors * len(members) / len(target)))
             if count >= len(members):
-                chosen, weight = np.arange(len(members)), np.ones(len(members))
+                chosen, weight = np.arange(len(members)), counts[members]
             else:
-                chosen, weight = choose(scaled[members], count, random)
+                chosen, weight = choose(scaled[members], counts[members], count, random)
             rows.append(members[chosen])
             weights.append(weight)
         kept = np.concatenate(rows)
@@ -129,19 +133,28 @@ class VectorThinning(Classified):
         return np.asarray(X, dtype=np.float64)[self.indices_], np.asarray(y)[self.indices_], self.weights_
 
     def _representatives(
-        self, scaled: NDArray[np.float64], count: int, random: np.random.RandomState
+        self,
+        scaled: NDArray[np.float64],
+        counts: NDArray[np.float64],
+        count: int,
+        random: np.random.RandomState,
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         distinct = len(np.unique(scaled, axis=0))
-        clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random).fit(
-            scaled
-        )
+        # One thread: the sums do not depend on the cores, and a busy machine does not wait for its threads.
+        with threadpool_limits(1):
+            clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random)
+            clusters.fit(scaled)
         nearest = pairwise_distances_argmin(clusters.cluster_centers_, scaled, metric=self.metric)
         chosen = np.unique(nearest)
         stands_for = pairwise_distances_argmin(scaled, scaled[chosen], metric=self.metric)
-        return chosen, np.bincount(stands_for, minlength=len(chosen)).astype(np.float64)
+        return chosen, np.bincount(stands_for, weights=counts, minlength=len(chosen)).astype(np.float64)
 
     def _drawn(
-        self, scaled: NDArray[np.float64], count: int, random: np.random.RandomState
+        self,
+        scaled: NDArray[np.float64],
+        counts: NDArray[np.float64],
+        count: int,
+        random: np.random.RandomState,
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         chosen = random.choice(len(scaled), size=count, replace=False)
-        return chosen, np.full(count, len(scaled) / count)
+        return chosen, counts[chosen] * (counts.sum() / max(counts[chosen].sum(), 1e-300))

@@ -1,9 +1,9 @@
-"""Training a network: feature selection, training of several candidates, and choice of the best."""
+"""Training a network by the paper's scheme: its stages in order, and the choice of the best candidate."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Literal
 
@@ -13,21 +13,23 @@ from pydantic import JsonValue
 
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.version import __version__
-from mavhums.learn.card import Card, Selection
-from mavhums.learn.inference import Network
-from mavhums.learn.network import TanhNetworkClassifier
-from mavhums.learn.redundancy import PairwiseRedundancyFilter
+from mavhums.learn.card import Card
+from mavhums.learn.chain import Scheme, Vectors, search_subsets, select_features, thin
+from mavhums.learn.ensemble import TanhNetworkEnsemble
+from mavhums.learn.inference import Network, TanhNetwork
+from mavhums.learn.selection import Selection, Thinned
 from mavhums.learn.splits import hold_out
 
-__all__ = ["Candidate", "TrainingResult", "select_features", "train_network"]
+__all__ = ["Candidate", "TrainingResult", "train_network"]
+
+_ITERATIONS = 300
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One trained network: its hidden neurons, its seed, and its accuracies, each within [0, 1]."""
+    """One trained network: its hidden neurons, and its accuracies, each within [0, 1]."""
 
     hidden: int
-    seed: int
     training_accuracy: float
     validation_accuracy: float
 
@@ -101,54 +103,26 @@ class TrainingResult:
         )
 
 
-def select_features(values: ArrayLike, emergency: ArrayLike, *, keys: Sequence[str] = KEYS) -> Selection:
-    """Rank quantities by chi-square, and keep the best of each group of interdependent ones.
-
-    Parameters
-    ----------
-    values
-        V1…V12, shape (n, 12), finite in the columns of ``keys``.
-    emergency
-        Class of each sample, shape (n,).
-    keys
-        The quantities to choose from, those that the telemetry tier provides.
-
-    Raises
-    ------
-    ValueError
-        If the data are not as described, or no quantity varies.
-    """
-    columns = [column(key) for key in keys]
-    redundancy = PairwiseRedundancyFilter().fit(np.asarray(values, dtype=np.float64)[:, columns], emergency)
-    ranking = redundancy.ranking_
-    return Selection(
-        chi_square=dict(zip(keys, ranking.scores_.tolist(), strict=True)),
-        p_values=dict(zip(keys, ranking.p_values_.tolist(), strict=True)),
-        groups=tuple(tuple(keys[feature] for feature in group) for group in redundancy.groups_),
-        selected=tuple(keys[feature] for feature in redundancy.get_support(indices=True)),
-    )
-
-
 def train_network(
     values: ArrayLike,
     emergency: ArrayLike,
     flights: ArrayLike,
     *,
     seed: int,
-    networks: int = 10,
-    hidden: Sequence[int] = range(4, 17),
     keys: Sequence[str] = KEYS,
-    features: Sequence[str] | None = None,
+    scheme: Scheme | None = None,
     weights: ArrayLike | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> TrainingResult:
-    """Select features, train several networks on them, and choose one without test data.
+    """Run the paper's scheme (its figure 1) on labelled samples, and choose a network without test data.
 
-    A quarter of the training data is held out; neither selection nor training uses it. If each
+    The stages: chi-square, a filter by regression, thinning of similar vectors, the unit interval and
+    the class codes, the wrapper, and networks on the inputs that it chose. A quarter of the training
+    data is held out for the wrapper and for the choice of the network; no other stage uses it. If each
     class has at least two flights, whole flights are held out; a flight belongs to the class of
     most of its samples. With fewer flights, as in the paper's split, each flight is divided into
-    twelve equal blocks of time, and whole blocks are held out. The validation accuracy is then
-    optimistic, because the training blocks come from the same flights.
+    twelve equal blocks of time, and whole blocks are held out. The validation accuracy is optimistic:
+    choices were made by it, and training blocks may come from the same flights.
 
     Parameters
     ----------
@@ -161,22 +135,20 @@ def train_network(
         Number of the flight of each sample, shape (n,).
     seed
         Makes the result repeatable.
-    networks
-        Number of networks to train.
-    hidden
-        Numbers of hidden neurons; the networks cycle through them in shuffled order.
     keys
         The quantities to choose from, those that the telemetry tier provides.
-    features
-        Input quantities that replace the selected ones.
+    scheme
+        Options of the stages; None means the paper's.
     weights
         Weight of each sample in training, positive, shape (n,); None gives equal weights.
         Selection and accuracies ignore them.
-    progress
-        Called after each network with the number trained and the total.
+    tell
+        Called with a line about each stage when it is done.
 
     Raises
     ------
+    MavhumsError
+        If the scheme has more basis functions than can be regressed on.
     ValueError
         If the data are not as described, or a class has too few samples to hold some out.
     MissingExtraError
@@ -187,43 +159,75 @@ def train_network(
     >>> import numpy as np
     >>> flights = np.repeat([0, 1], 300)
     >>> values = np.random.default_rng(0).normal(size=(600, 12)) + 4 * flights[:, np.newaxis]
-    >>> result = train_network(values, flights == 1, flights, seed=0, networks=2, keys=("V5", "V9"))
+    >>> scheme = Scheme(networks=2, vectors=None)
+    >>> result = train_network(values, flights == 1, flights, seed=0, keys=("V5", "V9"), scheme=scheme)
     >>> result.network.keys, result.validation, result.validation_accuracy > 0.95
     (('V5', 'V9'), 'blocks', True)
     """
+    scheme = scheme or Scheme()
     samples, labels, flight = _checked(values, emergency, flights, keys)
-    if networks < 1 or not len(hidden):
-        raise ValueError("networks must be at least 1, and hidden must hold at least one number")
-    if features is not None and not set(features) <= set(keys):
-        raise ValueError(f"features {tuple(features)} are not all among keys {tuple(keys)}")
     random = np.random.default_rng(seed)
-    weight = None if weights is None else _checked_weights(weights, len(samples))
+    weight = np.ones(len(samples)) if weights is None else _checked_weights(weights, len(samples))
     held_out, validation = hold_out(labels, flight, random)
-    selection = select_features(samples[~held_out], labels[~held_out], keys=keys)
-    chosen_keys = selection.selected if features is None else tuple(features)
-    inputs = samples[:, [column(key) for key in chosen_keys]]
-    neurons = np.resize(random.permutation(np.asarray(hidden)), networks).tolist()
-    seeds = random.integers(2**31 - 1, size=networks).tolist()
-    trained = []
-    for number, (size, network_seed) in enumerate(zip(neurons, seeds, strict=True), start=1):
-        classifier = TanhNetworkClassifier(hidden=size, random_state=network_seed)
-        classifier.fit(inputs[~held_out], labels[~held_out], None if weight is None else weight[~held_out])
-        right = classifier.predict(inputs) == labels
-        candidate = Candidate(
-            size, network_seed, float(right[~held_out].mean()), float(right[held_out].mean())
-        )
-        trained.append((candidate, classifier.network_))
-        if progress:
-            progress(number, networks)
-    chosen, network = max(trained, key=lambda pair: (pair[0].validation_accuracy, -pair[0].hidden))
+    draw, say = int(random.integers(2**31 - 1)), tell or (lambda _: None)
+    selection = select_features(samples[~held_out], labels[~held_out], keys=keys, scheme=scheme)
+    _tell_all(selection.told(), say)
+    everything = Vectors(samples[:, [column(key) for key in selection.selected]], labels, weight)
+    offered, checked = everything.part(np.flatnonzero(~held_out)), everything.part(np.flatnonzero(held_out))
+    vectors = thin(offered, scheme.vectors, seed=draw)
+    selection = selection.model_copy(update={"thinned": Thinned(offered=len(offered), kept=len(vectors))})
+    chosen_keys = selection.selected
+    if scheme.select != "none" and len(chosen_keys) > 1:
+        chosen, wrapped, _ = search_subsets(vectors, checked, scheme.select, seed=draw)
+        chosen_keys = tuple(key for key, used in zip(chosen_keys, chosen, strict=True) if used)
+        selection = selection.model_copy(update={"wrapped": wrapped})
+        vectors, checked = (replace(part, features=part.features[:, chosen]) for part in (vectors, checked))
+    _tell_all(selection.told(chosen_keys)[len(selection.told()) - 1 :], say)
+    networks, candidates = _fit(vectors, checked, scheme, random)
+    best = max(
+        range(len(candidates)),
+        key=lambda k: (candidates[k].validation_accuracy, -candidates[k].hidden),
+    )
+    accuracies = [each.validation_accuracy for each in candidates]
+    say(
+        f"networks: {len(candidates)} of {min(scheme.hidden)} to {max(scheme.hidden)} tanh neurons; the best "
+        f"with {candidates[best].hidden}: {100 * max(accuracies):.2f} % of the samples held out (median "
+        f"{100 * float(np.median(accuracies)):.2f} %, worst {100 * min(accuracies):.2f} %)"
+    )
     return TrainingResult(
-        network=Network(keys=chosen_keys, **network.tensors),
-        chosen=chosen,
-        candidates=tuple(candidate for candidate, _ in trained),
+        network=Network(keys=chosen_keys, **networks[best].tensors),
+        chosen=candidates[best],
+        candidates=tuple(candidates),
         selection=selection,
         validation=validation,
         seed=seed,
     )
+
+
+def _tell_all(lines: Sequence[str], tell: Callable[[str], None]) -> None:
+    for line in lines:
+        tell(line)
+
+
+def _fit(
+    vectors: Vectors, checked: Vectors, scheme: Scheme, random: np.random.Generator
+) -> tuple[tuple[TanhNetwork, ...], list[Candidate]]:
+    """Train the networks on the vectors; the samples held out stop each early."""
+    ensemble = TanhNetworkEnsemble(
+        scheme.networks,
+        random.permutation(np.asarray(scheme.hidden)).tolist(),
+        random_state=int(random.integers(2**31 - 1)),
+        max_iter=_ITERATIONS,
+    ).fit(
+        vectors.features,
+        vectors.emergency,
+        vectors.weight,
+        validation=(checked.features, checked.emergency),
+    )
+    trained = ensemble.member_scores(vectors.features, vectors.emergency)
+    sizes = [len(network.b1) for network in ensemble.networks_]
+    scores = zip(sizes, trained.tolist(), ensemble.validation_accuracies_.tolist(), strict=True)
+    return ensemble.networks_, [Candidate(*each) for each in scores]
 
 
 def _checked(

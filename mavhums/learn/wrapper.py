@@ -23,6 +23,7 @@ def network_objective(
     samples: _Samples,
     validation: _Samples,
     *,
+    weight: NDArray[np.float64] | None = None,
     hidden: int = 8,
     max_iter: int = 60,
     weight_decay: float = 1e-4,
@@ -35,6 +36,8 @@ def network_objective(
     ----------
     samples, validation
         Features, shape (n, k), and whether each sample is an emergency, shape (n,).
+    weight
+        Weight of each sample in training, shape (n,); None gives equal weights.
     hidden, max_iter, weight_decay
         Settings of each network, trained by L-BFGS.
     n_jobs
@@ -56,6 +59,7 @@ def network_objective(
         trained = train_batch(
             Batch([hidden] * len(subsets), subsets, [random_state] * len(subsets)),
             samples,
+            weight=weight,
             validation=validation,
             patience=None,
             max_iter=max_iter,

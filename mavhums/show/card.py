@@ -13,7 +13,7 @@ __all__ = ["render_card"]
 
 
 def render_card(model: Model, console: Console) -> None:
-    """Print a model's purpose, training, metrics and feature selection."""
+    """Print a model's purpose, training, metrics, and what each stage of the selection kept and dropped."""
     card = model.card
     _pairs(
         console,
@@ -55,7 +55,7 @@ def _selection(card: Card, console: Console) -> None:
     selection = card.selection
     groups = {key: k for k, group in enumerate(selection.groups, 1) for key in group}
     table = Table(
-        title="Selection: the largest chi-square of each group of quantities that explain one another",
+        title="Stages 1 and 2: chi-square, and groups that explain one another",
         title_justify="left",
         box=None,
         pad_edge=False,
@@ -66,7 +66,7 @@ def _selection(card: Card, console: Console) -> None:
     for heading in ("chi-square", "p", "group"):
         table.add_column(heading, justify="right")
     table.add_column("")
-    for key, name, unit in QUANTITIES:
+    for key, name, unit in sorted(QUANTITIES, key=lambda each: -selection.chi_square.get(each[0], 0)):
         if key in selection.chi_square:
             p = selection.p_values.get(key)
             table.add_row(
@@ -76,9 +76,17 @@ def _selection(card: Card, console: Console) -> None:
                 f"{selection.chi_square[key]:.4g}",
                 "" if p is None else f"{p:.2g}",
                 str(groups.get(key, "")),
-                "selected" if key in selection.selected else "",
+                _fate(card, key),
             )
     console.print(table)
+    for line in selection.told(card.features)[1:]:
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def _fate(card: Card, key: str) -> str:
+    if key in card.features:
+        return "input"
+    return "wrapper drops it" if key in card.selection.selected else ""
 
 
 def _words(name: str) -> str:

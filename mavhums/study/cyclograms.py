@@ -19,11 +19,13 @@ from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 from mavhums_sim.sensors import SensorNoise, sample_times, sense
 
-__all__ = ["CYCLOGRAMS", "MAIN", "Flown", "fly_condition"]
+__all__ = ["CYCLOGRAMS", "MAIN", "TAKEOFF", "Flown", "fly_condition", "fly_takeoff"]
 
 Array = NDArray[np.float64]
 
 MAIN = "pilot ±20°"
+TAKEOFF = "take-off"
+"""The paper's cyclogram, as far as its figures show it."""
 
 _DURATION_S = 100.0
 _RATE_HZ = 100.0
@@ -87,14 +89,14 @@ def _steps(amplitude_deg: float, seed: int) -> Array:
     return command
 
 
-def _takeoff() -> Array:
-    command: Array = np.degrees(takeoff(_SEED, _DURATION_S).commands[_SURFACE])
+def _takeoff(seed: int = _SEED) -> Array:
+    command: Array = np.degrees(takeoff(seed, _DURATION_S).commands[_SURFACE])
     return command
 
 
 CYCLOGRAMS: dict[str, Callable[[], Array]] = {
     MAIN: lambda: _pilot(20, 0.05, 0.25, seed=0),
-    "take-off": _takeoff,
+    TAKEOFF: _takeoff,
     "pilot ±12°": lambda: _pilot(12, 0.05, 0.4, seed=1),
     "moves and rests": lambda: _steps(20, seed=2),
 }
@@ -103,8 +105,17 @@ CYCLOGRAMS: dict[str, Callable[[], Array]] = {
 
 @cache
 def _flown(cyclogram: str, friction_nm: float) -> Flown:
-    command = np.radians(CYCLOGRAMS[cyclogram]())
-    air = takeoff(_SEED, _DURATION_S)
+    return _fly(CYCLOGRAMS[cyclogram](), friction_nm, _SEED)
+
+
+def fly_takeoff(seed: int, friction_nm: float) -> Flown:
+    """Simulate another take-off, with a command, an airspeed and sample times of its own."""
+    return _fly(_takeoff(seed), friction_nm, seed)
+
+
+def _fly(command_deg: Array, friction_nm: float, seed: int) -> Flown:
+    command = np.radians(command_deg)
+    air = takeoff(seed, _DURATION_S)
     pressure = 0.5 * _AIR_DENSITY * air.airspeed**2
     parameters = EmaParameters.from_data_sheet(integral_gain=400.0)
     motion = simulate(
@@ -114,7 +125,7 @@ def _flown(cyclogram: str, friction_nm: float) -> Flown:
         pressure * _HINGE_PER_DEFLECTION,
         pressure * _HINGE_PER_INCIDENCE * air.incidence[_SURFACE],
     )
-    random = np.random.default_rng(_SEED)
+    random = np.random.default_rng(seed)
     times = sample_times(random, _DURATION_S, _RATE_HZ)
     values = sense(motion, parameters, times, random, SensorNoise.none())
     moving = np.abs(values[:, 9]) * 6 >= _MOVING_DEG_S

@@ -9,8 +9,16 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from mavhums.core.quantities import KEYS
-from mavhums.learn import CommandLeak, CommandLeakWarning, SubsetSearch, check_command
-from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, Flown, fly_condition
+from mavhums.learn import (
+    CommandLeak,
+    CommandLeakWarning,
+    Scheme,
+    SubsetSearch,
+    check_command,
+    train_network,
+)
+from mavhums.study.bound import Bound, takeoff_bound
+from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, TAKEOFF, Flown, fly_condition
 from mavhums.study.experiment import Effort, Experiment, run_experiment, samples
 from mavhums.study.published import CONDITIONS, SELECTED, TEST_NM, TRAINING_NM
 from mavhums.study.selection import (
@@ -23,9 +31,34 @@ from mavhums.study.selection import (
 )
 from mavhums.study.table_1 import table_1
 
-__all__ = ["Findings", "Progress", "find"]
+__all__ = ["TWO", "FigureOne", "Findings", "Progress", "find"]
 
 Progress = Callable[[int, int], None]
+
+
+TWO = ("V5", "V11")
+"""The current and the load: what the torque balance needs besides the direction of motion."""
+
+_BOTH = (MAIN, TAKEOFF)
+
+
+@dataclass(frozen=True)
+class FigureOne:
+    """The scheme of figure 1, run from the training flights of one cyclogram to a network.
+
+    Attributes
+    ----------
+    stages
+        A line for each stage.
+    inputs
+        Of the network that was chosen.
+    test
+        Its accuracy on the test flights, %, which no stage saw.
+    """
+
+    stages: tuple[str, ...]
+    inputs: tuple[str, ...]
+    test: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +86,8 @@ class Findings:
     p_levels: pd.DataFrame
     groupings: dict[str, Grouping]
     experiments: dict[str, list[Experiment]]
+    figure_1: dict[str, FigureOne]
+    bound: Bound | None
     subsets: dict[tuple[str, ...], tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]]
     thinning: pd.DataFrame
     leaks: tuple[CommandLeak, CommandLeak]
@@ -83,11 +118,19 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
         (name, inputs)
         for name, found in groupings.items()
         for inputs in dict.fromkeys(
-            (KEYS, found.selected, SELECTED, *((found.pairwise_selected,) if name == MAIN else ()))
+            (
+                KEYS,
+                found.selected,
+                SELECTED,
+                *((found.pairwise_selected,) if name == MAIN else ()),
+                *((TWO,) if name in _BOTH else ()),
+            )
         )
     ]
-    searched = list(dict.fromkeys((SELECTED, groupings[MAIN].selected, KEYS)))
-    steps = len(plan) + len(searched) + 1
+    searched = (
+        list(dict.fromkeys((SELECTED, groupings[MAIN].selected, KEYS))) if effort.subset_samples else []
+    )
+    steps = len(plan) + len(searched) + len(_BOTH) + 1
     done = 0
 
     def step() -> None:
@@ -100,6 +143,10 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
     experiments: dict[str, list[Experiment]] = {name: [] for name in CYCLOGRAMS}
     for name, inputs in plan:
         experiments[name].append(run_experiment(name, inputs, effort, seed=seed))
+        step()
+    figure_1 = {}
+    for name in _BOTH:
+        figure_1[name] = _figure_1(name, effort, seed=seed)
         step()
     subsets = {}
     for keys in searched:
@@ -115,11 +162,23 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
         p_levels=p_level_table(),
         groupings=groupings,
         experiments=experiments,
+        figure_1=figure_1,
+        bound=takeoff_bound(effort) if effort.takeoffs else None,
         subsets=subsets,
         thinning=thinning,
         leaks=_leaks(training),
         moving=_moving(),
     )
+
+
+def _figure_1(cyclogram: str, effort: Effort, *, seed: int) -> FigureOne:
+    values, classes, numbers = samples(fly_condition(cyclogram, TRAINING_NM), effort.every)
+    stages: list[str] = []
+    scheme = Scheme(networks=effort.networks)
+    result = train_network(values, classes, numbers, seed=seed, scheme=scheme, tell=stages.append)
+    tested, truth, _ = samples(fly_condition(cyclogram, TEST_NM))
+    right = (result.network.p_emergency(tested) > 0.5) == truth
+    return FigureOne(tuple(stages), result.network.keys, 100 * float(right.mean()))
 
 
 def _leaks(training: dict[str, list[Flown]]) -> tuple[CommandLeak, CommandLeak]:

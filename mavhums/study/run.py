@@ -35,7 +35,8 @@ def write_study(
     folder
         Output folder; created if it does not exist.
     quick
-        Use fewer networks, iterations and samples: a preview, whose numbers should not be quoted.
+        Use fewer networks, iterations and samples, and leave out the subset search and thinning: a
+        preview, whose numbers should not be quoted.
     seed, progress
         See :func:`find`.
 
@@ -83,19 +84,19 @@ def _tables(findings: Findings) -> dict[str, pd.DataFrame]:
     networks["chosen"] = np.concatenate(
         [np.arange(len(experiment.table)) == experiment.chosen for experiment in everything]
     )
-    _, search, _ = findings.subsets[KEYS]
-    subsets = pd.DataFrame(
-        {
-            "subset": [" ".join(np.array(KEYS)[subset]) for subset in search.subsets],
-            "validation": 100 * search.scores,
+    left_out = {}
+    if findings.subsets:
+        _, search, _ = findings.subsets[KEYS]
+        names = [" ".join(np.array(KEYS)[subset]) for subset in search.subsets]
+        subsets = pd.DataFrame({"subset": names, "validation": 100 * search.scores})
+        left_out = {
+            "subsets-of-twelve": subsets.sort_values("validation", ascending=False, kind="stable"),
+            "thinning": findings.thinning,
         }
-    )
-    return {
+    return left_out | {
         "table-1": findings.table_1,
         "figure-15-chi-square": findings.chi_square,
         "networks": networks,
         "flights": joined("flights"),
-        "subsets-of-twelve": subsets.sort_values("validation", ascending=False, kind="stable"),
-        "thinning": findings.thinning,
         "moving-fraction": findings.moving,
     }

@@ -10,17 +10,17 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from mavhums.core.quantities import KEYS, column
+from mavhums.core.quantities import column
 from mavhums.learn import (
     ChiSquareRanking,
-    PairwiseRedundancyFilter,
-    RegressionRedundancyFilter,
+    Scheme,
     SubsetSearch,
     TanhNetworkEnsemble,
     VectorThinning,
     exhaustive_search,
     genetic_search,
     network_objective,
+    select_features,
 )
 from mavhums.learn.splits import hold_out
 from mavhums.learn.subsets import Objective
@@ -29,7 +29,6 @@ from mavhums.study.experiment import Effort, samples
 from mavhums.study.published import CHI_SQUARE, P_LEVELS
 
 __all__ = [
-    "THRESHOLD",
     "Grouping",
     "chi_square_table",
     "grouping",
@@ -38,8 +37,8 @@ __all__ = [
     "thinning_table",
 ]
 
-THRESHOLD = 0.99
-"""R² from which Algorithm 1 excludes a quantity: the paper says "close to 1"."""
+_PAIRS = 0.9
+"""R² of the filter by pairs, whose polynomials explain less than Algorithm 1's regressions."""
 
 _FEW = 5
 """With up to this many quantities, each subset's network is trained with full effort."""
@@ -54,41 +53,28 @@ class Grouping:
     Attributes
     ----------
     expressions
-        For each quantity that Algorithm 1 excludes: the model with the fewest regressors, its R²,
-        and R² with all remaining quantities.
+        For each quantity that Algorithm 1 excludes: the model with the fewest regressors, and its R².
     """
 
     algorithm_1: Groups
     selected: tuple[str, ...]
     pairwise: Groups
     pairwise_selected: tuple[str, ...]
-    expressions: tuple[tuple[str, float, float], ...]
+    expressions: tuple[tuple[str, float], ...]
 
 
 def grouping(flights: list[Flown]) -> Grouping:
     """Run Algorithm 1 and the pairwise filter on the flights' samples."""
     values, classes, _ = samples(flights)
-    multiple = RegressionRedundancyFilter(threshold=THRESHOLD).fit(values, classes)
-    pairs = PairwiseRedundancyFilter().fit(values, classes)
-    expressions = tuple(
-        (
-            found.model.expression([KEYS[place] for place in found.explained_by], target=KEYS[found.feature]),
-            found.model.r2_,
-            found.r2_all,
-        )
-        for found in multiple.dependences_
-    )
+    multiple = select_features(values, classes)
+    pairs = select_features(values, classes, scheme=Scheme(select="pairwise", r2=_PAIRS))
     return Grouping(
-        _named(multiple.groups_),
-        tuple(KEYS[place] for place in multiple.get_support(indices=True)),
-        _named(pairs.groups_),
-        tuple(KEYS[place] for place in pairs.get_support(indices=True)),
-        expressions,
+        multiple.groups,
+        multiple.selected,
+        pairs.groups,
+        pairs.selected,
+        tuple((each.expression, each.r2) for each in multiple.excluded),
     )
-
-
-def _named(groups: tuple[tuple[int, ...], ...]) -> Groups:
-    return tuple(tuple(KEYS[place] for place in group) for group in groups)
 
 
 def chi_square_table(training: list[Flown], flights: list[Flown]) -> pd.DataFrame:

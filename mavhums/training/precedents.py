@@ -18,6 +18,9 @@ from mavhums.learn.precedents import Label, Origin, Precedent, PrecedentBase, Pr
 
 __all__ = ["add_log", "flown_samples"]
 
+_SIMULATED = "4D415648554D5353"
+"""Beginning of the unique id of every board that ``mavhums-sim`` flies: MAVHUMSS in ASCII."""
+
 Array = NDArray[np.float64]
 
 
@@ -28,7 +31,7 @@ def add_log(
     label: Label,
     actuators: Sequence[str] = (),
     airframe: Airframe | None = None,
-    origin: Origin = "flown",
+    origin: Origin | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> list[Precedent]:
     """Add the actuators of a log to the base, all in the same condition.
@@ -46,7 +49,8 @@ def add_log(
     airframe
         Airframe profile; None uses the one that the log names.
     origin
-        Whether the log was flown or simulated.
+        Whether the log was flown or simulated; None for what its board says: simulated if it is of
+        the simulator that comes with mavhums, else flown.
     progress
         Called with the number of bytes read.
 
@@ -75,6 +79,7 @@ def add_log(
         raise MavhumsError(f"{log}: does not carry {wanted} of a known airframe", remedy)
     start_us = _start_us(assessment.log.start_utc)
     tiers = {(verdict.vehicle, verdict.actuator): verdict.tier for verdict in assessment.verdicts}
+    boards = {flight.vehicle: flight.board or "" for flight in assessment.log.flight}
     added = []
     for (vehicle, actuator), blocks in found.items():
         if actuators and actuator not in actuators:
@@ -87,7 +92,7 @@ def add_log(
             airframe=assessment.airframe or "",
             tier=str(tiers.get((vehicle, actuator))),
             label=label,
-            origin=origin,
+            origin=origin or ("simulated" if boards.get(vehicle, "").startswith(_SIMULATED) else "flown"),
         )
         time_s = np.concatenate([block.time_s for block in blocks])
         values = np.concatenate([block.values for block in blocks])

@@ -18,13 +18,14 @@ from mavhums.learn import (
     Model,
     Network,
     PrecedentBase,
+    Scheme,
     brier_score,
     calibrate,
     check_command,
     expected_calibration_error,
     train_network,
 )
-from mavhums.training.flights import TELEMETRY, Telemetry, fly_fleet, moving_samples, windows
+from mavhums.training.flights import TELEMETRY, Flown, Telemetry, fly_fleet, moving_samples, windows
 from mavhums.training.precedents import flown_samples
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
@@ -35,6 +36,7 @@ _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _EVERY = 20
 _RATES_HZ = (100.0, 50.0, 25.0, 10.0)
+_WORKING = 20  # moving samples of a window in which a network is asked at all
 _CALIBRATION, _MEASUREMENT = 200_000, 400_000  # added to the seed; seeds of training flights are below both
 
 Array = NDArray[np.float64]
@@ -45,24 +47,25 @@ def train_model(
     airframe: Airframe,
     *,
     tier: str = "instrumented",
-    flights: int = 12,
-    networks: int = 10,
+    flights: int = 24,
     seed: int = 1,
+    scheme: Scheme | None = None,
     precedents: PrecedentBase | None = None,
     flown_weight: float = 1.0,
+    tell: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Network, Card]:
-    """Simulate both classes, select features, train a network, and calibrate it on other flights.
+    """Simulate both classes, run the paper's scheme on them, and calibrate and measure on other flights.
 
     The fleet consists of individual two-mass actuators. The friction of healthy actuators is 0.6 to
     1 times the normal limit, that of worn actuators 1 to 1.17 times the emergency limit: the paper's
-    0.225 … 0.375 and 0.875 … 1.025 N·m. Every flight has its own cyclogram, so the command does not
-    reveal the class. Every twentieth moving sample is kept; a stationary actuator gives no evidence
-    of friction.
+    0.225 … 0.375 and 0.875 … 1.025 N·m. The flights take all six cyclograms in turn, each with its own
+    command, so the command does not reveal the class. Every twentieth moving sample is kept; a
+    stationary actuator gives no evidence of friction.
 
-    Calibration uses four times as many flights as each class has, with frictions over the whole range,
-    all cyclograms, and rates of 100, 50, 25 and 10 Hz. The same number of further flights measures the
-    calibration.
+    Calibration uses twice as many flights as each class has, with frictions over the whole range,
+    all cyclograms, and rates of 100, 50, 25 and 10 Hz. The same number of further flights measures
+    the network and its calibration; neither training nor any choice has seen them.
 
     Parameters
     ----------
@@ -72,7 +75,7 @@ def train_model(
         The model's telemetry: a name in :data:`mavhums.training.flights.TELEMETRY`.
     flights
         Number of flights of each class, of four actuators each.
-    networks, seed
+    seed, scheme, tell
         See :func:`mavhums.learn.train_network`.
     precedents
         Flights that supplement the simulation, as the paper intends. The network omits quantities
@@ -80,13 +83,13 @@ def train_model(
     flown_weight
         Weight of a precedent's sample relative to a simulated one.
     progress
-        Called with the number of steps (flights and networks) done and the total.
+        Called with the number of flights flown and the total.
 
     Raises
     ------
     MavhumsError
-        If the actuators differ, the profile lacks their constants or limits, the telemetry is
-        unknown, or the base has no precedent of the airframe.
+        If the scheme is not possible, the actuators differ, the profile lacks their constants or
+        limits, the telemetry is unknown, or the base has no precedent of the airframe.
     MissingExtraError
         If torch is not installed.
     """
@@ -97,8 +100,8 @@ def train_model(
         )
     if tier not in TELEMETRY:
         raise MavhumsError(f"no model is for telemetry {tier!r}", f"name one of: {', '.join(TELEMETRY)}")
-    telemetry, limits = TELEMETRY[tier], actuator.known_limits()
-    step, steps = count(1), 10 * flights + networks
+    telemetry, limits, scheme = TELEMETRY[tier], actuator.known_limits(), scheme or Scheme()
+    step, steps = count(1), 6 * flights
 
     def tick() -> None:
         if progress:
@@ -118,11 +121,10 @@ def train_model(
         classes,
         flight,
         seed=seed,
-        networks=networks,
         keys=keys,
-        features=telemetry.features and tuple(key for key in telemetry.features if key in keys),
+        scheme=scheme,
         weights=None if precedents is None else weights,
-        progress=lambda *_: tick(),
+        tell=tell,
     )
     card = result.card(
         name=f"{airframe.name}-{tier}",
@@ -130,22 +132,24 @@ def train_model(
         tier=telemetry.gives,
         command=(
             f"mavhums train --airframe {airframe.name} --tier {tier} --flights {flights} "
-            f"--networks {networks} --seed {seed}{_given(precedents, flown_weight)} -o MODEL"
+            f"--seed {seed} {scheme.command}{_given(precedents, flown_weight)} -o MODEL"
         ),
         conditions={
-            "cyclograms": [*telemetry.cyclograms],
+            "cyclograms": [*CYCLOGRAMS],
             "flights_per_class": flights,
             "friction_normal_nm": _rounded(friction_range(limits)[0], limits.normal),
             "friction_emergency_nm": _rounded(limits.emergency, friction_range(limits)[1]),
             "actuators": "individuals with two masses, four a flight",
             "samples": "every twentieth moving sample at 100 Hz",
-            "inputs": "selected" if telemetry.features is None else "given",
             **_supplement(precedents, flown_weight),
         },
     )
     draft = Model(result.network, card, "")
-    calibration = _calibration(actuator, telemetry, draft, 4 * flights, 1_000_000 * seed, tick)
-    return result.network, card.model_copy(update={"calibration": calibration})
+    calibration, measured = _calibration(actuator, telemetry, draft, 2 * flights, 1_000_000 * seed, tick)
+    if tell:
+        tell(_said(measured))
+    update = {"calibration": calibration, "metrics": card.metrics | measured}
+    return result.network, card.model_copy(update=update)
 
 
 def friction_range(limits: Limits) -> tuple[float, float]:
@@ -168,7 +172,7 @@ def _both_classes(
     )
     inputs = [column(key) for key in telemetry.keys]
     values, numbers = [], []
-    cyclograms = [telemetry.cyclograms[k % len(telemetry.cyclograms)] for k in range(flights)]
+    cyclograms = [[*CYCLOGRAMS][k % len(CYCLOGRAMS)] for k in range(flights)]
     fleet = fly_fleet(actuator, telemetry, frictions, seed=seed, cyclograms=2 * cyclograms)
     for k, flown in enumerate(fleet):
         moving, _ = moving_samples(actuator, flown)
@@ -183,6 +187,45 @@ def _both_classes(
     return samples, classes, number
 
 
+class _Measured:
+    """Answers of a network on flights of its own: votes on samples, and shares of votes in windows."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self.middle = (limits.normal + limits.emergency) / 2
+        self.share: list[float] = []
+        self.event: list[bool] = []
+        self.clear: list[bool] = []
+        self.samples = self.voted = self.right = self.working = 0
+
+    def take(self, actuator: Actuator, model: Model, flown: Flown) -> None:
+        """Count the samples of the two classes, and the windows of any friction."""
+        clear = not self.limits.normal < flown.friction_nm < self.limits.emergency
+        event = flown.friction_nm > self.middle
+        for vote, moving in windows(actuator, [model], flown):
+            self.working += clear and moving >= _WORKING
+            if vote:
+                self.share.append(vote.p_emergency)
+                self.event.append(event)
+                self.clear.append(clear)
+        if clear:
+            votes = model.votes(moving_samples(actuator, flown)[0])
+            self.samples += len(votes)
+            self.voted += int(np.count_nonzero(votes >= 0))
+            self.right += int(np.count_nonzero(votes == event))
+
+    def metrics(self, calibration: Calibration) -> dict[str, float]:
+        """Return shares of samples and windows of the two classes, on flights not trained on."""
+        clear, event = np.array(self.clear), np.array(self.event)
+        said = np.array([calibration.probability(share) > 0.5 for share in self.share])
+        return {
+            "samples_in_motion_right": round(self.right / max(self.voted, 1), 6),
+            "samples_in_motion_abstained": round(1 - self.voted / max(self.samples, 1), 6),
+            "windows_right": round(float(np.mean((said == event)[clear])) if clear.any() else 0.0, 6),
+            "windows_in_motion_abstained": round(1 - float(clear.sum()) / max(self.working, 1), 6),
+        }
+
+
 def _calibration(
     actuator: Actuator,
     telemetry: Telemetry,
@@ -190,47 +233,41 @@ def _calibration(
     flights: int,
     seed: int,
     tick: Callable[[], None],
-) -> Calibration | None:
-    """Calibrate on some flights and measure on others; None if the network votes too rarely."""
+) -> tuple[Calibration | None, dict[str, float]]:
+    """Calibrate on some flights and measure on others; nothing if the network votes too rarely."""
     limits = actuator.known_limits()
-    middle = (limits.normal + limits.emergency) / 2
 
-    def fly_range(seed: int) -> tuple[Array, NDArray[np.bool_]]:
-        """Return shares of votes, and whether the friction exceeded the middle of the limits."""
+    def fly_range(seed: int) -> _Measured:
         random = np.random.default_rng(seed)
         total = flights * len(SURFACES)
         low, high = friction_range(limits)
         frictions = low + (high - low) * (random.permutation(total) + random.random(total)) / total
-        share: list[float] = []
-        event: list[bool] = []
-        for k, flown in enumerate(
-            fly_fleet(
-                actuator,
-                telemetry,
-                frictions.reshape(flights, len(SURFACES)),
-                seed=seed,
-                cyclograms=[*CYCLOGRAMS],
-                rates_hz=_RATES_HZ,
-            )
-        ):
-            found = [vote.p_emergency for vote, _ in windows(actuator, [model], flown) if vote]
-            share += found
-            event += [flown.friction_nm > middle] * len(found)
+        found = _Measured(limits)
+        fleet = fly_fleet(
+            actuator,
+            telemetry,
+            frictions.reshape(flights, len(SURFACES)),
+            seed=seed,
+            cyclograms=[*CYCLOGRAMS],
+            rates_hz=_RATES_HZ,
+        )
+        for k, flown in enumerate(fleet):
+            found.take(actuator, model, flown)
             if k % len(SURFACES) == 0:
                 tick()
-        return np.array(share), np.array(event, dtype=np.bool_)
+        return found
 
-    share, event = fly_range(seed + _CALIBRATION)
-    tested, truth = fly_range(seed + _MEASUREMENT)
-    if len(set(event.tolist())) < 2 or not len(tested):
-        return None
-    fitted = calibrate(share, event)
+    first, second = fly_range(seed + _CALIBRATION), fly_range(seed + _MEASUREMENT)
+    if len(set(first.event)) < 2 or not second.share:
+        return None, {}
+    fitted = calibrate(first.share, first.event)
+    tested, truth = np.array(second.share), np.array(second.event)
     said = np.array([fitted.probability(each) for each in tested])
-    return fitted.model_copy(
+    calibration = fitted.model_copy(
         update={
-            "event": f"friction above {middle:g} N·m, the middle between the limits",
+            "event": f"friction above {first.middle:g} N·m, the middle between the limits",
             "metrics": {
-                "windows_calibrated_with": len(share),
+                "windows_calibrated_with": len(first.share),
                 "windows_measured": len(tested),
                 "brier_score_of_the_share": round(brier_score(tested, truth), 6),
                 "brier_score": round(brier_score(said, truth), 6),
@@ -240,6 +277,18 @@ def _calibration(
                 "expected_calibration_error": round(expected_calibration_error(said, truth), 6),
             },
         }
+    )
+    return calibration, second.metrics(calibration)
+
+
+def _said(metrics: dict[str, float]) -> str:
+    if not metrics:
+        return "flights not trained on: the network votes too rarely to be measured"
+    percent = {name: f"{100 * value:.2f} %" for name, value in metrics.items()}
+    return (
+        f"flights not trained on: {percent['samples_in_motion_right']} of the samples in motion right "
+        f"({percent['samples_in_motion_abstained']} abstained), {percent['windows_right']} of the windows "
+        f"({percent['windows_in_motion_abstained']} abstained)"
     )
 
 

@@ -69,7 +69,10 @@ def test_the_packaged_model_is_the_papers_actuators() -> None:
     model = default_model()
     assert model.card.airframe == "paper"
     assert model.card.tier == "instrumented"
-    assert model.card.metrics["validation_accuracy"] > 0.99
+    # On flights of all six modes that nothing was trained or chosen on; in gusts the inertial torque, which
+    # is in none of V1-V12, keeps single samples from the 99 % of the take-off alone.
+    assert model.card.metrics["windows_right"] >= 0.995
+    assert model.card.metrics["samples_in_motion_right"] > 0.97
     assert "V1" not in model.network.keys
     assert model.card.command.startswith("mavhums train --airframe paper")
 

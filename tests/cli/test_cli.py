@@ -209,9 +209,10 @@ def test_train_writes_a_model_that_analyse_uses(
     shorter = lambda flight: fly(replace(flight, duration_s=40.0))  # noqa: E731
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
     model = tmp_path / "model.safetensors"
-    trained = run("train", "--flights", "1", "--networks", "1", "-o", model)
+    trained = run("train", "--flights", "2", "--networks", "2", "--vectors", "500", "-o", model)
     assert trained.code == 0
-    assert "validation accuracy" in trained.out
+    assert "wrapper: " in trained.out
+    assert "flights not trained on: " in trained.out
     assert "expected calibration error" in trained.out
     assessment = json.loads(run("analyse", growing_log, "--model", model, "--json").out)
     elevator = next(v for v in assessment["verdicts"] if v["actuator"] == "elevator")

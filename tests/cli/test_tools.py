@@ -169,8 +169,11 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
     ):
         assert text in outcome.out
     rows = {line.split()[0]: line for line in outcome.out.splitlines() if line.startswith("V")}
-    selected = [key for key, line in rows.items() if line.rstrip().endswith("selected")]
-    assert tuple(selected) == model.card.selection.selected
+    assert rows.keys() == model.card.selection.chi_square.keys()
+    inputs = {key for key, line in rows.items() if line.rstrip().endswith("input")}
+    assert inputs == set(model.card.features)
+    for line in model.card.selection.told(model.card.features)[1:]:
+        assert line in outcome.out
 
 
 @pytest.mark.parametrize("tier", ["instrumented", "without-load", "esc"])

@@ -50,6 +50,26 @@ def test_what_is_saved_is_loaded(
     assert model.hash == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def test_a_model_answers_by_class_and_tells_where_it_may_be_asked(path: Path) -> None:
+    model = load_model(path)
+    assert model.classes == ("normal", "emergency")
+    assert model.emergency == 1
+    middle = (model.network.minimum + model.network.maximum) / 2
+    values = np.zeros((3, 12))
+    values[:, [int(key[1:]) - 1 for key in model.keys]] = np.stack([middle, middle + 1e6, middle * np.nan])
+    answers = model.classify(values)
+    assert answers.inside.tolist() == [True, False, False]
+    np.testing.assert_allclose(answers.probabilities[:2].sum(axis=1), 1)
+    np.testing.assert_array_equal(answers.probabilities[:, 1], model.network.p_emergency(values))
+    assert np.isnan(answers.probabilities[2]).all()
+
+
+@pytest.mark.parametrize("classes", [("normal",), ("normal", "normal", "emergency"), ("emergency", "jam")])
+def test_classes_without_normal_or_emergency_are_no_card(card: Card, classes: tuple[str, ...]) -> None:
+    with pytest.raises(ValueError, match="classes must be distinct"):
+        Card.model_validate(card.model_dump() | {"classes": classes})
+
+
 def test_the_same_model_gives_the_same_bytes(
     path: Path, tmp_path: Path, network: Network, card: Card
 ) -> None:

@@ -12,13 +12,13 @@ from mavhums.core.errors import MissingExtraError
 from mavhums.learn import Card, Network, save_model
 
 PUBLIC = {
-    "Calibration", "Candidate", "Card", "ChiSquareRanking", "CommandLeak", "CommandLeakWarning",
+    "Answers", "Calibration", "Candidate", "Card", "ChiSquareRanking", "CommandLeak", "CommandLeakWarning",
     "Dependence", "Model", "ModelError", "Network", "NetworkSubsetSelector", "NonlinearRegression",
     "PairwiseRedundancyFilter", "Precedent", "PrecedentBase", "PrecedentError", "Provenance",
-    "RegressionRedundancyFilter", "Selection", "SubsetSearch", "TanhNetwork", "TanhNetworkClassifier",
-    "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "brier_score", "calibrate",
-    "check_command", "default_model", "exhaustive_search", "expected_calibration_error", "genetic_search",
-    "load_model", "network_objective", "packaged_models", "save_model", "select_features",
+    "RegressionRedundancyFilter", "Scheme", "Selection", "SubsetSearch", "TanhNetwork",
+    "TanhNetworkClassifier", "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "brier_score",
+    "calibrate", "check_command", "default_model", "exhaustive_search", "expected_calibration_error",
+    "genetic_search", "load_model", "network_objective", "packaged_models", "save_model", "select_features",
     "train_network",
 }  # fmt: skip
 

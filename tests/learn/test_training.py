@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -6,37 +7,43 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
-from mavhums.learn import ModelError, load_model, save_model, select_features, train_network
+from mavhums.learn import (
+    ModelError,
+    Scheme,
+    TanhNetworkEnsemble,
+    load_model,
+    save_model,
+    select_features,
+    train_network,
+)
 from mavhums.learn import training as training_module
-from mavhums.learn.network import TanhNetworkClassifier
 
 Flights = Callable[..., tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]]
-FEW: dict[str, Any] = {"seed": 0, "networks": 2, "hidden": (3,)}
+PAIRS = Scheme(select="pairwise", r2=0.9, vectors=None, networks=2, hidden=(3,))
+FEW: dict[str, Any] = {"seed": 0, "scheme": PAIRS}
 
 
 @pytest.fixture
 def trained_on(monkeypatch: pytest.MonkeyPatch) -> list[tuple[NDArray[np.float64], NDArray[np.bool_]]]:
     """Every call of the classifier's fit, with what it was given."""
     calls: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
-    fit = TanhNetworkClassifier.fit
+    fit = TanhNetworkEnsemble.fit
 
     def spy(
-        self: TanhNetworkClassifier,
-        X: NDArray[np.float64],
-        y: NDArray[np.bool_],
-        sample_weight: NDArray[np.float64] | None,
-    ) -> TanhNetworkClassifier:
+        self: TanhNetworkEnsemble, X: NDArray[np.float64], y: NDArray[np.bool_], *more: Any, **options: Any
+    ) -> TanhNetworkEnsemble:
         calls.append((X, y))
-        return fit(self, X, y, sample_weight)
+        return fit(self, X, y, *more, **options)
 
-    monkeypatch.setattr(TanhNetworkClassifier, "fit", spy)
+    monkeypatch.setattr(TanhNetworkEnsemble, "fit", spy)
     return calls
 
 
 def test_selects_one_quantity_of_each_group(flights: Flights) -> None:
     values, emergency, _ = flights(0.2, 1.0)
-    selection = select_features(values, emergency)
+    selection = select_features(values, emergency, scheme=PAIRS)
     assert ("V1", "V2", "V3") in selection.groups
     for linear in ({"V5", "V8"}, {"V7", "V10"}):
         assert any(linear <= set(group) for group in selection.groups)
@@ -52,7 +59,7 @@ def test_selects_one_quantity_of_each_group(flights: Flights) -> None:
 def test_selects_only_among_the_keys_given(flights: Flights) -> None:
     values, emergency, _ = flights(0.2, 1.0)
     values[:, column("V11")] = np.nan
-    selection = select_features(values, emergency, keys=("V5", "V8", "V10"))
+    selection = select_features(values, emergency, keys=("V5", "V8", "V10"), scheme=PAIRS)
     assert selection.groups == (("V5", "V8"), ("V10",))
     assert set(selection.chi_square) == {"V5", "V8", "V10"}
 
@@ -62,7 +69,7 @@ def test_the_network_tells_flights_it_never_saw(flights: Flights) -> None:
     values, emergency, _ = flights(0.25, 0.3, 0.9, 0.95)
     assert ((result.network.p_emergency(values) > 0.5) == emergency).mean() > 0.9
     assert result.network.inside(values).mean() > 0.9
-    assert result.network.keys == result.selection.selected
+    assert set(result.network.keys) <= set(result.selection.selected)
     assert result.training_accuracy > 0.9
 
 
@@ -119,7 +126,9 @@ def test_selection_does_not_see_what_is_held_out(flights: Flights, monkeypatch: 
 
 
 def test_the_best_on_the_held_out_samples_is_chosen(flights: Flights) -> None:
-    result = train_network(*flights(0.3, 0.45, 0.55, 0.7), seed=1, networks=5, hidden=(1, 2, 3, 4))
+    result = train_network(
+        *flights(0.3, 0.45, 0.55, 0.7), seed=1, scheme=replace(PAIRS, networks=5, hidden=(1, 2, 3, 4))
+    )
     assert len(result.candidates) == 5
     assert {candidate.hidden for candidate in result.candidates} == {1, 2, 3, 4}
     best = max(candidate.validation_accuracy for candidate in result.candidates)
@@ -134,9 +143,8 @@ def test_the_best_on_the_held_out_samples_is_chosen(flights: Flights) -> None:
 def test_among_equals_the_smallest_network_is_chosen() -> None:
     numbers = np.repeat([0, 1], 120)
     values = np.random.default_rng(0).normal(size=(240, 12)) + 50 * numbers[:, np.newaxis]
-    result = train_network(
-        values, numbers == 1, numbers, seed=0, networks=4, hidden=(5, 3, 2, 4), keys=("V5",)
-    )
+    scheme = replace(PAIRS, networks=4, hidden=(5, 3, 2, 4))
+    result = train_network(values, numbers == 1, numbers, seed=0, scheme=scheme, keys=("V5",))
     assert {candidate.validation_accuracy for candidate in result.candidates} == {1.0}
     assert result.chosen.hidden == 2
 
@@ -150,13 +158,73 @@ def test_the_same_seed_gives_the_same_result(flights: Flights) -> None:
     assert train_network(*data, **FEW | {"seed": 1}).candidates != first.candidates
 
 
-def test_progress_is_told_after_each_network(flights: Flights) -> None:
-    seen: list[tuple[int, int]] = []
-    data = flights(0.2, 1.0)
-    train_network(
-        *data, seed=0, networks=3, hidden=(2,), progress=lambda done, total: seen.append((done, total))
-    )
-    assert seen == [(1, 3), (2, 3), (3, 3)]
+def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) -> None:
+    said: list[str] = []
+    scheme = Scheme(vectors=100, networks=3, hidden=(2,))
+    result = train_network(*flights(0.2, 0.25, 0.9, 1.0), seed=0, scheme=scheme, tell=said.append)
+    stages = [line.split(":")[0] for line in said if not line.startswith(" ")]
+    assert stages == ["chi-square", "filter", "thinning", "wrapper", "networks"]
+    found = result.selection
+    assert said[:-1] == found.told(result.network.keys)
+    dropped = {each.quantity for each in found.excluded}
+    assert {"V8", "V10"} <= dropped  # the same signals as V5 and V7 in other units
+    assert dropped.isdisjoint(found.selected)
+    assert all(each.r2 >= 0.99 and each.expression.startswith(each.quantity) for each in found.excluded)
+    assert found.thinned is not None
+    assert (found.thinned.offered, found.thinned.kept) == (480, 100)
+    assert found.wrapped is not None
+    assert found.wrapped.tried == found.wrapped.possible == 2 ** len(found.selected) - 1
+    assert found.wrapped.accuracy >= found.wrapped.accuracy_of_all
+
+
+def test_the_wrapper_finds_the_one_quantity_that_tells() -> None:
+    random, numbers = np.random.default_rng(0), np.repeat(np.arange(8), 60)
+    values = random.normal(size=(480, 12))
+    emergency = numbers >= 4
+    values[:, column("V9")] += 4 * emergency
+    for select in ("exhaustive", "genetic", "algorithm-1"):
+        scheme = Scheme(select=select, networks=1, hidden=(4,), vectors=None)
+        keys = ("V3", "V5", "V9", "V11")
+        result = train_network(values, emergency, numbers, seed=1, keys=keys, scheme=scheme)
+        assert "V9" in result.network.keys
+        assert result.validation_accuracy > 0.9
+    whole = train_network(values, emergency, numbers, seed=1, scheme=replace(scheme, select="none"))
+    assert whole.network.keys == KEYS
+    assert whole.selection.wrapped is None
+
+
+def test_other_elementary_functions_find_other_dependences(flights: Flights) -> None:
+    values, emergency, _ = flights(0.2, 1.0)
+    values[:, column("V9")] = np.abs(values[:, column("V5")])
+    keys = ("V5", "V9", "V11")
+    plain = select_features(values, emergency, keys=keys, scheme=Scheme(order=1))
+    bent = select_features(values, emergency, keys=keys, scheme=Scheme(functions=("x", "abs"), order=1))
+    assert "V9" in plain.selected
+    assert [(each.quantity, each.expression) for each in bent.excluded] == [("V9", "V9 = 1·|V5|")]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"functions": ("x", "log")}, "no elementary function 'log'.*name some of x, abs"),
+        ({"functions": ()}, "no elementary function"),
+        ({"select": "best"}, "no selection 'best'.*algorithm-1"),
+        ({"order": 0}, "out of range"),
+        ({"vectors": 0}, "out of range"),
+        ({"networks": 0}, "out of range"),
+        ({"hidden": ()}, "out of range"),
+        ({"r2": 1.5}, "out of range"),
+    ],
+)
+def test_a_scheme_that_is_none_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(MavhumsError, match=message):
+        Scheme(**change)
+
+
+def test_too_large_a_basis_is_refused_with_a_remedy(flights: Flights) -> None:
+    values, emergency, _ = flights(0.2, 1.0)
+    with pytest.raises(MavhumsError, match="more than 2000: name fewer --functions or a lower --order"):
+        select_features(values, emergency, scheme=Scheme(order=6))
 
 
 def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Path) -> None:
@@ -193,8 +261,6 @@ def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Pa
         ({"emergency": np.zeros(480)}, "emergency must be one boolean for each sample"),
         ({"emergency": np.zeros(479, dtype=bool)}, "emergency must be one boolean"),
         ({"flights": np.zeros(3)}, "flights must be one number for each sample"),
-        ({"networks": 0}, "networks must be at least 1"),
-        ({"hidden": ()}, "networks must be at least 1"),
         ({"emergency": np.zeros(480, dtype=bool)}, "each class needs enough samples"),
         ({"keys": ("V5", "V0")}, "not in tuple"),
     ],
@@ -219,14 +285,13 @@ def test_a_quantity_with_gaps_is_named(flights: Flights) -> None:
 
 def test_weights_move_the_boundary_and_must_be_positive(flights: Callable[..., Any]) -> None:
     values, emergency, numbers = flights(0.2, 0.25, 0.9, 1.0)
-    plain = train_network(values, emergency, numbers, seed=0, networks=1)
-    alike = train_network(values, emergency, numbers, seed=0, networks=1, weights=np.full(len(values), 3.0))
-    heavy = train_network(
-        values, emergency, numbers, seed=0, networks=1, weights=np.where(emergency, 50.0, 1.0)
-    )
+    one: dict[str, Any] = {"seed": 0, "scheme": replace(PAIRS, networks=1)}
+    plain = train_network(values, emergency, numbers, **one)
+    alike = train_network(values, emergency, numbers, **one, weights=np.full(len(values), 3.0))
+    heavy = train_network(values, emergency, numbers, **one, weights=np.where(emergency, 50.0, 1.0))
     mean = [result.network.p_emergency(values).mean() for result in (plain, alike, heavy)]
     assert mean[1] == pytest.approx(mean[0], abs=1e-3)
     assert mean[2] > mean[0]
     for weights in (np.zeros(len(values)), np.ones(3)):
         with pytest.raises(ValueError, match="weights must be one positive number"):
-            train_network(values, emergency, numbers, seed=0, networks=1, weights=weights)
+            train_network(values, emergency, numbers, **one, weights=weights)

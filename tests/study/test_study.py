@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +17,24 @@ from mavhums.cli.main import cli
 from mavhums.core.quantities import KEYS
 from mavhums.study.experiment import Effort
 
-TINY = Effort(networks=3, iterations=40, every=20, subset_samples=40, subset_iterations=3, thinning=(60,))
+TINY = Effort(networks=3, iterations=40, every=20, subset_samples=0, thinning=(), takeoffs=0)
+WITH_SEARCH = replace(TINY, subset_samples=40, subset_iterations=3, thinning=(60,), takeoffs=1, iterations=20)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rr.set_strict_mode(True)
-    out = tmp_path_factory.mktemp("study") / "report"
+    return quick_study(tmp_path_factory.mktemp("study") / "report", TINY)
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return quick_study(tmp_path_factory.mktemp("study") / "searched", WITH_SEARCH)
+
+
+def quick_study(out: Path, effort: Effort) -> Path:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Effort, "quick", classmethod(lambda _: TINY))
+        patch.setattr(Effort, "quick", classmethod(lambda _: effort))
         outcome = CliRunner().invoke(cli, ["study", "paper", "-o", str(out), "--quick"])
     assert outcome.exit_code == 0, outcome.output
     assert outcome.output.splitlines() == [str(out / path.name) for path in map(Path, outcome.output.split())]
@@ -32,8 +42,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_every_file_is_there_and_none_is_left_half_written(folder: Path) -> None:
-    assert {path.name for path in folder.iterdir()} == {
+def test_every_file_is_there_and_none_is_left_half_written(searched: Path) -> None:
+    assert {path.name for path in searched.iterdir()} == {
         "report.md", "study.rrd", "table-1.csv", "figure-15-chi-square.csv", "networks.csv", "flights.csv",
         "subsets-of-twelve.csv", "thinning.csv", "moving-fraction.csv", "figures-3-14.png",
         "figures-16-19.png", "accuracy-against-moving-fraction.png",
@@ -43,11 +53,12 @@ def test_every_file_is_there_and_none_is_left_half_written(folder: Path) -> None
 def test_the_report_holds_every_table_and_figure_of_the_paper(folder: Path) -> None:
     text = (folder / "report.md").read_text(encoding="utf-8")
     for part in (
-        "Table 1,", "The split", "Figures 3 to 14", "Figure 15", "Tables 4 and 5", "Four cyclograms",
-        "15 subsets of V2, V5, V9, V11", "4095 subsets of V1–V12", "Redundant vectors", "Figures 16 to 19",
-        "A quick run",
+        "Table 1,", "The split", "Figures 3 to 14", "Figure 15", "Figure 1: the whole scheme", "wrapper: ",
+        "Tables 4 and 5", "Four cyclograms", "Figures 16 to 19", "A quick run",
+        "| take-off | the paper's: V2, V5, V9, V11 |", "| pilot ±20° | two: V5, V11 |",
     ):  # fmt: skip
         assert part in text, part
+    assert "Subset search" not in text  # noise at this size
     for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
         assert (folder / name).is_file()
     for figure in ("96.70", "98.01", "41807.3", "98.00"[:4]):
@@ -90,8 +101,18 @@ def test_the_simulated_actuator_is_that_of_table_1(folder: Path) -> None:
     np.testing.assert_allclose(table["simulated"], table["paper"], rtol=2e-3)
 
 
-def test_all_subsets_are_scored(folder: Path) -> None:
-    subsets = pd.read_csv(folder / "subsets-of-twelve.csv")
+@pytest.mark.slow
+def test_the_search_thinning_and_the_bound_are_in_a_whole_study(searched: Path) -> None:
+    text = (searched / "report.md").read_text(encoding="utf-8")
+    for part in (
+        "15 subsets of V2, V5, V9, V11", "4095 subsets of V1–V12", "Redundant vectors", "an oracle that",
+    ):  # fmt: skip
+        assert part in text, part
+
+
+@pytest.mark.slow
+def test_all_subsets_are_scored(searched: Path) -> None:
+    subsets = pd.read_csv(searched / "subsets-of-twelve.csv")
     assert subsets["subset"].nunique() == len(subsets) == 4095
     assert subsets["validation"].between(0, 100).all()
 

@@ -41,7 +41,6 @@ def folder(short_log: Path, emergency_log: Path, tmp_path_factory: pytest.TempPa
         "emergency",
         "--actuator",
         "elevator",
-        "--simulated",
         "-d",
         base,
     )
@@ -68,6 +67,18 @@ def test_a_log_becomes_precedents_with_its_provenance(folder: Path, short_log: P
     listed = mavhums("precedents", "list", "-d", folder).output
     assert listed.count("\n") == 5
     assert "emergency  simulated  paper elevator" in listed
+
+
+def test_a_log_of_the_simulator_is_flown_only_if_told_so(short_log: Path, tmp_path: Path) -> None:
+    add = ("precedents", "add", short_log, "--label", "normal", "--actuator", "rudder", "-d", tmp_path)
+    individual = tmp_path / "individual.tlog"
+    write_tlog(fly(Flight(seed=42, duration_s=15.0, individuals=7)), individual)
+    for options, origin in (((), "simulated"), (("--flown",), "flown"), (("--simulated",), "simulated")):
+        outcome = mavhums(*add, *options)
+        assert f"rudder, normal, {origin}, " in outcome.output
+        assert [each.provenance.origin for each in PrecedentBase(tmp_path)] == [origin]
+    other = mavhums("precedents", "add", individual, *add[3:])
+    assert ", simulated, " in other.output
 
 
 def test_what_is_stored_is_what_was_flown(folder: Path) -> None:

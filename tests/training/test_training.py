@@ -12,7 +12,7 @@ import mavhums
 from mavhums.actuator import load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
-from mavhums.learn import load_model, packaged_models, save_model
+from mavhums.learn import Scheme, load_model, packaged_models, save_model
 from mavhums.training.flights import TELEMETRY, fly_fleet, moving_samples, windows
 from mavhums.training.train import friction_range, train_model
 from mavhums_sim import Flight, fly, write_tlog
@@ -108,25 +108,41 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
 ) -> None:
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
     seen: list[tuple[int, int]] = []
+    said: list[str] = []
     network, card = train_model(
-        AIRFRAME, tier=tier, flights=1, networks=1, progress=lambda *step: seen.append(step)
+        AIRFRAME,
+        tier=tier,
+        flights=2,
+        scheme=Scheme(networks=2, vectors=300),
+        tell=said.append,
+        progress=lambda *step: seen.append(step),
     )
-    assert seen == [(k, 11) for k in range(1, 12)]
-    assert card.features == network.keys == TELEMETRY[tier].features
+    assert seen == [(k, 12) for k in range(1, 13)]
+    assert card.features == network.keys
+    assert set(card.features) <= set(card.selection.selected) < set(TELEMETRY[tier].keys)
     assert card.name == f"paper-{tier}"
     assert card.calibration is not None
     assert card.calibration.slope > 0
-    assert card.calibration.metrics["windows_measured"] > 10
-    assert run(*card.command.replace("MODEL", str(tmp_path / "again")).split()[1:]).code == 0
+    assert card.calibration.metrics["windows_measured"] > 5
+    assert {"samples_in_motion_right", "windows_right"} < card.metrics.keys()
+    assert said[-1].startswith("flights not trained on: ")
+    again = run(*card.command.replace("MODEL", str(tmp_path / "again")).split()[1:])
+    assert again.code == 0
+    assert again.out.splitlines()[: len(said)] == said
     save_model(tmp_path / "first", network, card)
     assert (tmp_path / "again").read_bytes() == (tmp_path / "first").read_bytes()
+    shown = " ".join(run("model", "show", tmp_path / "again").out.split())
+    for each in card.selection.excluded:
+        assert f"drops {each.expression}" in shown
 
 
 def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
     monkeypatch.setattr("mavhums.training.train.windows", lambda *_: iter([(None, 0)]))
-    _, card = train_model(AIRFRAME, flights=1, networks=1)
+    said: list[str] = []
+    _, card = train_model(AIRFRAME, flights=1, scheme=Scheme(networks=1, vectors=100), tell=said.append)
     assert card.calibration is None
+    assert "too rarely" in said[-1]
 
 
 def test_the_frictions_flown_are_the_papers_and_scale_with_the_limits() -> None:
@@ -140,9 +156,9 @@ def test_a_telemetry_that_is_none_is_refused() -> None:
 
 def test_packaged_models_say_how_they_were_made() -> None:
     for model, telemetry in zip(packaged_models(), TELEMETRY.values(), strict=True):
-        command = (
-            f"mavhums train --airframe paper --tier {telemetry.name} --flights 12 --networks 10 --seed 1"
-        )
-        assert model.card.command == f"{command} -o MODEL"
+        command = f"mavhums train --airframe paper --tier {telemetry.name} --flights 24 --seed 1"
+        assert model.card.command == f"{command} {Scheme().command} -o MODEL"
+        assert model.card.selection.wrapped is not None
+        assert model.card.selection.thinned is not None
         assert set(model.keys) <= set(telemetry.keys) < set(KEYS)
     assert load_model(Path(mavhums.__file__).parent / "learn/models/paper-esc.safetensors").keys

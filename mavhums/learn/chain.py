@@ -1,0 +1,288 @@
+"""The paper's scheme (its figure 1) in stages: ranking, filter, thinning, and the wrapper around networks.
+
+``mavhums train``, the packaged models and ``mavhums study paper`` all take these stages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mavhums.core.errors import MavhumsError
+from mavhums.core.quantities import KEYS, column
+from mavhums.learn.dependence import RegressionRedundancyFilter
+from mavhums.learn.ranking import ChiSquareRanking
+from mavhums.learn.redundancy import PairwiseRedundancyFilter
+from mavhums.learn.regression import Elementary, basis_count
+from mavhums.learn.selection import Exclusion, Selection, Wrapped
+from mavhums.learn.subsets import SubsetSearch, exhaustive_search, genetic_search
+from mavhums.learn.thinning import VectorThinning
+from mavhums.learn.wrapper import network_objective
+
+__all__ = ["FUNCTIONS", "SELECTIONS", "Scheme", "Vectors", "search_subsets", "select_features", "thin"]
+
+Select = Literal["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]
+SELECTIONS: tuple[Select, ...] = get_args(Select)
+
+FUNCTIONS: Elementary = {
+    "{}": lambda x: x,
+    "|{}|": np.abs,
+    "sign({})": np.sign,
+    "{}²": np.square,
+    "√|{}|": lambda x: np.sqrt(np.abs(x)),
+    "sin({}°)": lambda x: np.sin(np.radians(x)),
+}
+"""Elementary functions of Algorithm 1 by their notation, in the order of :data:`FUNCTION_NAMES`."""
+
+FUNCTION_NAMES = dict(zip(("x", "abs", "sign", "square", "sqrt", "sin"), FUNCTIONS, strict=True))
+
+_MANY = 10
+"""With more quantities than this the 2^k - 1 subsets are searched genetically, not all."""
+
+_EVALUATIONS = 400
+_LARGEST_BASIS = 2000
+"""Basis functions of Algorithm 1: beyond them its regressions take minutes and explain anything."""
+
+_SAMPLES, _ITERATIONS, _HIDDEN = 1000, 60, 8
+"""Size of the first round of the wrapper, in which every subset has one small network."""
+
+_SHORTLIST, _SEEDS, _SECOND_ITERATIONS = 16, 3, 150
+"""The best subsets of the first round compete again with all vectors: its noise is above their difference."""
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """Options of the stages; the defaults are the paper's chain.
+
+    Attributes
+    ----------
+    select
+        ``"algorithm-1"`` or ``"pairwise"``: the filter before the wrapper; ``"exhaustive"`` or
+        ``"genetic"``: the wrapper on all quantities, without a filter; ``"none"``: all quantities.
+    functions, order
+        Elementary functions of Algorithm 1, of :data:`FUNCTION_NAMES`, and how many form a product.
+    r2
+        R² from which a quantity counts as explained, above 0 and at most 1.
+    vectors
+        Number of training vectors that thinning keeps; None keeps all.
+    networks
+        Number of networks to choose from; the paper trains 50.
+    hidden
+        Numbers of hidden neurons; the networks cycle through them.
+
+    Raises
+    ------
+    MavhumsError
+        If an option is unknown or out of range.
+    """
+
+    select: Select = "algorithm-1"
+    functions: tuple[str, ...] = ("x",)
+    order: int = 2
+    r2: float = 0.999
+    vectors: int | None = 4000
+    networks: int = 50
+    hidden: tuple[int, ...] = field(default=tuple(range(4, 17)))
+
+    def __post_init__(self) -> None:
+        """Reject options that are out of range."""
+        unknown = [name for name in self.functions if name not in FUNCTION_NAMES]
+        if unknown or not self.functions:
+            raise MavhumsError(
+                f"no elementary function {(unknown or [''])[0]!r}",
+                f"name some of {', '.join(FUNCTION_NAMES)}",
+            )
+        if self.select not in SELECTIONS:
+            raise MavhumsError(f"no selection {self.select!r}", f"name one of {', '.join(SELECTIONS)}")
+        whole = (self.order, self.networks, 1 if self.vectors is None else self.vectors, *self.hidden)
+        if min(whole, default=0) < 1 or not self.hidden or not 0 < self.r2 <= 1:
+            raise MavhumsError(
+                "the scheme has a number out of range",
+                "give an order, vectors, networks and neurons of at least 1, and an R² above 0 and up to 1",
+            )
+
+    @property
+    def command(self) -> str:
+        """The options of ``mavhums train`` that give this scheme."""
+        vectors = 0 if self.vectors is None else self.vectors
+        return (
+            f"--select {self.select} --functions {','.join(self.functions)} --order {self.order} "
+            f"--r2 {self.r2:g} --vectors {vectors} --networks {self.networks}"
+        )
+
+
+def select_features(
+    values: ArrayLike, emergency: ArrayLike, *, keys: Sequence[str] = KEYS, scheme: Scheme | None = None
+) -> Selection:
+    """Rank quantities by chi-square, and exclude those that others explain (paper, section 3).
+
+    Parameters
+    ----------
+    values
+        V1…V12, shape (n, 12), finite in the columns of ``keys``.
+    emergency
+        Class of each sample, shape (n,).
+    keys
+        The quantities to choose from, those that the telemetry tier provides.
+    scheme
+        Options; None means the paper's.
+
+    Raises
+    ------
+    MavhumsError
+        If the scheme has more basis functions than can be regressed on.
+    ValueError
+        If the data are not as described, or no quantity varies.
+    """
+    scheme = scheme or Scheme()
+    table = np.asarray(values, dtype=np.float64)[:, [column(key) for key in keys]]
+    excluded: tuple[Exclusion, ...] = ()
+    if scheme.select == "algorithm-1":
+        multiple = _algorithm_1(scheme, len(keys)).fit(table, emergency)
+        ranking, groups, kept = multiple.ranking_, multiple.groups_, multiple.get_support(indices=True)
+        excluded = tuple(
+            Exclusion(
+                quantity=keys[each.feature],
+                r2=round(each.model.r2_, 6),
+                expression=each.model.expression(
+                    [keys[place] for place in each.explained_by], target=keys[each.feature]
+                ),
+            )
+            for each in multiple.dependences_
+        )
+        name = f"Algorithm 1 of {', '.join(scheme.functions)}, m = {scheme.order}, R² ≥ {scheme.r2:g}"
+    elif scheme.select == "pairwise":
+        pairs = PairwiseRedundancyFilter(threshold=scheme.r2, degree=scheme.order).fit(table, emergency)
+        ranking, groups, kept = pairs.ranking_, pairs.groups_, pairs.get_support(indices=True)
+        name = f"pairs, polynomial of degree {scheme.order}, R² ≥ {scheme.r2:g}"
+    else:
+        ranking = ChiSquareRanking().fit(table, emergency)
+        kept = np.flatnonzero(np.ptp(table, axis=0) > 0)
+        groups, name = tuple((place,) for place in kept.tolist()), ""
+        if not len(kept):
+            raise ValueError("every feature is constant, so none distinguishes the classes")
+    return Selection(
+        chi_square=dict(zip(keys, ranking.scores_.tolist(), strict=True)),
+        p_values=dict(zip(keys, ranking.p_values_.tolist(), strict=True)),
+        groups=tuple(tuple(keys[place] for place in group) for group in groups),
+        selected=tuple(keys[place] for place in kept),
+        filter=name,
+        excluded=excluded,
+    )
+
+
+def _algorithm_1(scheme: Scheme, quantities: int) -> RegressionRedundancyFilter:
+    count = basis_count(len(scheme.functions), quantities, scheme.order)
+    if count > _LARGEST_BASIS:
+        raise MavhumsError(
+            f"Algorithm 1 with {len(scheme.functions)} functions of {quantities} quantities in products of "
+            f"{scheme.order} has {count} basis functions, more than {_LARGEST_BASIS}",
+            "name fewer --functions or a lower --order",
+        )
+    functions = {FUNCTION_NAMES[name]: FUNCTIONS[FUNCTION_NAMES[name]] for name in scheme.functions}
+    return RegressionRedundancyFilter(scheme.r2, functions, scheme.order)
+
+
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Feature vectors, shape (n, k), whether each is an emergency, and the weight of each, shape (n,)."""
+
+    features: Array
+    emergency: Flags
+    weight: Array
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+    def part(self, rows: NDArray[np.intp]) -> Vectors:
+        """Return some of the vectors."""
+        return Vectors(self.features[rows], self.emergency[rows], self.weight[rows])
+
+
+def thin(vectors: Vectors, count: int | None, *, seed: int) -> Vectors:
+    """Keep vectors that represent the similar ones, each with the weight of those (paper, section 2)."""
+    if count is None or count >= len(vectors):
+        return vectors
+    thinning = VectorThinning(count, random_state=seed)
+    thinning.fit(vectors.features, vectors.emergency, vectors.weight)
+    kept = vectors.part(thinning.indices_)
+    return Vectors(kept.features, kept.emergency, thinning.weights_)
+
+
+def search_subsets(
+    vectors: Vectors, validation: Vectors, select: Select, *, seed: int
+) -> tuple[Flags, Wrapped, SubsetSearch]:
+    """Search the subset of features whose networks are best on the validation vectors.
+
+    Every subset that is tried has one small network on some vectors. The best of them, and the
+    whole set, compete again with larger networks on all vectors.
+
+    Parameters
+    ----------
+    vectors, validation
+        Training vectors, and those of other flights.
+    select
+        ``"exhaustive"`` or ``"genetic"`` prescribe the search; otherwise the number of features does.
+    seed
+        Of all draws.
+
+    Returns
+    -------
+    NDArray, Wrapped, SubsetSearch
+        Mask of the chosen features, shape (k,); what the card tells; scores of the first round.
+
+    Raises
+    ------
+    MissingExtraError
+        If torch, or pygad for the genetic search, is not installed.
+    """
+    random = np.random.default_rng(seed)
+    features = vectors.features.shape[1]
+    genetic = select == "genetic" or (select != "exhaustive" and features > _MANY)
+    few = [part.part(random.permutation(len(part))[:_SAMPLES]) for part in (vectors, validation)]
+    quick = network_objective(
+        (few[0].features, few[0].emergency),
+        (few[1].features, few[1].emergency),
+        weight=few[0].weight,
+        hidden=_HIDDEN,
+        max_iter=_ITERATIONS,
+        random_state=seed,
+    )
+    if genetic:
+        search = genetic_search(quick, features, evaluations=_EVALUATIONS, random_state=seed)
+    else:
+        search = exhaustive_search(quick, features)
+    whole = np.ones((1, features), dtype=bool)
+    best = search.subsets[np.argsort(-search.scores, kind="stable")[:_SHORTLIST]]
+    shortlist = np.unique(np.concatenate([whole, best]), axis=0)
+    # The best of several seeds: a network that started badly says nothing about its inputs.
+    scores = np.max(
+        [
+            network_objective(
+                (vectors.features, vectors.emergency),
+                (validation.features, validation.emergency),
+                weight=vectors.weight,
+                hidden=_HIDDEN + 4,
+                max_iter=_SECOND_ITERATIONS,
+                random_state=seed + k,
+            )(shortlist)
+            for k in range(_SEEDS)
+        ],
+        axis=0,
+    )
+    final = SubsetSearch(shortlist, scores)
+    wrapped = Wrapped(
+        search="genetic" if genetic else "exhaustive",
+        tried=len(search.scores),
+        possible=2**features - 1,
+        accuracy=round(final.score, 6),
+        accuracy_of_all=round(float(scores[shortlist.all(axis=1)][0]), 6),
+    )
+    return final.best, wrapped, search
