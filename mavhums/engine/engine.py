@@ -39,6 +39,7 @@ from mavhums.report.assessment import (
 from mavhums.report.flight import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
+from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
@@ -79,6 +80,7 @@ class Engine:
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._identities, self._recorded = Identities(), RecordedFlights()
         self._mappers = VehicleMappers(airframe)
+        self._clocks = Clocks()
         self._models = tuple(options.models)
         self._baselines = options.baselines
         self._looked_up: dict[str | None, Baselines] = {}
@@ -177,6 +179,7 @@ class Engine:
         self._crowd.heed(tables)
         self._identities.feed(tables)
         self._recorded.feed(tables)
+        tables = self._clocks.feed(tables, self._crowd.admits)
         yield from self._listen(tables)
         self._airspeeds.feed(tables)
         self._temperatures.feed(tables)
@@ -185,7 +188,7 @@ class Engine:
         start_us = self._decoder.first_time_us or 0
         yield from self._axes.feed(tables, start_us, admits=self._crowd.admits, final=final)
         settled = list(self._mappers.feed(tables, final=final))
-        for vehicle, time_us in self._mappers.clock_jumps():
+        for vehicle, time_us in self._clocks.jumps():
             if not self._crowd.admits(vehicle):
                 continue
             text = "its clock jumped: it rebooted, or its time was set"
