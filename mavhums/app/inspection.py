@@ -16,6 +16,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import Crowd
+from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.health.obstacles import obstacle
 from mavhums.log import Decoder, decode_blocks
@@ -121,7 +122,7 @@ def inspect_log(
         ),
         sender_clock=decoder.undated,
         unknown_ids=decoder.unknown,
-        losses=decoder.losses,
+        losses=with_drops(decoder.losses, clocks, axes),
     )
 
 

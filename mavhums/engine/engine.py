@@ -16,6 +16,7 @@ from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
+from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import vehicle_usage
@@ -136,7 +137,7 @@ class Engine:
                 start_utc=begun.isoformat() if (begun := self._begun()) else None,
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
-                losses=decoder.losses,
+                losses=with_drops(decoder.losses, self._clocks, self._axes),
                 format=decoder.format,
                 flight=tuple(map(self._identity, vehicles)),
             ),
@@ -269,14 +270,15 @@ class Engine:
         followed = self._axes.vehicle(vehicle)
         if followed is None or not self._crowd.admits(vehicle):
             return
-        why = why_not_at_all(followed.flight, self._identities.of(vehicle).kind)
+        received = self._axes.received(vehicle)
+        why = why_not_at_all(followed.flight, self._identities.of(vehicle).kind, received)
         if why is not None:
             yield unjudged_axes(vehicle, *why)
             return
         start_utc = _utc(self._decoder.first_time_us or 0)
         for axis in AXES:
             findings = followed.monitor.findings(axis)
-            verdict = judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc)
+            verdict = judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc, received)
             yield against_flights(
                 verdict,
                 of_subject(self._axis_baselines(), (vehicle, axis)),

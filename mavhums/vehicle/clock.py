@@ -196,7 +196,8 @@ def _compare(sender: Integers, pairs: Integers, kind: int, stamp: int, received:
     if count == _MOST_PAIRS or kind == sender[_LAST_KIND] or not 0 <= apart < _NEIGHBOURS_US:
         return
     other = sender[_LAST_STAMP]
-    pairs[count] = stamp - other if kind == sender[_PRIMARY] else other - stamp
+    now = stamp - apart
+    pairs[count] = now - other if kind == sender[_PRIMARY] else other - now
     sender[_PAIRS] = count = count + 1
     if count < _LEAST_PAIRS:
         return

@@ -80,6 +80,11 @@ class Grid:
         self._forget()
         return Seconds(index, {name: values.reshape(shape) for name, values in found.items()})
 
+    @property
+    def held(self) -> int:
+        """Number of samples that are kept for the seconds to come."""
+        return sum(time_s.size for time_s in self._times.values())
+
     def received(self) -> dict[str, Received]:
         """Return, by message, how many samples were kept, came late, or came twice."""
         found: dict[str, Received] = {}
