@@ -283,7 +283,7 @@ class Engine:
                 verdict,
                 of_subject(self._axis_baselines(), (vehicle, axis)),
                 start_utc=start_utc,
-                end_s=self._flight_time(self._decoder.last_time_us or 0),
+                end_s=self._end_s(vehicle),
                 false_alarms=self._false_alarms,
             )
 
@@ -318,7 +318,7 @@ class Engine:
                     actuator,
                     findings,
                     start_utc=_utc(self._decoder.first_time_us or 0),
-                    end_s=self._flight_time(self._decoder.last_time_us or 0),
+                    end_s=self._end_s(vehicle),
                     late=mapper.late(vehicle, actuator),
                     implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
@@ -327,6 +327,10 @@ class Engine:
                 )
                 flown = past.get((vehicle, actuator.name), ())
                 yield held_against(verdict, flown, self._false_alarms)
+
+    def _end_s(self, vehicle: int) -> float:
+        """Return the flight time of the log's end, by the vehicle's own clock, as all its samples are."""
+        return self._flight_time(self._clocks.at_us(vehicle, self._decoder.last_time_us or 0))
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6

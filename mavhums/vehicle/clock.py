@@ -38,6 +38,7 @@ _SPREAD_US: Final = 500_000  # what a comparison of a demand with its answer sta
 _FORGET_US: Final = 10_000_000.0  # time constant with which a greater spread is forgotten
 
 _SENDERS: Final = 256
+_NEVER_US: Final = 2**62
 _SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_KIND, _LAST_STAMP, _LAST_HEARD, _PAIRS, _SPREAD = range(
     10
 )
@@ -94,6 +95,15 @@ class VehicleClock:
         mapped = Mapped(*(np.zeros(component.size, dtype=np.int64) for _ in range(3)))
         _follow(component, counter, stamp_us, received_us, self._senders, self._pairs, self._main, *mapped)
         return mapped
+
+    def at_us(self, received_us: int) -> int:
+        """Return what the vehicle's clock shows at a time of reception, now or later, microseconds of UTC.
+
+        Of several components with clocks, the one that shows least: what it sent last is then not yet old.
+        """
+        known = self._senders[self._senders[:, _SEGMENT] > 0]
+        passed = np.maximum(received_us - known[:, _HEARD], 0)
+        return int((known[:, _NEWEST] + known[:, _OFFSET] + passed).min(initial=_NEVER_US))
 
 
 @kernel

@@ -93,6 +93,11 @@ class Clocks:
             for name, a, b in zip(names, edges[:-1], edges[1:], strict=True)
         }
 
+    def at_us(self, vehicle: int, received_us: int) -> int:
+        """Return what a vehicle's clock shows at a time of reception; that time if it sends none."""
+        clock = self._vehicles.get(vehicle)
+        return received_us if clock is None else clock.at_us(received_us)
+
     def jumps(self) -> list[tuple[int, int]]:
         """Return the vehicle and time, microseconds of UTC, of each jump since the last call.
 
