@@ -13,7 +13,7 @@ __all__ = ["with_drops"]
 
 def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:
     """Return the losses of a log with the samples that clocks and grids left out."""
-    late, copies, broken = Counter[str](), Counter[str](), Counter[str]()
+    late, same, copies, broken = (Counter[str]() for _ in range(4))
     for (_, message), count in clocks.copies.items():
         copies[message] += count
     for (_, message), count in clocks.broken.items():
@@ -21,8 +21,13 @@ def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:
     for vehicle in axes.vehicles():
         for message, received in axes.received(vehicle).items():
             late[message] += received.late
-            copies[message] += received.repeated
-    found = {"late_samples": late, "broken_stamps": broken, "copies": copies}
+            same[message] += received.repeated
+    found = {
+        "late_samples": late,
+        "same_time_samples": same,
+        "broken_stamps": broken,
+        "copies": copies,
+    }
     return losses.model_copy(
         update={name: {key: n for key, n in sorted(counts.items()) if n} for name, counts in found.items()}
     )

@@ -43,6 +43,7 @@ from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
+from mavhums.vehicle.order import Received
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 from mavhums.vehicle.surfaces import AXES
@@ -173,6 +174,10 @@ class Engine:
     def flown_s(self) -> float:
         """Return the seconds of forward flight as fixed wings, of the vehicles for which it is known."""
         return self._axes.flown_s()
+
+    def received(self, vehicle: int) -> dict[str, Received]:
+        """Return, by message, how many of a vehicle's samples were kept, came late, or came at one time."""
+        return self._axes.received(vehicle)
 
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:

@@ -303,6 +303,7 @@ def losses(lost: Losses) -> str:
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
     dropped = (
         (lost.late_samples, "sample too late", "samples too late"),
+        (lost.same_time_samples, "sample at the time of another", "samples at the times of others"),
         (lost.broken_stamps, "broken time stamp", "broken time stamps"),
         (lost.copies, "copy", "copies"),
     )
