@@ -3,7 +3,7 @@
     python benchmarks/links.py FOLDER
 
 FOLDER holds ``.tlog`` files and a ``truth.csv``, counted by another reader on the sender's own clock:
-``file``, ``system``, ``n_…`` messages per stream, ``armed_sender_s`` and ``forward_after_3s_sender_s`` (forward
+``file``, ``system``, ``n_…`` messages per stream, ``armed_sender_s``, ``forward_after_3s_sender_s`` (forward
 flight without the first 3 s of each stretch, which are needed to believe it). The aim is to agree within 2 s
 and 2 %. Where ``airspeed_sensor`` is ``no``, forward flight waits for the wind triangle and is not compared.
 """

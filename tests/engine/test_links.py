@@ -3,8 +3,8 @@
 The tolerance: a sample without a stamp has a time that is known to the latency of its type only, and the grid
 begins at the time of the first reception, so seconds begin elsewhere in the flight. An alarm may begin some
 seconds earlier or later, and forward flight be longer or shorter by some. Where messages without a stamp are
-seconds late themselves, nothing in the log tells by how much: an axis that is barely decided may then become
-undecided, and that is all.
+themselves late, nothing in the log tells by how much: up to 2 s and 2 s of jitter an axis that is barely
+decided may then become undecided, and that is all.
 
 One case is not tested: where all types of one counter (``time_usec``) lag all types of the other by the same
 time, the log is that of a sender whose counters differ, which exists.
@@ -90,7 +90,7 @@ def same(found: Told, expected: Told) -> None:
         )
     alarmed = {axis: worst for axis, worst in expected.conditions.items() if worst in ALARMS}
     assert {axis: worst for axis, worst in found.conditions.items() if worst in ALARMS} == alarmed
-    assert found.flown_s == pytest.approx(expected.flown_s, abs=6.0)
+    assert found.flown_s == pytest.approx(expected.flown_s, abs=8.0)
 
 
 LATENCIES = st.fixed_dictionaries(dict.fromkeys(STAMPED, SECONDS))
@@ -113,7 +113,10 @@ def test_latency_backlog_clock_rate_and_order_change_nothing(kind: str, disturbe
 
 
 @pytest.mark.parametrize("kind", ["healthy", "frozen"])
-@given(latency=st.fixed_dictionaries(dict.fromkeys(UNSTAMPED, SECONDS)), jitter_s=st.sampled_from([0.0, 2.0]))
+@given(
+    latency=st.fixed_dictionaries(dict.fromkeys(UNSTAMPED, st.floats(0.0, 2.0))),
+    jitter_s=st.sampled_from([0.0, 2.0]),
+)
 @settings(max_examples=5)
 def test_what_comes_late_without_a_stamp_raises_no_alarm_and_hides_none(
     kind: str, latency: dict[int, float], jitter_s: float
