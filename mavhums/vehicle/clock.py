@@ -39,11 +39,9 @@ _FORGET_US: Final = 10_000_000.0  # time constant with which a greater spread is
 
 _SENDERS: Final = 256
 _NEVER_US: Final = 2**62
-_SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_KIND, _LAST_STAMP, _LAST_HEARD, _PAIRS, _SPREAD = range(
-    10
-)
-_DELTA, _ASTRAY, _KNOWN, _AGREED = 10, 12, 14, 16  # two columns each, one per counter
-_COLUMNS: Final = 18
+_SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PAIRS, _SPREAD = range(9)
+_DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 9, 11, 13, 15, 17, 19  # two columns each, one per counter
+_COLUMNS: Final = 21
 
 Integers = NDArray[np.int64]
 
@@ -181,7 +179,7 @@ def _stamped(sender: Integers, pairs: Integers, kind: int, stamp: int, received:
     passed = max(received - sender[_LAST_HEARD], 0)
     spread = sender[_SPREAD] * np.exp(-passed / _FORGET_US)
     sender[_SPREAD] = int(max(spread, sender[_NEWEST] - time))
-    sender[_LAST_KIND], sender[_LAST_STAMP], sender[_LAST_HEARD] = kind, stamp, received
+    sender[_LAST_STAMP], sender[_LAST_HEARD] = stamp, received
     if time > sender[_NEWEST]:
         sender[_NEWEST], sender[_HEARD] = time, received
     return True
@@ -195,17 +193,23 @@ def _begin(sender: Integers, kind: int, stamp: int, received: int, offset: int) 
     sender[_SEGMENT], sender[_OFFSET], sender[_PRIMARY] = number, offset, kind
     sender[_NEWEST] = sender[_LAST_STAMP] = stamp
     sender[_HEARD] = sender[_LAST_HEARD] = received
-    sender[_LAST_KIND], sender[_KNOWN + kind] = kind, 1
+    sender[_KNOWN + kind], sender[_STAMP + kind], sender[_AT + kind] = 1, stamp, received
 
 
 @kernel
 def _compare(sender: Integers, pairs: Integers, kind: int, stamp: int, received: int) -> None:
-    """Learn the offset between the counters from neighbours in the order of arrival, once."""
+    """Learn the offset between the counters from neighbours in the order of arrival, once.
+
+    Every message is held against the last one of the other counter, so that each type has its say: where only
+    some types of a counter lag, it is latency, and the scatter shows it.
+    """
     count = sender[_PAIRS]
-    apart = received - sender[_LAST_HEARD]
-    if count == _MOST_PAIRS or kind == sender[_LAST_KIND] or not 0 <= apart < _NEIGHBOURS_US:
+    sender[_STAMP + kind], sender[_AT + kind] = stamp, received
+    apart = received - sender[_AT + 1 - kind]
+    heard = sender[_KNOWN + 1 - kind] == 1
+    if count == _MOST_PAIRS or not heard or not 0 <= apart < _NEIGHBOURS_US:
         return
-    other = sender[_LAST_STAMP]
+    other = sender[_STAMP + 1 - kind]
     now = stamp - apart
     pairs[count] = now - other if kind == sender[_PRIMARY] else other - now
     sender[_PAIRS] = count = count + 1
