@@ -30,6 +30,7 @@ _BREAK_US: Final = 30_000_000  # more than any latency but an outage: a stamp as
 _CONFIRM: Final = 3  # stamps in a row: one or two are damage
 _LAP_US: Final = 2**32  # SERVO_OUTPUT_RAW's 32 bits of microseconds start anew after 71.6 min
 _NEIGHBOURS_US: Final = 100_000  # stamps of both counters received within this time tell their offset
+_OPENING_US: Final = 6_000_000  # before, types with a great latency have not yet been heard
 _LEAST_PAIRS: Final = 20  # 5 s at 4 Hz; the median of fewer moves with single delays
 _MOST_PAIRS: Final = 60
 _OFFSET_US: Final = 300_000  # types of message differ by tens of ms on real links, two counters by 2.5 s
@@ -39,9 +40,9 @@ _FORGET_US: Final = 10_000_000.0  # time constant with which a greater spread is
 
 _SENDERS: Final = 256
 _NEVER_US: Final = 2**62
-_SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PAIRS, _SPREAD = range(9)
-_DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 9, 11, 13, 15, 17, 19  # two columns each, one per counter
-_COLUMNS: Final = 21
+_SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PAIRS, _SPREAD, _SINCE = range(10)
+_DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 10, 12, 14, 16, 18, 20  # two columns each, one per counter
+_COLUMNS: Final = 22
 
 Integers = NDArray[np.int64]
 
@@ -192,7 +193,7 @@ def _begin(sender: Integers, kind: int, stamp: int, received: int, offset: int) 
     sender[:] = 0
     sender[_SEGMENT], sender[_OFFSET], sender[_PRIMARY] = number, offset, kind
     sender[_NEWEST] = sender[_LAST_STAMP] = stamp
-    sender[_HEARD] = sender[_LAST_HEARD] = received
+    sender[_HEARD] = sender[_LAST_HEARD] = sender[_SINCE] = received
     sender[_KNOWN + kind], sender[_STAMP + kind], sender[_AT + kind] = 1, stamp, received
 
 
@@ -206,7 +207,7 @@ def _compare(sender: Integers, pairs: Integers, kind: int, stamp: int, received:
     count = sender[_PAIRS]
     sender[_STAMP + kind], sender[_AT + kind] = stamp, received
     apart = received - sender[_AT + 1 - kind]
-    heard = sender[_KNOWN + 1 - kind] == 1
+    heard = sender[_KNOWN + 1 - kind] == 1 and received - sender[_SINCE] > _OPENING_US
     if count == _MOST_PAIRS or not heard or not 0 <= apart < _NEIGHBOURS_US:
         return
     other = sender[_STAMP + 1 - kind]

@@ -364,7 +364,7 @@ def test_a_reboot_in_flight_is_reported_and_survived() -> None:
     assert told == ["its clock jumped: it rebooted, or its time was set"]
     elevator = of(engine.assessment(), "elevator")
     assert elevator.condition == "emergency"
-    assert engine.assessment().log.losses.broken_stamps == {"DEBUG_FLOAT_ARRAY": 2}
+    assert engine.assessment().log.losses.broken_stamps["DEBUG_FLOAT_ARRAY"] == 2
     assert elevator.coverage.decidable > 45
 
 
