@@ -8,7 +8,7 @@ the evaluation runs twice: with the outputs named by a profile, ``benchmarks/alf
 given, and with the outputs inferred from each flight's own beginning.
 
 Frozen servo outputs, ``DISABLE_*`` parameters and STATUSTEXT are never evidence. Delays count to the end of
-the second of data that made the finding certain; 1.7 s more pass live until that second is settled.
+the second of data that made the finding certain; live, it settles once every stream has passed it.
 
 For comparison: A. Keipour, M. Mousaei, S. Scherer, "Automatic real-time anomaly detection for autonomous
 aerial vehicles", ICRA 2019: recursive least squares on commanded and flown attitude, 2.0 s and about 86 %

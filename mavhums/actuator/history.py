@@ -12,6 +12,7 @@ from mavhums.actuator.mapping import Mapped, Mapper
 from mavhums.actuator.profile import Airframe, ProfileError, load_airframe
 from mavhums.core.quantities import KEYS
 from mavhums.log import Log
+from mavhums.vehicle.clocks import on_clocks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +74,7 @@ def actuators(
             raise ProfileError(f"{log.path}: the log names no airframe profile", remedy)
         airframe = load_airframe(name)
     mapper = Mapper(airframe)
-    mapped = mapper.feed(log.tables, final=True)
+    mapped = mapper.feed(on_clocks(log.tables), final=True)
     if vehicle is None:
         vehicle = min((part.vehicle for part in mapped), default=0)
     parts: dict[str, list[Mapped]] = {}

@@ -22,7 +22,6 @@ from mavhums.actuator.sources import SOURCES
 from mavhums.actuator.tiers import TIERS
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["Mapped", "Mapper", "messages_for"]
 
@@ -104,18 +103,18 @@ class Mapper:
         self.airframe = airframe
         self._vehicle = vehicle
         self._from_frame = from_frame
-        self._clocks = Clocks()
         self._tracks: dict[tuple[int, str], _Track] = {}
 
     def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> list[Mapped]:
         """Return the samples that these messages complete, in time order for each actuator.
 
-        ``final`` marks the end of the log.
+        Their times are those of their senders' clocks, see :class:`mavhums.vehicle.clocks.Clocks`. ``final``
+        marks the end of the log.
         """
         tables = {name: self._ours(table) for name, table in tables.items()}
         by_track: dict[tuple[int, str], list[Reading]] = {key: [] for key in self._tracks}
         for source in SOURCES:
-            for reading in source.read(tables, self.airframe.actuators, self._clocks):
+            for reading in source.read(tables, self.airframe.actuators):
                 by_track.setdefault((reading.vehicle, reading.actuator.name), []).append(reading)
         out = []
         for key, readings in by_track.items():
@@ -191,10 +190,6 @@ class Mapper:
             if reworked or key not in fields:
                 merged[key] = f"derived: {_fill_in(how, fields)}"
         return {key: merged[key] for key in KEYS if key in merged}
-
-    def clock_jumps(self) -> list[tuple[int, int]]:
-        """Return the vehicle and time, microseconds of UTC, of each jump of a clock since the last call."""
-        return self._clocks.jumps()
 
     def _ours(self, table: Table) -> Table:
         if self._vehicle is None and self._from_frame == 0:

@@ -57,10 +57,6 @@ class VehicleMappers:
             for mapped in mapper.feed(tables, final=final):
                 yield mapper, mapped
 
-    def clock_jumps(self) -> list[tuple[int, int]]:
-        """Return the vehicle and time, microseconds of UTC, of each jump of a clock since the last call."""
-        return [jump for mapper in self._mappers for jump in mapper.clock_jumps()]
-
     def mapper(self, vehicle: int | None) -> Mapper | None:
         """Return the mapper that serves a vehicle, if any."""
         return next((mapper for mapper in self._mappers if mapper.serves(vehicle)), None)

@@ -18,6 +18,7 @@ from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.core.table_writers import TableWriter, writer_for
 from mavhums.log import Decoder, decode_blocks
+from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.texts import TEXT_MESSAGES
 
 __all__ = ["export_messages", "export_quantities"]
@@ -85,12 +86,13 @@ def _write(
 ) -> tuple[Decoder, VehicleMappers, int]:
     """Write the table of a log by a profile; return decoder, vehicles and rows written; no rows, no file."""
     decoder = Decoder(messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES)
-    fleet = VehicleMappers(airframe)
+    fleet, clocks = VehicleMappers(airframe), Clocks()
     with suppress(_EmptyError), written_whole(output) as temporary, writer_for(output)(temporary) as table:
         for tables, size, final in decode_blocks(path, decoder):
-            for _ in fleet.listen(tables):
+            timed = clocks.feed(tables)
+            for _ in fleet.listen(timed):
                 pass
-            for _, mapped in fleet.feed(tables, final=final):
+            for _, mapped in fleet.feed(timed, final=final):
                 if mapped.utc_us.size:
                     table.write(_rows(mapped, decoder.first_time_us or 0))
             if progress:

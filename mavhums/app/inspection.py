@@ -16,6 +16,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import Crowd
+from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.health.obstacles import obstacle
 from mavhums.log import Decoder, decode_blocks
@@ -26,6 +27,7 @@ from mavhums.report.inspection import (
     NamedRate,
     VehicleTelemetry,
 )
+from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.named_values import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.texts import TEXT_MESSAGES
@@ -66,12 +68,13 @@ def inspect_log(
     telemetry = messages_for(given.actuators if given else ())
     decoder = Decoder(telemetry | IDENTITY_MESSAGES | AXIS_MESSAGES | NAMED_MESSAGES, dialect=dialect)
     fleet, identities, axes, values = VehicleMappers(given), Identities(), Axes(given), NamedValues()
-    crowd = Crowd(telemetry - TEXT_MESSAGES)
+    crowd, clocks = Crowd(telemetry - TEXT_MESSAGES), Clocks()
     size = 0
-    for tables, size, final in decode_blocks(path, decoder, dialect=dialect):
-        identities.feed(tables)
-        values.feed(tables)
-        crowd.heed(tables)
+    for read, size, final in decode_blocks(path, decoder, dialect=dialect):
+        identities.feed(read)
+        values.feed(read)
+        crowd.heed(read)
+        tables = clocks.feed(read, crowd.admits)
         start_us = decoder.first_time_us or 0
         for said, named in fleet.listen(tables):
             if named is not None:
@@ -119,7 +122,7 @@ def inspect_log(
         ),
         sender_clock=decoder.undated,
         unknown_ids=decoder.unknown,
-        losses=decoder.losses,
+        losses=with_drops(decoder.losses, clocks, axes),
     )
 
 

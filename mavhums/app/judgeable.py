@@ -59,12 +59,14 @@ def judgeable(
 def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
     if axes is None:
         return
-    why = why_not_at_all(axes.flight, identity.kind)
+    received = axes.grid.received()
+    why = why_not_at_all(axes.flight, identity.kind, received)
     if why is not None:
         yield unjudged_axes(identity.vehicle, *why)
         return
     for axis in AXES:
-        yield judged_axis(identity.vehicle, axes.monitor.findings(axis), axes.surfaces, axes.flight, _UNDATED)
+        findings = axes.monitor.findings(axis)
+        yield judged_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

@@ -19,6 +19,7 @@ from mavhums.vehicle.events import Followed
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
+from mavhums.vehicle.order import Received
 from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
 from mavhums.vehicle.signals import Signal
@@ -60,8 +61,8 @@ class VehicleAxes:
     ----------
     surfaces, flight, monitor
         The surfaces, the flight and the monitor, as far as known.
-    usage
-        Use of the vehicle's outputs.
+    usage, grid
+        Use of the vehicle's outputs; the grid of its signals.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class VehicleAxes:
         self.flight = Flight(surfaces)
         self.usage = Usage()
         self._vehicle, self._angles = vehicle, angles
-        self._grid = Grid(start_us)
+        self.grid = Grid(start_us)
         self._told: list[tuple[int, Surfaces, AxisLimits | None]] = []
         self._waiting: list[Seconds] = []
         self._since_try = 0
@@ -93,7 +94,7 @@ class VehicleAxes:
     def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
         """Take new samples; yield the changes of condition."""
         self.usage.feed(signals)
-        seconds = self._grid.feed(signals, final=final)
+        seconds = self.grid.feed(signals, final=final)
         while seconds is not None:
             now, seconds = self._next(seconds)
             at = 0
@@ -199,6 +200,15 @@ class Axes:
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
         """Return the axes of a vehicle; None if it reported nothing about its flight."""
         return self._vehicles.get(vehicle)
+
+    def vehicles(self) -> tuple[int, ...]:
+        """Return the vehicles that reported something about their flight."""
+        return tuple(self._vehicles)
+
+    def received(self, vehicle: int) -> dict[str, Received]:
+        """Return, by message, how many of a vehicle's samples were kept, came late, or came twice."""
+        axes = self._vehicles.get(vehicle)
+        return axes.grid.received() if axes else {}
 
     def parameters(self, vehicle: int) -> Parameters:
         """Return the parameters that a vehicle reported."""

@@ -18,6 +18,7 @@ from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
+from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import vehicle_usage
@@ -41,8 +42,10 @@ from mavhums.report.assessment import (
 from mavhums.report.flight import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
+from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
+from mavhums.vehicle.order import Received
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 from mavhums.vehicle.surfaces import AXES
@@ -95,6 +98,7 @@ class Engine:
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._identities, self._recorded = Identities(), RecordedFlights()
         self._mappers = VehicleMappers(airframe)
+        self._clocks = Clocks()
         self._models = tuple(options.models)
         self._baselines = options.baselines
         self._looked_up: dict[str | None, Baselines] = {}
@@ -146,7 +150,7 @@ class Engine:
                 start_utc=begun.isoformat() if (begun := self._begun()) else None,
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
-                losses=decoder.losses,
+                losses=with_drops(decoder.losses, self._clocks, self._axes),
                 format=decoder.format,
                 flight=tuple(map(self._identity, vehicles)),
             ),
@@ -196,12 +200,17 @@ class Engine:
         """Return the seconds of forward flight as fixed wings, of the vehicles for which it is known."""
         return self._axes.flown_s()
 
+    def received(self, vehicle: int) -> dict[str, Received]:
+        """Return, by message, how many of a vehicle's samples were kept, came late, or came at one time."""
+        return self._axes.received(vehicle)
+
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
         self._crowd.heed(tables)
         self._identities.feed(tables)
         self._recorded.feed(tables)
+        tables = self._clocks.feed(tables, self._crowd.admits)
         yield from self._listen(tables)
         self._airspeeds.feed(tables)
         self._temperatures.feed(tables)
@@ -210,7 +219,7 @@ class Engine:
         start_us = self._decoder.first_time_us or 0
         yield from self._axes.feed(tables, start_us, admits=self._crowd.admits, final=final)
         settled = list(self._mappers.feed(tables, final=final))
-        for vehicle, time_us in self._mappers.clock_jumps():
+        for vehicle, time_us in self._clocks.jumps():
             if not self._crowd.admits(vehicle):
                 continue
             text = "its clock jumped: it rebooted, or its time was set"
@@ -291,19 +300,20 @@ class Engine:
         followed = self._axes.vehicle(vehicle)
         if followed is None or not self._crowd.admits(vehicle):
             return
-        why = why_not_at_all(followed.flight, self._identities.of(vehicle).kind)
+        received = self._axes.received(vehicle)
+        why = why_not_at_all(followed.flight, self._identities.of(vehicle).kind, received)
         if why is not None:
             yield unjudged_axes(vehicle, *why)
             return
         start_utc = _utc(self._decoder.first_time_us or 0)
         for axis in AXES:
             findings = followed.monitor.findings(axis)
-            verdict = judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc)
+            verdict = judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc, received)
             yield against_flights(
                 verdict,
                 of_subject(self._axis_baselines(), (vehicle, axis)),
                 start_utc=start_utc,
-                end_s=self._flight_time(self._decoder.last_time_us or 0),
+                end_s=self._end_s(vehicle),
                 false_alarms=self._false_alarms,
             )
 
@@ -338,7 +348,7 @@ class Engine:
                     actuator,
                     findings,
                     start_utc=_utc(self._decoder.first_time_us or 0),
-                    end_s=self._flight_time(self._decoder.last_time_us or 0),
+                    end_s=self._end_s(vehicle),
                     late=mapper.late(vehicle, actuator),
                     implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
@@ -347,6 +357,10 @@ class Engine:
                 )
                 flown = past.get((vehicle, actuator.name), ())
                 yield held_against(verdict, flown, self._false_alarms)
+
+    def _end_s(self, vehicle: int) -> float:
+        """Return the flight time of the log's end, by the vehicle's own clock, as all its samples are."""
+        return self._flight_time(self._clocks.at_us(vehicle, self._decoder.last_time_us or 0))
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6

@@ -38,7 +38,10 @@ class Losses(Contract):
     counts the carriage returns that a conversion to text had put in. Where only frames signed with a
     key are read, those without a signature, with a wrong one and with an old one were left out.
     ``logger_dropped`` counts what an on-board logger says that it could not write: records, or pauses
-    where the format counts those.
+    where the format counts those. Four counts by message, of all vehicles: ``late_samples`` came after
+    their second was settled or behind their own stream, ``same_time_samples`` have the time of an earlier
+    one, ``broken_stamps`` a time that no clock of their sender explains, and ``copies`` had arrived before,
+    as over several routes.
     """
 
     bytes_skipped: int = 0
@@ -60,6 +63,10 @@ class Losses(Contract):
     bad_signatures: int = 0
     replayed_frames: int = 0
     logger_dropped: int = 0
+    late_samples: dict[str, int] = {}
+    same_time_samples: dict[str, int] = {}
+    broken_stamps: dict[str, int] = {}
+    copies: dict[str, int] = {}
 
     @property
     def any(self) -> bool:

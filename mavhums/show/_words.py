@@ -301,6 +301,16 @@ def losses(lost: Losses) -> str:
         (lost.logger_dropped, "record that the logger dropped", "records that the logger dropped"),
     )
     parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
+    dropped = (
+        (lost.late_samples, "sample too late", "samples too late"),
+        (lost.same_time_samples, "sample at the time of another", "samples at the times of others"),
+        (lost.broken_stamps, "broken time stamp", "broken time stamps"),
+        (lost.copies, "copy", "copies"),
+    )
+    for by_message, one, many in dropped:
+        which = ", ".join(f"{name} {count:,}" for name, count in by_message.items())
+        total = sum(by_message.values())
+        parts += [f"{total:,} {one if total == 1 else many} ({which})"] if total else []
     missing = link_loss(lost)
     if missing is None:
         return join(parts) if parts else "none"

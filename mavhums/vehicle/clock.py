@@ -1,89 +1,227 @@
-"""Maps the sender's clock to the time of reception."""
+"""One vehicle's time axis: the clocks of its components, with the offset between their two counters.
+
+A component's clock is the flight's time. Its first stamp is anchored to the time of reception; from there the
+axis runs as the sender counts and is never bent towards reception, whose delay changes. MAVLink stamps are of
+two counters, ``time_boot_ms`` and ``time_usec``; in some autopilots these lie seconds apart.
+"""
 
 from __future__ import annotations
+
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SenderClock"]
+from mavhums.core.kernels import kernel
 
-_JUMP_US = 2_000_000
-_CONFIRM = 3
+__all__ = ["BOOT", "BROKEN", "LOOSE", "SOUND", "UNSTAMPED", "USEC", "Mapped", "VehicleClock"]
+
+UNSTAMPED: Final = -1
+BOOT: Final = 0
+USEC: Final = 1
+"""What a message's stamp counts, or that it has none."""
+
+SOUND: Final = 0
+LOOSE: Final = 1
+BROKEN: Final = 2
+"""What a time is worth: exact, wrong by more than a detector stands, or none."""
+
+_BREAK_US: Final = 30_000_000  # more than any latency but an outage: a stamp as far off is no delay
+_CONFIRM: Final = 3  # stamps in a row: one or two are damage
+_LAP_US: Final = 2**32  # SERVO_OUTPUT_RAW's 32 bits of microseconds start anew after 71.6 min
+_NEIGHBOURS_US: Final = 100_000  # stamps of both counters received within this time tell their offset
+_OPENING_US: Final = 6_000_000  # before, types with a great latency have not yet been heard
+_LEAST_PAIRS: Final = 20  # 5 s at 4 Hz; the median of fewer moves with single delays
+_MOST_PAIRS: Final = 60
+_OFFSET_US: Final = 300_000  # types of message differ by tens of ms on real links, two counters by 2.5 s
+_SCATTER_US: Final = 600_000  # 10–90 %: an offset is constant, latencies are not
+_SPREAD_US: Final = 500_000  # what a comparison of a demand with its answer stands
+_FORGET_US: Final = 10_000_000.0  # time constant with which a greater spread is forgotten
+
+_SENDERS: Final = 256
+_NEVER_US: Final = 2**62
+_SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PAIRS, _SPREAD, _SINCE = range(10)
+_DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 10, 12, 14, 16, 18, 20  # two columns each, one per counter
+_COLUMNS: Final = 22
+
+Integers = NDArray[np.int64]
 
 
-class SenderClock:
-    """Maps a sender's microseconds since boot to UTC, causally.
-
-    The first sample fixes the offset. If at least three consecutive samples differ from it by more than two
-    seconds, the sender has rebooted or its clock was set, and a new segment starts. A shorter run is
-    treated as damaged time stamps, and the offset stays. A sample whose mapped time lies more than two
-    seconds after its reception gets the time of reception, so that later samples do not precede it.
-
-    Parameters
-    ----------
-    wrap_us
-        Period after which the sender's time restarts, as a 32-bit counter of microseconds does.
+class Mapped(NamedTuple):
+    """Times of messages on the vehicle's axis.
 
     Attributes
     ----------
-    segments
-        Number of segments so far.
-    restarts
-        Of the latest call: each row that starts a new segment after the first, and the segment's number.
+    time_us
+        Microseconds of UTC, shape (n,).
+    worth
+        ``SOUND``, ``LOOSE`` or ``BROKEN``, shape (n,).
+    segment
+        Of each message whose clock has just restarted, the number of its new segment, else 0, shape (n,).
     """
 
-    def __init__(self, wrap_us: int | None = None) -> None:
-        self.segments = 0
-        self.restarts: list[tuple[int, int]] = []
-        self._wrap_us = wrap_us
-        self._offset_us = 0
-        self._astray = 0
+    time_us: Integers
+    worth: Integers
+    segment: Integers
 
-    def to_utc_us(self, sent_us: NDArray[np.int64], received_us: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return UTC in microseconds, shape (n,), from send times and reception times, shape (n,).
 
-        Examples
-        --------
-        >>> clock = SenderClock()
-        >>> clock.to_utc_us(np.array([5, 15, 25]), np.array([1000, 1011, 9_000_000])).tolist()
-        [1000, 1010, 1020]
+class VehicleClock:
+    """Maps the messages of one vehicle to its time axis, causally, in the order of the log.
+
+    A stamp more than 30 s behind the newest of its sender, or as far ahead of it and of what has passed at
+    reception, is broken; three in a row are a reboot or a clock that was set, and a new segment follows the
+    old one by the time that passed at reception. A message without a stamp has the newest time of its sender
+    plus what has passed at reception since. Messages of a component that never stamps are on the clock of the
+    vehicle's first component that does.
+
+    Examples
+    --------
+    >>> clock, one = VehicleClock(), np.ones(3, dtype=np.int64)
+    >>> stamps, received = np.array([5, 15, 25]), np.array([1000, 1011, 9_000_000])
+    >>> clock.map(one, 0 * one + BOOT, stamps, received).time_us.tolist()
+    [1000, 1010, 1020]
+    """
+
+    def __init__(self) -> None:
+        self._senders = np.zeros((_SENDERS, _COLUMNS), dtype=np.int64)
+        self._pairs = np.zeros((_SENDERS, _MOST_PAIRS), dtype=np.int64)
+        self._main = np.full(1, -1, dtype=np.int64)
+
+    def map(
+        self, component: Integers, counter: Integers, stamp_us: Integers, received_us: Integers
+    ) -> Mapped:
+        """Return the times of messages in the order of the log; all arrays have shape (n,)."""
+        mapped = Mapped(*(np.zeros(component.size, dtype=np.int64) for _ in range(3)))
+        _follow(component, counter, stamp_us, received_us, self._senders, self._pairs, self._main, *mapped)
+        return mapped
+
+    def at_us(self, received_us: int) -> int:
+        """Return what the vehicle's clock shows at a time of reception, now or later, microseconds of UTC.
+
+        Of several components with clocks, the one that shows least: what it sent last is then not yet old.
         """
-        lag = received_us - sent_us
-        if self._wrap_us and lag.size:
-            reference = self._offset_us if self.segments else int(lag[0])
-            laps = np.rint((lag - reference) / self._wrap_us).astype(np.int64)
-            sent_us = sent_us + laps * self._wrap_us
-            lag = received_us - sent_us
-        utc = np.empty_like(lag)
-        self.restarts = []
-        start = 0
-        while start < lag.size:
-            if self.segments == 0:
-                self._start_segment(int(lag[start]))
-            end = self._end_of_segment(lag[start:]) + start
-            ahead = lag[start:end] < self._offset_us - _JUMP_US
-            utc[start:end] = np.where(ahead, received_us[start:end], sent_us[start:end] + self._offset_us)
-            if end < lag.size:
-                self._start_segment(int(lag[end]))
-                self.restarts.append((end, self.segments))
-            start = end
-        return utc
+        known = self._senders[self._senders[:, _SEGMENT] > 0]
+        passed = np.maximum(received_us - known[:, _HEARD], 0)
+        return int((known[:, _NEWEST] + known[:, _OFFSET] + passed).min(initial=_NEVER_US))
 
-    def _start_segment(self, offset_us: int) -> None:
-        self._offset_us = offset_us
-        self.segments += 1
-        self._astray = 0
 
-    def _end_of_segment(self, lag: NDArray[np.int64]) -> int:
-        """Return the row at which the present offset ends, or the size; keep the run of outliers."""
-        holds = np.abs(lag - self._offset_us) <= _JUMP_US
-        if holds.all():
-            self._astray = 0
-            return lag.size
-        good = np.flatnonzero(holds)
-        edges = np.concatenate([[-1 - self._astray], good, [lag.size]])
-        long = np.flatnonzero(np.diff(edges) > _CONFIRM)
-        if long.size:
-            return max(int(edges[long[0]]) + _CONFIRM, 0)
-        self._astray = lag.size - 1 - int(edges[-2])
-        return lag.size
+@kernel
+def _follow(
+    component: Integers,
+    counter: Integers,
+    stamp_us: Integers,
+    received_us: Integers,
+    senders: Integers,
+    pairs: Integers,
+    main: Integers,
+    time_us: Integers,
+    worth: Integers,
+    segment: Integers,
+) -> None:
+    for row in range(component.size):
+        which, kind, received = component[row], counter[row], received_us[row]
+        sender = senders[which]
+        if kind == UNSTAMPED:
+            if sender[_SEGMENT] == 0 and main[0] >= 0:
+                sender = senders[main[0]]
+            time_us[row] = received
+            if sender[_SEGMENT] > 0:
+                passed = max(received - sender[_HEARD], 0)
+                time_us[row] = sender[_NEWEST] + passed + sender[_OFFSET]
+                worth[row] = LOOSE if sender[_SPREAD] > _SPREAD_US else SOUND
+            continue
+        if main[0] < 0:
+            main[0] = which
+        before = sender[_SEGMENT]
+        known = _stamped(sender, pairs[which], kind, stamp_us[row], received)
+        if known:
+            time_us[row] = sender[_LAST_STAMP] + sender[_DELTA + kind] + sender[_OFFSET]
+        else:
+            worth[row] = BROKEN
+        if before > 0 and sender[_SEGMENT] > before:
+            segment[row] = sender[_SEGMENT]
+
+
+@kernel
+def _stamped(sender: Integers, pairs: Integers, kind: int, stamp: int, received: int) -> bool:
+    """Take a stamp; return whether it is sound. It is then the sender's last one."""
+    if sender[_SEGMENT] == 0:
+        _begin(sender, kind, stamp, received, received - stamp)
+        return True
+    expected = sender[_NEWEST] + max(received - sender[_HEARD], 0)
+    if kind == USEC:  # read modulo 2³²: nearest to the newest, or after a long silence to what has passed
+        lag = sender[_NEWEST] - sender[_DELTA + kind] - stamp
+        near = stamp + int(np.rint(lag / _LAP_US)) * _LAP_US
+        if abs(near + sender[_DELTA + kind] - sender[_NEWEST]) > _BREAK_US:
+            lag = expected - sender[_DELTA + kind] - stamp
+            near = stamp + int(np.rint(lag / _LAP_US)) * _LAP_US
+        stamp = near
+    if sender[_KNOWN + kind] == 0:
+        sender[_KNOWN + kind] = 1
+        if abs(stamp - expected) > _BREAK_US:  # a counter that began elsewhere, as UTC does
+            sender[_DELTA + kind] = expected - stamp
+    time = stamp + sender[_DELTA + kind]
+    if sender[_NEWEST] - time > _BREAK_US or time - expected > _BREAK_US:
+        sender[_ASTRAY + kind] += 1
+        if sender[_ASTRAY + kind] == 1:
+            sender[_AGREED + 1 - kind] = 0
+        if sender[_ASTRAY + kind] < _CONFIRM:
+            return False
+        if sender[_AGREED + 1 - kind] > 0:  # the other counter runs on: this one was set, nothing rebooted
+            sender[_DELTA + kind] = expected - stamp
+            time = expected
+        else:
+            _begin(sender, kind, stamp, received, sender[_OFFSET] + expected - stamp)
+            return True
+    sender[_ASTRAY + kind] = 0
+    sender[_AGREED + kind] = 1
+    _compare(sender, pairs, kind, stamp, received)
+    time = stamp + sender[_DELTA + kind]
+    passed = max(received - sender[_LAST_HEARD], 0)
+    spread = sender[_SPREAD] * np.exp(-passed / _FORGET_US)
+    sender[_SPREAD] = int(max(spread, sender[_NEWEST] - time))
+    sender[_LAST_STAMP], sender[_LAST_HEARD] = stamp, received
+    if time > sender[_NEWEST]:
+        sender[_NEWEST], sender[_HEARD] = time, received
+    return True
+
+
+@kernel
+def _begin(sender: Integers, kind: int, stamp: int, received: int, offset: int) -> None:
+    """Begin a segment at this stamp; what was known of the counters' offset was of the segment before."""
+    number = sender[_SEGMENT] + 1
+    sender[:] = 0
+    sender[_SEGMENT], sender[_OFFSET], sender[_PRIMARY] = number, offset, kind
+    sender[_NEWEST] = sender[_LAST_STAMP] = stamp
+    sender[_HEARD] = sender[_LAST_HEARD] = sender[_SINCE] = received
+    sender[_KNOWN + kind], sender[_STAMP + kind], sender[_AT + kind] = 1, stamp, received
+
+
+@kernel
+def _compare(sender: Integers, pairs: Integers, kind: int, stamp: int, received: int) -> None:
+    """Learn the offset between the counters from neighbours in the order of arrival, once.
+
+    Every message is held against the last one of the other counter, so that each type has its say: where only
+    some types of a counter lag, it is latency, and the scatter shows it.
+    """
+    count = sender[_PAIRS]
+    sender[_STAMP + kind], sender[_AT + kind] = stamp, received
+    apart = received - sender[_AT + 1 - kind]
+    heard = sender[_KNOWN + 1 - kind] == 1 and received - sender[_SINCE] > _OPENING_US
+    if count == _MOST_PAIRS or not heard or not 0 <= apart < _NEIGHBOURS_US:
+        return
+    other = sender[_STAMP + 1 - kind]
+    now = stamp - apart
+    pairs[count] = now - other if kind == sender[_PRIMARY] else other - now
+    sender[_PAIRS] = count = count + 1
+    if count < _LEAST_PAIRS:
+        return
+    first = sender[_PRIMARY]
+    second = 1 - first
+    ordered = np.sort(pairs[:count])
+    scatter = ordered[(9 * count) // 10] - ordered[count // 10]
+    change = ordered[count // 2] - (sender[_DELTA + second] - sender[_DELTA + first])
+    if abs(change) > _OFFSET_US and scatter < _SCATTER_US:
+        behind = second if change > 0 else first  # moved ahead: what goes back comes late
+        sender[_DELTA + behind] += abs(change)
+        sender[_PAIRS] = _MOST_PAIRS

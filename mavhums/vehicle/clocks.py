@@ -1,75 +1,108 @@
-"""The clocks of every sender and message of a log."""
+"""Puts the messages of a MAVLink log on the time axes of their vehicles, once for all that reads them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.clock import SenderClock
+from mavhums.log.flags import LOOSE_TIME
+from mavhums.vehicle.clock import BOOT, BROKEN, LOOSE, UNSTAMPED, USEC, VehicleClock
 
-__all__ = ["Clocks", "Rows", "each"]
+__all__ = ["Clocks", "Rows", "each", "on_clocks", "stamped"]
 
 Rows = NDArray[Any] | slice
 """What picks rows: a mask, or places; all of them are a slice, for which nothing is copied."""
 
+_STAMPS: Final = (("time_boot_ms", BOOT, 1000), ("time_usec", USEC, 1))
+_LAPS_US: Final = {BOOT: 2**52, USEC: 2**32}  # a 64-bit stamp may be damaged beyond what can be added up
+_OF_OTHERS: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS_INPUT", "HIL_GPS"})
+"""Messages whose stamp may be the satellites' time, or that of the last fix: they tell no clock."""
+
+_REMEMBERED: Final = 4096  # messages of one type and sender: 40 s at 100 Hz
+_WEIGHTS: Final = np.random.default_rng(0).integers(2**62, size=64, dtype=np.uint64) * np.uint64(
+    2
+) + np.uint64(1)
+
+
+def stamped(table: Table) -> bool:
+    """Return whether messages of this type carry the time of their sender's clock."""
+    return _stamp_of(table) is not None
+
+
+def on_clocks(tables: Mapping[str, Table]) -> dict[str, Table]:
+    """Return the tables of a whole log with the times of their senders' clocks; see :class:`Clocks`."""
+    return Clocks().feed(tables)
+
 
 class Clocks:
-    """The clocks of every sender and message, and the number of segments of each vehicle."""
+    """The time axes of all vehicles of a log, block by block.
+
+    Attributes
+    ----------
+    copies, broken
+        Messages left out, by vehicle and message: those that arrived before, as over several routes, and
+        those with a stamp that no clock explains.
+    """
 
     def __init__(self) -> None:
-        self._clocks: dict[tuple[int, int, str], SenderClock] = {}
+        self.copies: Counter[tuple[int, str]] = Counter()
+        self.broken: Counter[tuple[int, str]] = Counter()
+        self._vehicles: dict[int, VehicleClock] = {}
+        self._seen: dict[tuple[str, int], tuple[int, NDArray[np.uint64]]] = {}
         self._restarts: list[tuple[int, int, int, int]] = []
         self._told: dict[int, int] = {}
-        self._latest: dict[str, tuple[tuple[int, int, int], NDArray[np.int64]]] = {}
 
-    def utc_us(
-        self, table: Table, scale: int, field: str, *, wrap_us: int | None = None
-    ) -> NDArray[np.int64]:
-        """Return the times of a table's messages, microseconds of UTC, shape (n,).
+    def feed(
+        self, tables: Mapping[str, Table], admits: Callable[[int], bool] = lambda _: True
+    ) -> dict[str, Table]:
+        """Return the tables with ``time_us`` on the senders' clocks, without copies and broken stamps.
 
-        Several readers may ask for the times of one table: a clock takes each message once, else the times
-        of a block in which it jumps would depend on where the block begins.
-
-        Parameters
-        ----------
-        table
-            Messages of one type, from any senders.
-        scale
-            Microseconds per unit of ``field``.
-        field
-            Name of the field with the sender's time.
-        wrap_us
-            Period after which the sender's time restarts.
+        A log whose messages carry no stamp, as an on-board log, stays as it is. ``admits`` returns whether a
+        vehicle is followed.
         """
-        if not len(table):
-            return np.empty(0, dtype=np.int64)
-        asked = (int(table.frame[0]), int(table.frame[-1]), len(table))
-        before = self._latest.get(table.name)
-        if before is None or before[0] != asked:
-            before = self._latest[table.name] = asked, self._mapped(table, scale, field, wrap_us)
-        return before[1]
+        stamps = {name: _stamp_of(table) for name, table in tables.items()}
+        if not tables or not (self._vehicles or any(stamps.values())):
+            return dict(tables)
+        names = list(tables)
+        edges = np.cumsum([0, *(len(tables[name]) for name in names)])
+        frame, system, component, received = (
+            np.concatenate([getattr(tables[name], part) for name in names])
+            for part in ("frame", "system", "component", "time_us")
+        )
+        counter, stamp_us = _stamps(tables, stamps)
+        order = np.argsort(frame, kind="stable")
+        time_us, worth = received.copy(), np.zeros(received.size, dtype=np.int64)
+        for vehicle, rows in each(system[order]):
+            picked = order[rows]
+            if not admits(vehicle) or not self._has_clock(vehicle, counter[picked]):
+                continue
+            senders = component[picked].astype(np.int64)
+            mapped = self._vehicles[vehicle].map(senders, counter[picked], stamp_us[picked], received[picked])
+            time_us[picked], worth[picked] = mapped.time_us, mapped.worth
+            for row in np.flatnonzero(mapped.segment).tolist():
+                told = (int(frame[picked[row]]), vehicle, int(mapped.segment[row]), int(mapped.time_us[row]))
+                self._restarts.append(told)
+        return {
+            name: self._kept(tables[name], stamps[name] is not None, time_us[a:b], worth[a:b])
+            for name, a, b in zip(names, edges[:-1], edges[1:], strict=True)
+        }
 
-    def _mapped(self, table: Table, scale: int, field: str, wrap_us: int | None) -> NDArray[np.int64]:
-        utc_us = np.empty(len(table), dtype=np.int64)
-        sent_us = table[field].astype(np.int64) * scale
-        for sender, rows in each(table.system.astype(np.int64) * 256 + table.component):
-            key = (sender // 256, sender % 256, table.name)
-            clock = self._clocks.setdefault(key, SenderClock(wrap_us))
-            utc_us[rows] = clock.to_utc_us(sent_us[rows], table.time_us[rows])
-            frame, time_us = table.frame[rows], utc_us[rows]
-            for row, segment in clock.restarts:
-                self._restarts.append((int(frame[row]), sender // 256, segment, int(time_us[row])))
-        return utc_us
+    def at_us(self, vehicle: int, received_us: int) -> int:
+        """Return what a vehicle's clock shows at a time of reception; that time if it sends none."""
+        clock = self._vehicles.get(vehicle)
+        return received_us if clock is None else clock.at_us(received_us)
 
     def jumps(self) -> list[tuple[int, int]]:
         """Return the vehicle and time, microseconds of UTC, of each jump since the last call.
 
-        A reboot moves the clocks of all of a vehicle's messages. It is reported once, for the first of
-        these messages in the order of the log.
+        A reboot moves the clocks of all of a vehicle's components. It is reported once, for the first of
+        these in the order of the log.
         """
         found = []
         for _, vehicle, segment, time_us in sorted(self._restarts):
@@ -78,6 +111,85 @@ class Clocks:
                 found.append((vehicle, time_us))
         self._restarts.clear()
         return found
+
+    def _has_clock(self, vehicle: int, counter: NDArray[np.int64]) -> bool:
+        if vehicle not in self._vehicles:
+            if (counter == UNSTAMPED).all():
+                return False
+            self._vehicles[vehicle] = VehicleClock()
+        return True
+
+    def _kept(self, table: Table, timed: bool, time_us: NDArray[np.int64], worth: NDArray[np.int64]) -> Table:
+        """Return the table with its times, without the rows that tell nothing new."""
+        flags = table.flags | np.where(worth == LOOSE, LOOSE_TIME, 0).astype(np.uint8)
+        table = replace(table, time_us=time_us, flags=flags)
+        if not timed:
+            return table
+        broken, copied = worth == BROKEN, self._copied(table, worth != BROKEN)
+        if not (broken.any() or copied.any()):
+            return table
+        for rows, counts in ((broken, self.broken), (copied, self.copies)):
+            for vehicle, found in each(table.system, rows):
+                counts[vehicle, table.name] += len(table.system[found])
+        return table.select(~(broken | copied))
+
+    def _copied(self, table: Table, sound: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which messages arrived before: same sender, time, sequence number and content."""
+        copied = np.zeros(len(table), dtype=np.bool_)
+        codes = _codes(table)
+        for sender, rows in each(table.system.astype(np.int64) * 256 + table.component, sound):
+            time_us, new = table.time_us[rows], codes[rows]
+            latest_us, before = self._seen.get((table.name, sender), (int(time_us[0]) - 1, codes[:0]))
+            known = np.concatenate([before, new])
+            if time_us[0] <= latest_us or (np.diff(time_us) <= 0).any():
+                copied[rows] = _repeated(known)[before.size :]
+            self._seen[table.name, sender] = max(latest_us, int(time_us.max())), known[-_REMEMBERED:]
+        return copied
+
+
+def _codes(table: Table) -> NDArray[np.uint64]:
+    """Return a hash of each message's time, sequence number and content, shape (n,)."""
+    size = table.fields.dtype.itemsize
+    words = np.zeros((len(table), -(-size // 8) + 2), dtype=np.uint64)
+    words[:, 0], words[:, 1] = table.time_us.astype(np.uint64), table.sequence
+    raw = np.ascontiguousarray(table.fields).view(np.uint8).reshape(len(table), size)
+    words[:, 2:].view(np.uint8)[:, :size] = raw
+    return words @ np.resize(_WEIGHTS, words.shape[1])
+
+
+def _repeated(codes: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """Return which codes occurred among those remembered before them, however the log is cut."""
+    order = np.argsort(codes, kind="stable")
+    again = np.zeros(codes.size, dtype=np.bool_)
+    same = (codes[order][1:] == codes[order][:-1]) & (np.diff(order) <= _REMEMBERED)
+    again[order[1:][same]] = True
+    return again
+
+
+def _stamp_of(table: Table) -> tuple[str, int, int] | None:
+    """Return the field of a message's stamp, its counter, and its unit in microseconds."""
+    if table.name in _OF_OTHERS:
+        return None
+    return next((stamp for stamp in _STAMPS if table.holds({stamp[0]: 1})), None)
+
+
+def _stamps(
+    tables: Mapping[str, Table], stamps: Mapping[str, tuple[str, int, int] | None]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the counter and the stamp of every message, table after table; a stamp of 0 is none."""
+    counters, stamps_us = [], []
+    for name, table in tables.items():
+        stamp = stamps[name]
+        raw = np.zeros(len(table), dtype=np.int64)
+        counter = np.full(len(table), UNSTAMPED, dtype=np.int64)
+        if stamp is not None:
+            field, kind, scale = stamp
+            raw = table[field].astype(np.uint64)
+            counter[raw > 0] = kind
+            raw = (raw * np.uint64(scale) % np.uint64(_LAPS_US[kind])).astype(np.int64)
+        counters.append(counter)
+        stamps_us.append(raw)
+    return np.concatenate(counters), np.concatenate(stamps_us)
 
 
 def each(keys: NDArray[Any], among: NDArray[np.bool_] | None = None) -> Iterator[tuple[int, Rows]]:

@@ -1,8 +1,8 @@
 """Resamples the signals of one vehicle on an even time grid, in whole seconds, whatever the block size.
 
-A second is settled when the latest received time is :data:`SETTLED_S` past its end. Between samples a signal
-is interpolated; over a gap of more than :data:`GAP_S` it is NaN. Samples more than :data:`LATE_S` behind the
-latest are ignored, so a settled second does not depend on how the log was cut into blocks.
+A second is settled once every stream has passed it, see :mod:`mavhums.vehicle.order`; samples that come
+later are counted and ignored, so a settled second does not depend on how the log was cut into blocks. Between
+samples a signal is interpolated; over a gap of more than :data:`GAP_S` it is NaN.
 """
 
 from __future__ import annotations
@@ -13,14 +13,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.vehicle.order import GAP_S, Order, Received
 from mavhums.vehicle.signals import CONTINUOUS, NAMES, STEPPED, Signal
 
-__all__ = ["GAP_S", "LATE_S", "RATE_HZ", "SETTLED_S", "Grid", "Seconds"]
+__all__ = ["GAP_S", "RATE_HZ", "Grid", "Seconds"]
 
 RATE_HZ: Final = 20
-GAP_S: Final = 1.2
-LATE_S: Final = 0.5
-SETTLED_S: Final = LATE_S + GAP_S
 _HELD_S: Final = 5.0
 _SPACED: Final = ("outputs", "outputs_2", "rates", "slow_rates")
 
@@ -52,21 +50,25 @@ class Grid:
     ----------
     start_us
         Start of flight time, microseconds of UTC.
+
+    Attributes
+    ----------
+    sources
+        Message or record of each signal heard.
     """
 
     def __init__(self, start_us: int) -> None:
         self._start_us = start_us
         self._times: dict[str, Array] = {name: np.empty(0) for name in NAMES}
         self._values = {name: np.empty((0, n)) for name, n in {**CONTINUOUS, **STEPPED}.items()}
-        self._latest_s = -np.inf
+        self._order = Order()
         self._settled = -(1 << 40)
         self.sources: dict[str, str] = {}
 
     def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Seconds | None:
         """Take new samples and return the seconds that they settle; ``final`` marks the end of the input."""
         self._take(signals)
-        reach = np.inf if final else np.floor(self._latest_s - SETTLED_S)
-        index = self._heard(reach)
+        index = self._heard(np.inf if final else self._order.settled_s)
         if not index.size:
             return None
         at = (index[:, None] + np.arange(RATE_HZ) / RATE_HZ).ravel()
@@ -78,28 +80,26 @@ class Grid:
         self._forget()
         return Seconds(index, {name: values.reshape(shape) for name, values in found.items()})
 
-    def _take(self, signals: Sequence[Signal]) -> None:
-        if not signals:
-            return
-        times = [(signal.time_us - self._start_us) / 1e6 for signal in signals]
-        frame, every = np.concatenate([signal.frame for signal in signals]), np.concatenate(times)
-        order = np.argsort(frame, kind="stable")
-        latest = np.empty_like(every)
-        latest[order] = np.maximum(np.maximum.accumulate(every[order]), self._latest_s)
-        in_time = every >= latest - LATE_S
-        self._latest_s = float(latest.max())
-        edges = np.cumsum([0, *(time.size for time in times)])
-        for signal, time_s, a, b in zip(signals, times, edges[:-1], edges[1:], strict=True):
-            self._append(signal, time_s, in_time[a:b])
+    @property
+    def held(self) -> int:
+        """Number of samples that are kept for the seconds to come."""
+        return sum(time_s.size for time_s in self._times.values())
 
-    def _append(self, signal: Signal, time_s: Array, good: NDArray[np.bool_]) -> None:
-        kept = self._times[signal.name]
-        last = kept[-1] if kept.size else -np.inf
-        before = np.maximum.accumulate(np.append(last, np.where(good, time_s, -np.inf)))[:-1]
-        rows = good & (time_s > before)
-        self._times[signal.name] = np.concatenate([kept, time_s[rows]])
-        self._values[signal.name] = np.concatenate([self._values[signal.name], signal.values[rows]])
-        self.sources.setdefault(signal.name, signal.source)
+    def received(self) -> dict[str, Received]:
+        """Return, by message, how many samples were kept, came late, or came twice."""
+        found: dict[str, Received] = {}
+        for name, source in self.sources.items():
+            counts = self._order.received(name)
+            found[source] = max(found.get(source, counts), counts, key=sum)
+        return found
+
+    def _take(self, signals: Sequence[Signal]) -> None:
+        times = [(signal.time_us - self._start_us) / 1e6 for signal in signals]
+        for signal, time_s, good in zip(signals, times, self._order.feed(signals, times), strict=True):
+            name = signal.name
+            self._times[name] = np.concatenate([self._times[name], time_s[good]])
+            self._values[name] = np.concatenate([self._values[name], signal.values[good]])
+            self.sources.setdefault(name, signal.source)
 
     def _heard(self, reach: float) -> Times:
         """Return the settled seconds that contain or adjoin a sample of the attitude or of an output."""
@@ -135,11 +135,15 @@ def _between(time_s: Array, values: Array, at: Array) -> Array:
 
 
 def _spacing(time_s: Array, at: Array) -> Array:
-    """Return the distance between the samples around each time, shape (n, 1); NaN outside them."""
+    """Return the distance between the samples around each time, shape (n, 1); NaN where they are far apart.
+
+    Of a stream that was silent for long, the next sample may or may not be known when a second settles.
+    """
     out = np.full((at.size, 1), np.nan)
     after = np.searchsorted(time_s, at, side="right")
     inside = (after > 0) & (after < time_s.size)
     out[inside, 0] = time_s[after[inside]] - time_s[after[inside] - 1]
+    out[out > _HELD_S] = np.nan
     return out
 
 

@@ -59,6 +59,8 @@ class Signal(NamedTuple):
         Microseconds of UTC, shape (n,).
     values
         Shape (n, columns of the signal), NaN where unknown.
+    stamped
+        Whether the samples carry their own times; those without are never earlier than their sender's others.
     """
 
     vehicle: int
@@ -67,6 +69,7 @@ class Signal(NamedTuple):
     frame: NDArray[np.int64]
     time_us: NDArray[np.int64]
     values: NDArray[np.float64]
+    stamped: bool = True
 
 
 def all_outputs(signals: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:

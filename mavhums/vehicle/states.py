@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import Attitude, FlightMode, Position
 from mavhums.vehicle.modes import MODE_MESSAGES, Modes
 
@@ -41,7 +40,6 @@ class VehicleStates:
     """
 
     def __init__(self) -> None:
-        self._clocks = Clocks()
         self._latest_us: dict[tuple[str, int], int] = {}
         self._components: dict[tuple[str, int], int] = {}
         self._modes = Modes()
@@ -50,12 +48,12 @@ class VehicleStates:
         self, tables: Mapping[str, Table], *, start_us: int
     ) -> Iterator[Attitude | Position | FlightMode]:
         """Yield the states in these messages; flight times count from ``start_us``, microseconds of UTC."""
-        for vehicle, table, time_us in self._each(tables.get("ATTITUDE"), "time_boot_ms"):
+        for vehicle, table, time_us in self._each(tables.get("ATTITUDE")):
             yield from _attitude(vehicle, _columns(table, "roll", "pitch", "yaw"), time_us - start_us)
         for vehicle, table, time_us in self._each(tables.get("ATT")):
             angles = np.radians(_columns(table, "Roll", "Pitch", "Yaw"))
             yield from _attitude(vehicle, angles, time_us - start_us)
-        for vehicle, table, time_us in self._each(tables.get("GLOBAL_POSITION_INT"), "time_boot_ms"):
+        for vehicle, table, time_us in self._each(tables.get("GLOBAL_POSITION_INT")):
             degrees = _columns(table, "lat", "lon") / 1e7
             yield from _position(vehicle, degrees, table["alt"] / 1e3, time_us - start_us)
         for vehicle, table, time_us in self._each(tables.get("POS")):
@@ -70,17 +68,14 @@ class VehicleStates:
             for vehicle, table, time_us in self._each(positions):
                 metres = table["alt"].astype(np.float64)
                 yield from _position(vehicle, _columns(table, "lat", "lon"), metres, time_us - start_us)
-        self._clocks.jumps()  # the modules that map the actuators report these
         for vehicle, since_us, mode in self._modes.feed(tables):
             yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
 
-    def _each(
-        self, table: Table | None, stamp: str | None = None
-    ) -> Iterator[tuple[int, Table, NDArray[np.int64]]]:
+    def _each(self, table: Table | None) -> Iterator[tuple[int, Table, NDArray[np.int64]]]:
         """Yield each vehicle's messages, from the first component that sent one, increasing in time."""
         if table is None:
             return
-        time_us = table.time_us if stamp is None else self._clocks.utc_us(table, 1000, stamp)
+        time_us = table.time_us
         for vehicle in np.unique(table.system).tolist():
             key = (table.name, vehicle)
             rows = np.flatnonzero(table.system == vehicle)

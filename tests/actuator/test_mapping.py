@@ -15,6 +15,7 @@ from mavhums.actuator.profile import ProfileError
 from mavhums.actuator.tiers import best_tier, tiers_by_content
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Decoder, Log, Table
+from mavhums.vehicle.clocks import Clocks
 from tests.strategies import START_US
 
 
@@ -79,13 +80,14 @@ def test_a_vehicles_profile_serves_that_vehicle_from_its_announcement_on() -> No
 
 
 def test_a_clock_that_jumps_is_told_once_and_where_it_did() -> None:
-    mapper = Mapper(load_airframe("paper"))
+    clocks = Clocks()
     times = [10_000 * k for k in range(8)] + [90_000_000 + 10_000 * k for k in range(8)]
     tables = decode(*(array_message(3, [1.0] * 12, time_us=t) for t in times), system=7)
-    mapper.feed(tables)
+    timed = clocks.feed(tables)
+    assert len(timed["DEBUG_FLOAT_ARRAY"]) == 14
     # three samples in a row confirm it: the third is where the new segment begins
-    assert mapper.clock_jumps() == [(7, int(tables["DEBUG_FLOAT_ARRAY"].time_us[10]))]
-    assert mapper.clock_jumps() == []
+    assert clocks.jumps() == [(7, int(tables["DEBUG_FLOAT_ARRAY"].time_us[10]))]
+    assert clocks.jumps() == []
 
 
 def test_only_packaged_profiles_can_be_announced() -> None:

@@ -318,7 +318,7 @@ def test_no_real_log_is_called_normal(path: Path, airframe: str | None, model: M
             assert verdict.condition == verdict.worst in ("undecided", "unmonitored")
         elif path.name != JAMMED and airframe is None:  # another aircraft's profile names the wrong surfaces
             assert verdict.worst in ("undecided", "normal")
-        if verdict.condition != "normal" and path.name != JAMMED:
+        if verdict.condition in ("undecided", "unmonitored") and path.name != JAMMED:
             assert verdict.reason
             assert verdict.remedy
     if airframe is None:
@@ -362,7 +362,7 @@ def test_a_reboot_in_flight_is_reported_and_survived() -> None:
     assert told == ["its clock jumped: it rebooted, or its time was set"]
     elevator = of(engine.assessment(), "elevator")
     assert elevator.condition == "emergency"
-    assert sum(verdict.coverage.late for verdict in engine.assessment().verdicts) == 2
+    assert engine.assessment().log.losses.broken_stamps["DEBUG_FLOAT_ARRAY"] == 2
     assert elevator.coverage.decidable > 45
 
 

@@ -1,16 +1,18 @@
-"""The sender's clock on the time axis of reception."""
+"""The sender's clock as the time axis of a vehicle."""
 
 from __future__ import annotations
 
 import itertools
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.clock import SenderClock
+from mavhums.log.flags import LOOSE_TIME
+from mavhums.vehicle.clock import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, Mapped, VehicleClock
 from mavhums.vehicle.clocks import Clocks
 
 Times = NDArray[np.int64]
@@ -21,82 +23,152 @@ def array(values: list[int]) -> Times:
     return np.array(values, dtype=np.int64)
 
 
-@given(st.lists(st.integers(0, 900_000), min_size=1, max_size=30), st.integers(0, 2**40))
+def follow(
+    sent: Times, received: Times, kinds: Times | int = BOOT, *, clock: VehicleClock | None = None
+) -> Mapped:
+    """Map the messages of component 1."""
+    counters = np.broadcast_to(np.asarray(kinds, dtype=np.int64), sent.shape).copy()
+    return (clock or VehicleClock()).map(np.ones_like(sent), counters, sent, received)
+
+
+@given(st.lists(st.integers(0, 900_000), min_size=1, max_size=30), st.integers(1, 2**40))
 def test_latency_does_not_bend_the_senders_time(latency_us: list[int], boot_us: int) -> None:
     sent = array([boot_us + 10_000 * k for k in range(len(latency_us))])
     received = sent + array(latency_us)
-    clock = SenderClock()
-    utc = clock.to_utc_us(sent, received)
-    assert np.array_equal(np.diff(utc), np.diff(sent))
-    assert utc[0] == received[0]
-    assert clock.segments == 1
+    mapped = follow(sent, received)
+    assert np.array_equal(np.diff(mapped.time_us), np.diff(sent))
+    assert mapped.time_us[0] == received[0]
+    assert not mapped.segment.any()
 
 
-@given(st.lists(st.sampled_from([0, 1_000_000, 5_000_000, 9_000_000]), max_size=30), st.data())
-def test_where_blocks_end_does_not_matter(lags_us: list[int], data: st.DataObject) -> None:
-    sent = array([10_000 * k for k in range(len(lags_us))])
-    received = sent + array(lags_us)
-    whole = SenderClock()
-    expected = whole.to_utc_us(sent, received)
-    clock = SenderClock()
-    cut = data.draw(st.lists(st.booleans(), min_size=len(lags_us), max_size=len(lags_us)))
-    bounds = [0, *np.flatnonzero(cut), len(lags_us)]
-    parts = [clock.to_utc_us(sent[a:b], received[a:b]) for a, b in itertools.pairwise(bounds)]
-    assert np.array_equal(np.concatenate(parts), expected)
-    assert clock.segments == whole.segments
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([UNSTAMPED, BOOT, USEC]),
+            st.sampled_from([0, 1_000_000, 5_000_000, 45_000_000, -45_000_000]),
+        ),
+        max_size=60,
+    ),
+    st.data(),
+)
+def test_where_blocks_end_does_not_matter(messages: list[tuple[int, int]], data: st.DataObject) -> None:
+    kinds = array([kind for kind, _ in messages])
+    sent = array([10**9 + 10_000 * k for k in range(len(messages))])
+    received = sent + array([lag for _, lag in messages])
+    expected = follow(sent, received, kinds)
+    cut = data.draw(st.lists(st.booleans(), min_size=len(messages), max_size=len(messages)))
+    clock, found = VehicleClock(), []
+    for a, b in itertools.pairwise([0, *np.flatnonzero(cut), len(messages)]):
+        found.append(follow(sent[a:b], received[a:b], kinds[a:b], clock=clock))
+    for name in Mapped._fields:
+        assert np.array_equal(
+            np.concatenate([getattr(part, name) for part in found]), getattr(expected, name)
+        )
 
 
-def test_a_reboot_starts_a_segment_after_three_samples() -> None:
+def test_a_reboot_starts_a_segment_after_three_stamps() -> None:
     sent = array([100_000_000, 100_010_000, 5_000, 15_000, 25_000, 35_000])
-    received = array(
-        [10**9, 10**9 + 10_000, 10**9 + 8_000_000, *(10**9 + 8_000_000 + 10_000 * k for k in (1, 2, 3))]
-    )
-    clock = SenderClock()
-    utc = clock.to_utc_us(sent, received)
-    assert clock.segments == 2
-    assert utc[:2].tolist() == received[:2].tolist()
-    assert utc[4:].tolist() == received[4:].tolist()
+    received = 10**9 + array([0, 10_000, 8_000_000, 8_010_000, 8_020_000, 8_030_000])
+    mapped = follow(sent, received)
+    assert mapped.segment.tolist() == [0, 0, 0, 0, 2, 0]
+    assert mapped.worth.tolist() == [SOUND, SOUND, BROKEN, BROKEN, SOUND, SOUND]
+    assert mapped.time_us[[0, 1, 4, 5]].tolist() == received[[0, 1, 4, 5]].tolist()
 
 
 def test_one_damaged_time_stamp_starts_no_segment() -> None:
-    sent = array([0, 10_000, 20_000, 30_000])
-    received = array([10**9, 10**9 + 10_000, 10**9 + 2**31, 10**9 + 30_000])
-    clock = SenderClock()
-    assert clock.to_utc_us(sent, received).tolist() == [10**9, 10**9 + 10_000, 10**9 + 20_000, 10**9 + 30_000]
-    assert clock.segments == 1
+    sent = array([10_000, 20_000, 2**41, 40_000])
+    mapped = follow(sent, 10**9 + array([0, 10_000, 20_000, 30_000]))
+    assert mapped.worth.tolist() == [SOUND, SOUND, BROKEN, SOUND]
+    assert mapped.time_us[3] == 10**9 + 30_000
+    assert not mapped.segment.any()
 
 
-def test_a_clock_set_ahead_does_not_stand_before_what_follows() -> None:
-    sent = np.arange(10) * 100_000
-    sent[5:] += 3_600_000_000
-    received = np.arange(10) * 100_000 + 7_000_000
-    for size in (1, 4, 10):
-        clock = SenderClock()
-        utc = np.concatenate(
-            [clock.to_utc_us(sent[k : k + size], received[k : k + size]) for k in range(0, 10, size)]
-        )
-        assert np.array_equal(utc, received)
-        assert clock.segments == 2
+def test_a_sender_that_runs_faster_or_slower_needs_no_second_segment() -> None:
+    """The sender's clock is the flight's time, also where a simulator runs at a third of the real time."""
+    for rate in (0.3, 1.25, 5.0):
+        sent = 1_000_000 + np.arange(2000) * 100_000
+        received = START_US + (np.arange(2000) * 100_000 / rate).astype(np.int64)
+        mapped = follow(sent, received)
+        assert not mapped.segment.any()
+        assert np.array_equal(np.diff(mapped.time_us), np.diff(sent))
 
 
-def message_table(sent_ms: Times, received: Times, first: int) -> Table:
-    count = len(sent_ms)
+def test_without_a_stamp_the_time_is_the_senders_newest_and_what_passed_since() -> None:
+    sent = array([5_000_000, 0, 6_000_000, 5_900_000, 0])
+    kinds = array([BOOT, UNSTAMPED, BOOT, BOOT, UNSTAMPED])
+    received = START_US + array([0, 250_000, 3_000_000, 3_000_000, 3_010_000])  # a backlog of 2 s in a burst
+    times = follow(sent, received, kinds).time_us - START_US
+    assert times.tolist() == [0, 250_000, 1_000_000, 900_000, 1_010_000]
+
+
+def test_a_component_that_never_stamps_is_on_the_vehicles_clock() -> None:
+    clock = VehicleClock()
+    component, kinds = array([1, 1, 190]), array([BOOT, BOOT, UNSTAMPED])
+    mapped = clock.map(component, kinds, array([5_000_000, 9_000_000, 0]), START_US + array([0, 1, 2]))
+    assert (mapped.time_us - START_US).tolist() == [0, 4_000_000, 4_000_001]
+
+
+@pytest.mark.parametrize("offset_us", [-2_500_000, 2_490_000, 1_700_000_000_000_000])
+@pytest.mark.parametrize("first", [BOOT, USEC])
+def test_two_counters_of_one_sender_are_one_clock(offset_us: int, first: int) -> None:
+    """``time_usec`` lies seconds beside ``time_boot_ms``, or counts from 1970."""
+    kinds = np.tile([first, 1 - first], 200)
+    true = 60_000_000 + np.arange(400) * 50_000
+    sent = np.where(kinds == USEC, (true + offset_us) % 2**32, true)
+    mapped = follow(sent, START_US + true + 5_000 * (np.arange(400) % 3), kinds)
+    late = mapped.time_us[200:] - true[200:]
+    assert np.ptp(late) < 20_000
+    assert not mapped.segment.any()
+
+
+def test_latencies_of_the_types_are_no_offset_of_counters() -> None:
+    """Where one type of a counter comes at once and another one late, the counters agree."""
+    true = 60_000_000 + np.arange(600) * 50_000
+    kinds = np.tile([BOOT, USEC, USEC], 200)
+    latency = np.tile([0, 2_000_000, 0], 200)
+    order = np.argsort(true + latency, kind="stable")
+    sent, received = true[order], START_US + (true + latency)[order]
+    mapped = follow(sent, received, kinds[order])
+    assert np.array_equal(mapped.time_us - mapped.time_us[0], sent - sent[0])
+
+
+def table(name: str, sent_ms: list[int], *, sequence: list[int], received_us: list[int]) -> Table:
+    count, stamp = len(sent_ms), "time_boot_ms" if name != "VFR_HUD" else "alt"
     ones = np.ones(count, dtype=np.uint8)
-    fields = np.array([(int(ms),) for ms in sent_ms], dtype=[("time_boot_ms", "u4")])
-    frames = np.arange(first, first + count, dtype=np.int64)
-    return Table("NAMED_VALUE_FLOAT", frames, received, ones, ones, ones, ones, fields)
+    fields = np.array([(ms,) for ms in sent_ms], dtype=[(stamp, "u4")])
+    frames = np.arange(count, dtype=np.int64) * 2 + (name == "VFR_HUD")
+    return Table(
+        name, frames, START_US + array(received_us), ones, ones,
+        np.array(sequence, dtype=np.uint8), 0 * ones, fields,
+    )  # fmt: skip
 
 
-@given(st.lists(st.integers(1, 79), max_size=6), st.sampled_from([1.0, 2.0, 5.0]))
-def test_readers_of_the_same_messages_do_not_disturb_each_other(cuts: list[int], squeezed: float) -> None:
-    """A clock that runs off, as in a replay faster than it was flown, jumps again and again."""
-    sent_ms = np.arange(80, dtype=np.int64) * 150
-    received = START_US + (sent_ms * 1000 / squeezed).astype(np.int64)
-    expected = SenderClock().to_utc_us(sent_ms * 1000, received)
-    clocks, found = Clocks(), []
-    for a, b in itertools.pairwise(sorted({0, *cuts, 80})):
-        table = message_table(sent_ms[a:b], received[a:b], a)
-        one, other = (clocks.utc_us(table, 1000, "time_boot_ms") for _ in range(2))
-        assert np.array_equal(one, other)
-        found.append(one)
-    assert np.array_equal(np.concatenate(found), expected)
+def test_what_arrives_over_several_routes_is_one_message() -> None:
+    sent = [1000, 1100, 1000, 1200, 1100, 1200, 1300]
+    sequence = [1, 2, 1, 3, 2, 3, 4]
+    received = [10_000 * k for k in range(7)]
+    whole = table("ATTITUDE", sent, sequence=sequence, received_us=received)
+    for size in (1, 2, 7):
+        clocks = Clocks()
+        parts = [
+            clocks.feed({"ATTITUDE": whole.select(np.arange(k, min(k + size, 7)))})["ATTITUDE"]
+            for k in range(0, 7, size)
+        ]
+        kept = np.concatenate([part["time_boot_ms"] for part in parts])
+        assert kept.tolist() == [1000, 1100, 1200, 1300]
+        assert clocks.copies == {(1, "ATTITUDE"): 3}
+        assert not clocks.broken
+
+
+@pytest.mark.parametrize(("latency_us", "loose"), [(200_000, False), (1_500_000, True)])
+def test_a_message_without_a_stamp_is_doubted_on_an_uneven_link(latency_us: int, loose: bool) -> None:
+    """What the stamped messages' latencies differ by, the unstamped one's time may be wrong by."""
+    true_ms = 1000 + np.arange(100) * 100
+    late = np.where(np.arange(100) % 2, latency_us, 0)
+    order = np.argsort(true_ms * 1000 + late, kind="stable")
+    received = (true_ms * 1000 + late)[order].tolist()
+    stamped = table("ATTITUDE", true_ms[order].tolist(), sequence=[0] * 100, received_us=received)
+    plain = table("VFR_HUD", [0] * 100, sequence=[0] * 100, received_us=received)
+    timed = Clocks().feed({"ATTITUDE": stamped, "VFR_HUD": plain})
+    assert bool((timed["VFR_HUD"].flags[50:] & LOOSE_TIME).all()) is loose
+    assert not (timed["ATTITUDE"].flags & LOOSE_TIME).any()

@@ -1,7 +1,7 @@
 """Sources of quantities: one telemetry tier per module, discovered automatically.
 
 A source is a module with ``MESSAGES``, the message types that it reads, and
-``read(tables, actuators, clocks)``, which yields a :class:`~mavhums.actuator.readings.Reading` for
+``read(tables, actuators)``, which yields a :class:`~mavhums.actuator.readings.Reading` for
 each vehicle and actuator. The sources are ordered by trust, best first.
 """
 
@@ -26,7 +26,6 @@ from mavhums.actuator.sources import (
     rcou,
 )
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["SOURCES", "Source"]
 
@@ -36,9 +35,7 @@ class Source(Protocol):
 
     MESSAGES: frozenset[str]
 
-    def read(
-        self, tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks
-    ) -> Iterator[Reading]:
+    def read(self, tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
         """Yield the readings of the actuators in these messages."""
         ...
 

@@ -16,7 +16,6 @@ from mavhums.actuator.readings import Reading
 from mavhums.actuator.sources import pwm
 from mavhums.actuator.sources.pwm import commands
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["MESSAGES", "TIER", "read"]
 
@@ -26,7 +25,7 @@ TIER = pwm.TIER
 _PER_DRIVER = 16
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle and servo with a pulse, if the profile has its travel."""
     table = tables.get("actuator_outputs")
     if table is None or not table.holds({"output": _PER_DRIVER}):
@@ -37,4 +36,4 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) 
         if actuator.travel_deg is not None and driver in drivers:
             own = replace(drivers[driver], name=f"actuator_outputs[{driver}]")
             pulse_us = own["output"][:, k].astype(np.float64)
-            yield from commands(own, pulse_us, f"output[{k}]", actuator, own.time_us)
+            yield from commands(own, pulse_us, f"output[{k}]", actuator)

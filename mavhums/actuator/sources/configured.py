@@ -13,18 +13,15 @@ from mavhums.actuator.profile import Actuator, FieldMapping, ProfileError
 from mavhums.actuator.readings import Reading, blank
 from mavhums.core.quantities import column
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks, each
+from mavhums.vehicle.clocks import each
 
 __all__ = ["MESSAGES", "read"]
 
 MESSAGES: frozenset[str] = frozenset()
 
-_TIMES = (("time_usec", 1), ("time_boot_ms", 1000))
 
-
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle, actuator and mapped message."""
-    utc_us: dict[str, NDArray[np.int64]] = {}
     for actuator in actuators:
         for mappings in _by_message(actuator):
             message = next(iter(mappings.values())).message
@@ -32,9 +29,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
             if table is None:
                 continue
             _hold_fields(table, actuator, mappings)
-            if message not in utc_us:
-                utc_us[message] = _times(table, clocks)
-            yield from _mapped(table, actuator, mappings, utc_us[message])
+            yield from _mapped(table, actuator, mappings)
 
 
 def _hold_fields(table: Table, actuator: Actuator, mappings: Mapping[str, FieldMapping]) -> None:
@@ -65,17 +60,7 @@ def _column(table: Table, field: str) -> NDArray[Any]:
     return values[:, int(element.rstrip("]"))]
 
 
-def _times(table: Table, clocks: Clocks) -> NDArray[np.int64]:
-    names = table.fields.dtype.names or ()
-    for field, scale in _TIMES:
-        if field in names:
-            return clocks.utc_us(table, scale, field)
-    return table.time_us
-
-
-def _mapped(
-    table: Table, actuator: Actuator, mappings: Mapping[str, FieldMapping], utc_us: NDArray[np.int64]
-) -> Iterator[Reading]:
+def _mapped(table: Table, actuator: Actuator, mappings: Mapping[str, FieldMapping]) -> Iterator[Reading]:
     where = next(iter(mappings.values())).where
     chosen = np.ones(len(table), dtype=bool)
     for field, wanted in where.items():
@@ -92,6 +77,6 @@ def _mapped(
             "named",
             {key: mapping.field for key, mapping in mappings.items()},
             table.frame[rows],
-            utc_us[rows],
+            table.time_us[rows],
             blank(columns, np.stack([part[rows] for part in parts], axis=1)),
         )

@@ -22,7 +22,6 @@ from mavhums.actuator.readings import Reading, blank
 from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["MESSAGES", "TIER", "read"]
 
@@ -40,7 +39,7 @@ _DEGREES = {
 _RADIANS = {"Pos": ("V3", 180 / pi), "Speed": ("V10", 30 / pi), "Force": ("V11", 1.0)}
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle and servo."""
     table = tables.get("CSRV")
     if table is None:

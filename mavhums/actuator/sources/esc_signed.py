@@ -15,7 +15,7 @@ from mavhums.actuator.readings import Reading, blank
 from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks, each
+from mavhums.vehicle.clocks import each
 
 __all__ = ["MESSAGES", "TIER", "read"]
 
@@ -32,13 +32,12 @@ _COLUMNS = [column(key) for key in _FIELDS]
 _READINGS = ("time_usec", "rpm", "voltage", "current")
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle and actuator that has an ESC."""
     table = tables.get("ESC_STATUS")
     if table is None:
         return
     table = table.select(~_repeated(table))
-    utc_us = clocks.utc_us(table, 1, "time_usec")
     values = np.stack([table[field].astype(np.float64) for field in _FIELDS.values()], axis=2)
     places = dict(each(table.system.astype(np.int64) << 8 | table["index"]))
     for vehicle in sorted({place >> 8 for place in places}):
@@ -55,7 +54,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
                     "esc-signed",
                     _FIELDS,
                     table.frame[rows],
-                    utc_us[rows],
+                    table.time_us[rows],
                     blank(_COLUMNS, values[rows, k]),
                 )
 

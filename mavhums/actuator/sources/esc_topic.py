@@ -14,7 +14,7 @@ from mavhums.actuator.readings import Reading, blank
 from mavhums.actuator.sources import esc_signed
 from mavhums.core.quantities import column
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks, each
+from mavhums.vehicle.clocks import each
 
 __all__ = ["MESSAGES", "TIER", "read"]
 
@@ -25,7 +25,7 @@ _FIELDS = {"V4": "esc_voltage", "V5": "esc_current", "V7": "esc_rpm"}
 _COLUMNS = [column(key) for key in _FIELDS]
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle and actuator that has an ESC."""
     table = tables.get("esc_status")
     for actuator in actuators if table is not None else ():

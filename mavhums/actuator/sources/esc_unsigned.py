@@ -15,7 +15,7 @@ from mavhums.actuator.readings import Reading, blank
 from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import column
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks, each
+from mavhums.vehicle.clocks import each
 
 __all__ = ["MESSAGES", "TIER", "read"]
 
@@ -31,7 +31,7 @@ _COLUMNS = [column(key) for key in _FIELDS]
 _UNITS = (0.01, 0.01, 1.0)
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle and actuator that has an ESC."""
     values = {name: _values(tables[name]) for name in _NAMES if name in tables}
     for actuator in actuators:

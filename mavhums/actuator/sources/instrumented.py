@@ -15,7 +15,7 @@ from mavhums.actuator.readings import Reading
 from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import KEYS
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks, each
+from mavhums.vehicle.clocks import each
 
 __all__ = ["MESSAGES", "TIER", "is_marked", "read"]
 
@@ -35,7 +35,7 @@ def is_marked(table: Table) -> NDArray[np.bool_]:
     return np.array(table["name"] == b"EMA")
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle and servo."""
     for name, servo_field in _SERVO.items():
         whole = tables.get(name)
@@ -45,7 +45,6 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
         if not rows_told.any():
             continue
         table = whole.select(rows_told)
-        utc_us = clocks.utc_us(table, 1, "time_usec") if name == _SENT else table.time_us
         values = table["data"][:, : len(KEYS)].astype(np.float64)
         places = dict(each(table.system.astype(np.int64) << 16 | table[servo_field]))
         for vehicle in sorted({place >> 16 for place in places}):
@@ -59,6 +58,6 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
                         "instrumented",
                         _FIELDS,
                         table.frame[rows],
-                        utc_us[rows],
+                        table.time_us[rows],
                         values[rows],
                     )

@@ -17,7 +17,7 @@ from mavhums.actuator.readings import Reading, blank
 from mavhums.actuator.tier import Tier
 from mavhums.core.quantities import KEYS
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks, Rows, each
+from mavhums.vehicle.clocks import Rows, each
 
 __all__ = ["MESSAGES", "TIER", "is_marked", "read"]
 
@@ -40,14 +40,12 @@ def is_marked(table: Table) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     return np.array([_NAME.fullmatch(bytes(name)) is not None for name in names], dtype=bool)[row]
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle, servo and quantity."""
     for message, (name_field, value_field) in _FIELDS.items():
         table = tables.get(message)
         if table is None or not (table.holds_text(name_field) and table.holds({value_field: 1})):
             continue
-        sent = message == "NAMED_VALUE_FLOAT"
-        utc_us = clocks.utc_us(table, 1000, "time_boot_ms") if sent else table.time_us
         places = _places(table, name_field)
         for actuator, (k, key) in product(actuators if places else (), enumerate(KEYS)):
             name = f"S{actuator.servo}V{k + 1:02d}"
@@ -59,7 +57,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clo
                     "named",
                     {key: value_field},
                     table.frame[rows],
-                    utc_us[rows],
+                    table.time_us[rows],
                     blank([k], table[value_field][rows, None].astype(np.float64)),
                 )
 

@@ -16,7 +16,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.actuator.readings import Reading, blank
 from mavhums.actuator.tier import Tier
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks, each
+from mavhums.vehicle.clocks import each
 
 __all__ = ["MESSAGES", "TIER", "commands", "read"]
 
@@ -29,30 +29,28 @@ _PULSES_US = (500.0, 2500.0)
 _UAVCAN = (0.0, 1000.0)
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], clocks: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle and servo with a pulse, if the profile has its travel."""
     moved = [actuator for actuator in actuators if actuator.travel_deg is not None]
     raw = tables.get("SERVO_OUTPUT_RAW")
     if raw is not None:
-        utc_us = clocks.utc_us(raw, 1, "time_usec", wrap_us=2**32)
         for actuator in moved:
             port, k = divmod(actuator.servo - 1, _PER_PORT)
             field = f"servo{k + 1}_raw"
             pulse_us = np.where(raw["port"] == port, raw[field], 0).astype(np.float64)
-            yield from commands(raw, pulse_us, field, actuator, utc_us)
+            yield from commands(raw, pulse_us, field, actuator)
     status = tables.get("ACTUATOR_OUTPUT_STATUS")
     if status is not None:
-        utc_us = clocks.utc_us(status, 1, "time_usec")
         for actuator in moved:
             k = actuator.servo - 1
             if k >= _PER_STATUS:
                 continue
             pulse_us = status["actuator"][:, k].astype(np.float64)
-            yield from commands(status, pulse_us, f"actuator[{k}]", actuator, utc_us)
+            yield from commands(status, pulse_us, f"actuator[{k}]", actuator)
 
 
 def commands(
-    table: Table, pulse_us: NDArray[np.float64], field: str, actuator: Actuator, utc_us: NDArray[np.int64]
+    table: Table, pulse_us: NDArray[np.float64], field: str, actuator: Actuator
 ) -> Iterator[Reading]:
     """Yield a reading of V1 for each vehicle; ``pulse_us`` (n,) is the commanded pulse, µs."""
     low_deg, high_deg = actuator.travel_deg or (0.0, 0.0)
@@ -67,6 +65,6 @@ def commands(
             "pwm",
             {"V1": field},
             table.frame[rows],
-            utc_us[rows],
+            table.time_us[rows],
             blank([0], angle[:, None]),
         )

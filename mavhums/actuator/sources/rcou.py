@@ -11,7 +11,6 @@ from mavhums.actuator.readings import Reading
 from mavhums.actuator.sources import pwm
 from mavhums.actuator.sources.pwm import commands
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["MESSAGES", "TIER", "read"]
 
@@ -19,7 +18,7 @@ MESSAGES = frozenset({"RCOU", "RCO2", "RCO3"})
 TIER = pwm.TIER
 
 
-def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) -> Iterator[Reading]:
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
     """Yield a reading for each vehicle and servo with a pulse, if the profile has its travel."""
     for name in sorted(MESSAGES & tables.keys()):
         table = tables[name]
@@ -27,4 +26,4 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator], _: Clocks) 
             field = f"C{actuator.servo}"
             if actuator.travel_deg is not None and field in (table.fields.dtype.names or ()):
                 pulse_us = table[field].astype(np.float64)
-                yield from commands(table, pulse_us, field, actuator, table.time_us)
+                yield from commands(table, pulse_us, field, actuator)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
+from types import MappingProxyType
 from typing import Final
 
 from mavhums.health.axis.indicators import indicators
 from mavhums.health.axis.monitor import AxisFindings
 from mavhums.report.assessment import Interval, Since, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
+from mavhums.vehicle.order import Received
 from mavhums.vehicle.surfaces import Surfaces
 
 __all__ = ["judged_axis", "unjudged_axes", "why_not_at_all"]
@@ -35,16 +38,21 @@ _RECORD_STREAMS: Final = (
     "record at 3 Hz or more: over MAVLink SERVO_OUTPUT_RAW and ATTITUDE, in a .BIN RCOU and ATT, "
     "in a .ulg actuator_outputs and vehicle_attitude"
 )
+_IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
+_MUCH: Final = 0.2  # of a stream: below, its verdicts hardly change
 PROFILE_LINE: Final = (
     "let the ground station download the parameters while it records, or name the outputs in an airframe "
     'file: [[actuators]] with name = "aileron_left", servo = 1, pwm_us = [1100, 1500, 1900], and so on'
 )
 
 
-def why_not_at_all(flight: Flight, kind: str | None = None) -> tuple[str, str] | None:
+def why_not_at_all(
+    flight: Flight, kind: str | None = None, received: Mapping[str, Received] = MappingProxyType({})
+) -> tuple[str, str] | None:
     """Return the reason why no axis of a vehicle can be judged, and the remedy; None if some may be.
 
-    ``kind`` is the type of vehicle in words, if something other than its flight tells it.
+    ``kind`` is the type of vehicle in words, if something other than its flight tells it; ``received`` the
+    numbers of samples by message.
 
     Examples
     --------
@@ -64,6 +72,8 @@ def why_not_at_all(flight: Flight, kind: str | None = None) -> tuple[str, str] |
         what = " and ".join(_KINDS.get(kind, f"a vehicle of MAV_TYPE {kind}") for kind in sorted(kinds))
         return f"{what}: {_FIXED_WINGS_ONLY}", _BY_TELEMETRY
     missing = [text for name, text in _NEEDED.items() if name not in flight.heard]
+    if missing and (disorder := _disorder(received)):
+        return f"{' and '.join(missing)} came too late to be used: {disorder}", _IN_ORDER
     if missing:
         return f"the log lacks {' and '.join(missing)}", _RECORD_STREAMS
     if flight.flown_s == 0:
@@ -71,6 +81,21 @@ def why_not_at_all(flight: Flight, kind: str | None = None) -> tuple[str, str] |
         reason = f"it never flew forward: not armed, not fast enough, or hovering{speed}"
         return reason, "analyse a flight"
     return None
+
+
+def _disorder(received: Mapping[str, Received]) -> str:
+    """Return which messages lost much of their samples because they came too late; empty if none did.
+
+    Examples
+    --------
+    >>> _disorder({"ATTITUDE": Received(2, 500, 0), "RAW_IMU": Received(500, 2, 0)})
+    'of ATTITUDE 2 of 502 samples came in time'
+    """
+    return ", ".join(
+        f"of {message} {kept} of {kept + late} samples came in time"
+        for message, (kept, late, _) in received.items()
+        if late > _MUCH * (kept + late)
+    )
 
 
 def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
@@ -87,15 +112,25 @@ def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
 
 
 def judged_axis(
-    vehicle: int, findings: AxisFindings, surfaces: Surfaces | None, flight: Flight, start_utc: datetime
+    vehicle: int,
+    findings: AxisFindings,
+    surfaces: Surfaces | None,
+    flight: Flight,
+    start_utc: datetime,
+    received: Mapping[str, Received] = MappingProxyType({}),
 ) -> Verdict:
-    """Return the verdict on one axis of a vehicle that flew."""
+    """Return the verdict on one axis of a vehicle that flew, with the numbers of samples by message."""
     reason, remedy = None, None
     if findings.condition == "undecided":
         reason, remedy = _why_undecided(findings, surfaces, flight)
+        if disorder := _disorder(received):
+            reason = f"{reason}; {disorder}"
     origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces)}"}
     coverage = findings.coverage
-    rounded = coverage.model_copy(update={"moving_fraction": round(coverage.moving_fraction, 4)})
+    late = sum(counts.late for counts in received.values())
+    rounded = coverage.model_copy(
+        update={"moving_fraction": round(coverage.moving_fraction, 4), "late": late}
+    )
     return Verdict(
         subject="axis",
         vehicle=vehicle,

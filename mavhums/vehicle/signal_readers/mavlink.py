@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.clocks import Clocks
+from mavhums.log.flags import LOOSE_TIME
+from mavhums.vehicle.clocks import stamped
 from mavhums.vehicle.signals import OUTPUTS, Signal, placed
 
 __all__ = ["MESSAGES", "MavlinkSignals"]
@@ -25,21 +26,17 @@ _PORTS: Final = {"outputs": 0, "outputs_2": 1}
 Array = NDArray[np.float64]
 
 
-class _Stamp(NamedTuple):
-    """The field with the sender's time, its unit in microseconds, and the period after which it restarts."""
-
-    field: str
-    scale: int
-    wrap_us: int | None = None
-
-
-_BOOT = _Stamp("time_boot_ms", 1000)
-_USEC = _Stamp("time_usec", 1)
-_SHORT = _Stamp("time_usec", 1, 2**32)
-
-
 def _columns(table: Table, *fields: str, scale: float = 1.0) -> Array:
     return np.stack([table[field].astype(np.float64) for field in fields], axis=1) * scale
+
+
+def _navigated(table: Table) -> Array:
+    """Return the demanded attitude where its time is known, else NaN.
+
+    A demand that arrives seconds before or after the attitude that answers it looks as if no surface obeyed.
+    """
+    loose = (table.flags & LOOSE_TIME) > 0
+    return np.where(loose[:, None], np.nan, np.radians(_columns(table, "nav_roll", "nav_pitch")))
 
 
 def _outputs(table: Table) -> Array:
@@ -68,38 +65,35 @@ def _of_quaternion(table: Table) -> Array:
 
 
 class _Source(NamedTuple):
-    """A message, the signal that it gives, its time stamp and its values; earlier entries are preferred."""
+    """A message, the signal that it gives, and its values; earlier entries are preferred."""
 
     message: str
     signal: str
-    stamp: _Stamp | None
     values: Callable[[Table], Array]
 
 
 _SOURCES: Final = (
-    _Source("SERVO_OUTPUT_RAW", "outputs", _SHORT, _outputs),
-    _Source("SERVO_OUTPUT_RAW", "outputs_2", _SHORT, _second_outputs),
-    _Source("HIGHRES_IMU", "rates", _USEC, lambda t: _columns(t, "xgyro", "ygyro", "zgyro")),
-    _Source("RAW_IMU", "rates", _USEC, _milli_rates),
-    _Source("SCALED_IMU", "rates", _BOOT, _milli_rates),
-    _Source("SCALED_IMU2", "rates", _BOOT, _milli_rates),
-    _Source("HIGHRES_IMU", "force", _USEC, lambda t: _columns(t, "xacc", "yacc", "zacc")),
-    _Source("RAW_IMU", "force", _USEC, _milli_force),
-    _Source("SCALED_IMU", "force", _BOOT, _milli_force),
-    _Source("SCALED_IMU2", "force", _BOOT, _milli_force),
-    _Source("ATTITUDE", "attitude", _BOOT, lambda t: _columns(t, "roll", "pitch", "yaw")),
-    _Source("ATTITUDE", "slow_rates", _BOOT, lambda t: _columns(t, "rollspeed", "pitchspeed", "yawspeed")),
-    _Source("ATTITUDE_TARGET", "demand", _BOOT, _of_quaternion),
-    _Source(
-        "NAV_CONTROLLER_OUTPUT", "demand", None, lambda t: np.radians(_columns(t, "nav_roll", "nav_pitch"))
-    ),
-    _Source("VFR_HUD", "airspeed", None, lambda t: _columns(t, "airspeed")),
-    _Source("VFR_HUD", "groundspeed", None, lambda t: _columns(t, "groundspeed")),
-    _Source("GLOBAL_POSITION_INT", "velocity", _BOOT, lambda t: _columns(t, "vx", "vy", scale=0.01)),
-    _Source("GLOBAL_POSITION_INT", "altitude", _BOOT, lambda t: _columns(t, "relative_alt", scale=1e-3)),
-    _Source("VFR_HUD", "altitude", None, lambda t: _columns(t, "alt")),
-    _Source("EXTENDED_SYS_STATE", "vtol", None, lambda t: _columns(t, "vtol_state")),
-    _Source("EXTENDED_SYS_STATE", "landed", None, lambda t: _columns(t, "landed_state")),
+    _Source("SERVO_OUTPUT_RAW", "outputs", _outputs),
+    _Source("SERVO_OUTPUT_RAW", "outputs_2", _second_outputs),
+    _Source("HIGHRES_IMU", "rates", lambda t: _columns(t, "xgyro", "ygyro", "zgyro")),
+    _Source("RAW_IMU", "rates", _milli_rates),
+    _Source("SCALED_IMU", "rates", _milli_rates),
+    _Source("SCALED_IMU2", "rates", _milli_rates),
+    _Source("HIGHRES_IMU", "force", lambda t: _columns(t, "xacc", "yacc", "zacc")),
+    _Source("RAW_IMU", "force", _milli_force),
+    _Source("SCALED_IMU", "force", _milli_force),
+    _Source("SCALED_IMU2", "force", _milli_force),
+    _Source("ATTITUDE", "attitude", lambda t: _columns(t, "roll", "pitch", "yaw")),
+    _Source("ATTITUDE", "slow_rates", lambda t: _columns(t, "rollspeed", "pitchspeed", "yawspeed")),
+    _Source("ATTITUDE_TARGET", "demand", _of_quaternion),
+    _Source("NAV_CONTROLLER_OUTPUT", "demand", _navigated),
+    _Source("VFR_HUD", "airspeed", lambda t: _columns(t, "airspeed")),
+    _Source("VFR_HUD", "groundspeed", lambda t: _columns(t, "groundspeed")),
+    _Source("GLOBAL_POSITION_INT", "velocity", lambda t: _columns(t, "vx", "vy", scale=0.01)),
+    _Source("GLOBAL_POSITION_INT", "altitude", lambda t: _columns(t, "relative_alt", scale=1e-3)),
+    _Source("VFR_HUD", "altitude", lambda t: _columns(t, "alt")),
+    _Source("EXTENDED_SYS_STATE", "vtol", lambda t: _columns(t, "vtol_state")),
+    _Source("EXTENDED_SYS_STATE", "landed", lambda t: _columns(t, "landed_state")),
 )
 
 MESSAGES: Final = frozenset({source.message for source in _SOURCES} | {"HEARTBEAT", "PARAM_VALUE"})
@@ -113,20 +107,16 @@ class MavlinkSignals:
     """
 
     def __init__(self) -> None:
-        self._clocks = Clocks()
         self._taken: dict[tuple[int, str], tuple[str, int]] = {}
 
     def read(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
         """Yield the signals of these messages."""
         yield from self._states(tables.get("HEARTBEAT"))
         self._choose(tables)
-        times: dict[str, NDArray[np.int64]] = {}
-        for message, signal, stamp, values in _SOURCES:
+        for message, signal, values in _SOURCES:
             table = tables.get(message)
             if table is None:
                 continue
-            if message not in times:
-                times[message] = self._times(table, stamp)
             for vehicle in np.unique(table.system).tolist():
                 taken = self._taken.get((vehicle, signal))
                 if taken is None or taken[0] != message:
@@ -137,12 +127,13 @@ class MavlinkSignals:
                 rows = np.flatnonzero(own)
                 if rows.size:
                     part = table.select(rows)
-                    yield Signal(vehicle, signal, message, part.frame, times[message][rows], values(part))
+                    told = (part.frame, part.time_us, values(part))
+                    yield Signal(vehicle, signal, message, *told, stamped=stamped(part))
 
     def _choose(self, tables: Mapping[str, Table]) -> None:
         """Choose for each signal the message that came first, whatever block it came in."""
         firsts: dict[tuple[int, str], tuple[int, str, int]] = {}
-        for message, signal, _, _ in _SOURCES:
+        for message, signal, _ in _SOURCES:
             table = tables.get(message)
             if table is None:
                 continue
@@ -154,11 +145,6 @@ class MavlinkSignals:
         for key, (_, message, component) in firsts.items():
             self._taken[key] = message, component
 
-    def _times(self, table: Table, stamp: _Stamp | None) -> NDArray[np.int64]:
-        if stamp is None:
-            return table.time_us
-        return self._clocks.utc_us(table, stamp.scale, stamp.field, wrap_us=stamp.wrap_us)
-
     def _states(self, table: Table | None) -> Iterator[Signal]:
         if table is None:
             return
@@ -168,4 +154,4 @@ class MavlinkSignals:
             armed = (part["base_mode"] & _ARMED) > 0
             fields = (part["type"], part["autopilot"], armed, part["custom_mode"])
             values = np.stack([field.astype(np.float64) for field in fields], axis=1)
-            yield Signal(vehicle, "state", "HEARTBEAT", part.frame, part.time_us, values)
+            yield Signal(vehicle, "state", "HEARTBEAT", part.frame, part.time_us, values, stamped=False)

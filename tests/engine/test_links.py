@@ -1,0 +1,129 @@
+"""What a link does to times and order changes no verdict, event or loss.
+
+The tolerance: a sample without a stamp has a time that is known to the latency of its type only, and the grid
+begins at the time of the first reception, so seconds begin elsewhere in the flight. An alarm may begin some
+seconds earlier or later, and forward flight be longer or shorter by some. Where messages without a stamp are
+themselves late, nothing in the log tells by how much: up to 2 s and 2 s of jitter an axis that is barely
+decided may then become undecided, and that is all.
+
+One case is not tested: where all types of one counter (``time_usec``) lag all types of the other by the same
+time, the log is that of a sender whose counters differ, which exists.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import pytest
+from hypothesis import Phase, assume, given, settings
+from hypothesis import strategies as st
+
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import ConditionChanged
+from mavhums.log.losses import Losses
+from tests.links import Mishap, records, rewritten
+
+pytest.importorskip("jsbsim", reason="the closed loop needs the extra 'sim'")
+
+OF_BOOT, OF_USEC = (30, 33, 116), (27, 36)  # ATTITUDE, GLOBAL_POSITION_INT, SCALED_IMU2; RAW_IMU, outputs
+STAMPED = (*OF_BOOT, *OF_USEC)
+UNSTAMPED = (0, 62, 74)  # HEARTBEAT, NAV_CONTROLLER_OUTPUT, VFR_HUD
+TOLERANCE_S = 15.0
+SECONDS = st.floats(0.0, 5.0)
+ALARMS = ("degraded", "emergency")
+
+
+class Told(NamedTuple):
+    conditions: dict[str, str]
+    alarms: list[tuple[str, str, float]]
+    flown_s: float
+    losses: Losses
+
+
+def judge(tlog: bytes) -> Told:
+    engine = Engine()
+    events = [event for k in range(0, len(tlog), 1 << 18) for event in engine.feed(tlog[k : k + (1 << 18)])]
+    events += engine.finish()
+    assessment = engine.assessment(indicators=False)
+    changes = [event for event in events if isinstance(event, ConditionChanged) and event.after in ALARMS]
+    return Told(
+        {v.actuator: v.worst for v in assessment.verdicts if v.subject == "axis"},
+        [(change.actuator, change.after, change.since_s) for change in changes],
+        engine.flown_s(),
+        assessment.log.losses,
+    )
+
+
+@cache
+def flight(kind: str) -> bytes:
+    """Return a flight with its left aileron frozen from 130 s on, or a healthy one."""
+    from mavhums_sim.closed_loop import Air, ClosedLoop, SurfaceFault, fly_closed_loop
+    from mavhums_sim.closed_loop.encode import encode
+    from mavhums_sim.closed_loop.reports import Streams, report
+    from mavhums_sim.link import Link
+
+    faults = (SurfaceFault("aileron_left", "freeze", 0.0, 130.0),) if kind == "frozen" else ()
+    flown = ClosedLoop(seed=3, duration_s=200.0, faults=faults, air=Air(turbulence=4.0))
+    return encode(report(fly_closed_loop(flown), Streams(rate=10.0, status=2.0)), 3, Link())
+
+
+@cache
+def undisturbed(kind: str) -> Told:
+    return judge(flight(kind))
+
+
+def mishap(latency: dict[int, float], backlog_s: float, jitter_s: float, rate: float) -> Mishap:
+    counters = [[latency[n] for n in types] for types in (OF_BOOT, OF_USEC)]
+    alike = all(max(lags) - min(lags) < 1.0 for lags in counters)
+    assume(not alike or abs(min(counters[0]) - min(counters[1])) < 0.2)
+    return Mishap(latency, jitter_s, backlog_s, rate, seed=1)
+
+
+def same(found: Told, expected: Told) -> None:
+    """Hold what changes in no case: the alarms, when they begin, how long it flew."""
+    for axis in ("roll", "pitch", "yaw"):
+        times = [since_s for actuator, _, since_s in expected.alarms if actuator == axis][:1]
+        assert [since_s for actuator, _, since_s in found.alarms if actuator == axis][:1] == pytest.approx(
+            times, abs=TOLERANCE_S
+        )
+    alarmed = {axis: worst for axis, worst in expected.conditions.items() if worst in ALARMS}
+    assert {axis: worst for axis, worst in found.conditions.items() if worst in ALARMS} == alarmed
+    assert found.flown_s == pytest.approx(expected.flown_s, abs=8.0)
+
+
+LATENCIES = st.fixed_dictionaries(dict.fromkeys(STAMPED, SECONDS))
+RATES = st.sampled_from([0.8, 1.0, 1.25])
+
+
+@pytest.mark.parametrize("kind", ["healthy", "frozen"])
+@given(disturbed=st.builds(mishap, LATENCIES, SECONDS, st.sampled_from([0.0, 0.5]), RATES))
+@settings(max_examples=6, phases=(Phase.explicit, Phase.generate))
+def test_latency_backlog_clock_rate_and_order_change_nothing(kind: str, disturbed: Mishap) -> None:
+    expected, found = undisturbed(kind), judge(rewritten(records(flight(kind)), disturbed))
+    assert expected.conditions["roll"] == ("emergency" if kind == "frozen" else "normal")
+    same(found, expected)
+    assert found.conditions["roll"] == expected.conditions["roll"]
+    for axis, worst in found.conditions.items():  # pitch needs the airspeed, whose message has no stamp
+        assert worst in (expected.conditions[axis], "undecided")
+    lost = found.losses
+    assert not lost.broken_stamps
+    assert not lost.copies
+    dropped = lost.late_samples.keys() | lost.same_time_samples.keys()
+    assert not {"ATTITUDE", "RAW_IMU", "SERVO_OUTPUT_RAW", "GLOBAL_POSITION_INT"} & dropped
+
+
+@pytest.mark.parametrize("kind", ["healthy", "frozen"])
+@given(
+    latency=st.fixed_dictionaries(dict.fromkeys(UNSTAMPED, st.floats(0.0, 2.0))),
+    jitter_s=st.sampled_from([0.0, 2.0]),
+)
+@settings(max_examples=4, phases=(Phase.explicit, Phase.generate))
+def test_what_comes_late_without_a_stamp_raises_no_alarm_and_hides_none(
+    kind: str, latency: dict[int, float], jitter_s: float
+) -> None:
+    disturbed = Mishap(latency, jitter_s)
+    expected, found = undisturbed(kind), judge(rewritten(records(flight(kind)), disturbed))
+    same(found, expected)
+    for axis, worst in found.conditions.items():
+        assert worst in (expected.conditions[axis], "undecided")
