@@ -29,7 +29,7 @@ pytest.importorskip("jsbsim", reason="the closed loop needs the extra 'sim'")
 OF_BOOT, OF_USEC = (30, 33, 116), (27, 36)  # ATTITUDE, GLOBAL_POSITION_INT, SCALED_IMU2; RAW_IMU, outputs
 STAMPED = (*OF_BOOT, *OF_USEC)
 UNSTAMPED = (0, 62, 74)  # HEARTBEAT, NAV_CONTROLLER_OUTPUT, VFR_HUD
-TOLERANCE_S = 15.0
+TOLERANCE_S = 30.0  # onsets moved by up to 26 s in software in the loop when only the grid's phase differed
 SECONDS = st.floats(0.0, 5.0)
 ALARMS = ("degraded", "emergency")
 
