@@ -15,7 +15,6 @@ import click
 from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, PATH
 from mavhums.cli.output import say
 from mavhums.core.errors import MavhumsError
-from mavhums.history.aircraft import UnnamedAircraftError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -186,5 +185,7 @@ class _Store:
         folder = f"{self._folder.absolute()}{os.sep}"
         problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
         if "proposed" in answer:
+            from mavhums.history.aircraft import UnnamedAircraftError
+
             raise UnnamedAircraftError(problem, remedy, tuple(answer["proposed"]))
         raise MavhumsError(problem, remedy)

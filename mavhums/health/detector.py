@@ -209,6 +209,6 @@ def detectors_for(actuator: Actuator) -> list[Detector]:
     --------
     >>> from mavhums.actuator import load_airframe
     >>> [detector.fault for detector in detectors_for(load_airframe("paper").actuators[0])][:3]
-    ['backlash', 'friction', 'jam']
+    ['backlash', 'following', 'friction']
     """
     return [detector(actuator) for detector in _discovered() if detector.suits(actuator)]
