@@ -78,6 +78,18 @@ class Grid:
         self._forget()
         return Seconds(index, {name: values.reshape(shape) for name, values in found.items()})
 
+    def reached_s(self, frames: Times, signals: Sequence[Signal]) -> Times:
+        """Return the second of the latest sample before places in the log, (n,), given the next signals.
+
+        It is 0 before the first sample. Seconds that are settled later do not depend on it.
+        """
+        frame = np.concatenate([np.empty(0, dtype=np.int64), *(signal.frame for signal in signals)])
+        time_s = np.concatenate([np.empty(0), *((s.time_us - self._start_us) / 1e6 for s in signals)])
+        order = np.argsort(frame, kind="stable")
+        latest = np.maximum.accumulate(np.append(max(self._latest_s, 0.0), time_s[order]))
+        reached: Times = np.floor(latest[np.searchsorted(frame[order], frames)]).astype(np.int64)
+        return reached
+
     def _take(self, signals: Sequence[Signal]) -> None:
         if not signals:
             return
