@@ -78,7 +78,7 @@ def inspect_log(
         start_us = decoder.first_time_us or 0
         for said, named in fleet.listen(tables):
             if named is not None:
-                axes.announce(said.vehicle, said.time_us, start_us, named)
+                axes.announce(said.vehicle, said.frame, named)
         for _ in (
             *axes.feed(tables, start_us, admits=crowd.admits, final=final),
             *fleet.feed(tables, final=final),

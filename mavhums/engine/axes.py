@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
 from mavhums.actuator.surfaces import of_airframe
-from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.core.conditions import Condition
+from mavhums.engine.events import Notice
+from mavhums.health.axis.monitor import AxisMonitor, explained_by
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.log import Table
 from mavhums.report.axis_limits import AxisLimits
@@ -23,26 +25,41 @@ from mavhums.vehicle.order import Received
 from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
 from mavhums.vehicle.signals import Signal
-from mavhums.vehicle.surfaces import AXES, Surfaces, of_parameters
+from mavhums.vehicle.surfaces import Surfaces, of_parameters
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
 
-AxisEvent = ConditionChanged | Indication | Followed
-_TOLD_S: Final = 3
+AxisEvent = ConditionChanged | Indication | Followed | Notice
+_TOLD_S: Final = 10  # most lists of parameters come within; a list that takes longer is applied in parts
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
 _INFER_S: Final = 45
-_RETRY_S: Final = 10
-_LATEST_S: Final = 180
-_KEPT_S: Final = 120
+_RETRY_S: Final = 20
+_LATEST_S: Final = 600
+_INFERRED_FROM_S: Final = 120
+_PARTED_S: Final = 3  # longer than an output that freezes takes to be noticed
+_INFERENCES: Final = 3
 _NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
 _FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
 
 Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+class _Told(NamedTuple):
+    """What the log told of the outputs, and the flight second from which it applies."""
+
+    due_s: int
+    surfaces: Surfaces
+    limits: AxisLimits | None
 
 
 class VehicleAxes:
     """The axes of one vehicle.
+
+    What moves its surfaces is part of every judgement. When that turns out to be something else, because
+    parameters come in flight or an inference fails, the flight so far is judged anew, and what was reported
+    is revised by one change of condition.
 
     Parameters
     ----------
@@ -80,101 +97,156 @@ class VehicleAxes:
         self.usage = Usage()
         self._vehicle, self._angles = vehicle, angles
         self.grid = Grid(start_us)
-        self._told: list[tuple[int, Surfaces, AxisLimits | None]] = []
-        self._waiting: list[Seconds] = []
-        self._since_try = 0
+        self._told: list[_Told] = []
+        self._now_s = 0
+        self._since_try, self._inferences, self._hoped_s = 0, 0, 0
+        self._reported: dict[str, Condition] = {}
+        self._shown_s: dict[str, float] = {}
+
+    def reached_s(self, frames: Times, signals: Sequence[Signal]) -> Times:
+        """Return the flight second that the vehicle's signals have reached at places in the log, (n,)."""
+        return self.grid.reached_s(frames, signals)
 
     def tell(self, second: int, surfaces: Surfaces, limits: AxisLimits | None = None) -> None:
-        """Take what the log reports in a flight second; it applies from three seconds later on.
+        """Take what the log reports when its signals have reached a flight second.
 
-        Other limits begin the judgement anew.
+        It applies ten seconds later, together with what comes until then. Other limits begin the judgement
+        anew.
         """
-        self._told.append((second + _TOLD_S, surfaces, limits))
+        if self._told and second < self._told[-1].due_s and limits is None is self._told[-1].limits:
+            self._told[-1] = self._told[-1]._replace(surfaces=surfaces)
+        else:
+            self._told.append(_Told(second + _TOLD_S, surfaces, limits))
 
-    def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
+    def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
         """Take new samples; yield the changes of condition."""
         self.usage.feed(signals)
         seconds = self.grid.feed(signals, final=final)
         while seconds is not None:
+            yield from self._apply(int(seconds.index[0]))
             now, seconds = self._next(seconds)
-            at = 0
-            while self.surfaces is None and at < len(now.index):
-                yield from self._unknown(_part(now, at, at + 1))
-                at += 1
-            if at < len(now.index):
-                yield from self._known(_part(now, at, len(now.index)))
+            yield from self._follow(now)
+        if final and self._told:
+            yield from self._apply(self._told[-1].due_s)
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
-        """Apply surfaces due by the first second; return the seconds until the next change, and the rest."""
+        """Return the seconds until the surfaces may change, and the rest."""
         first = int(seconds.index[0])
-        while self._told and self._told[0][0] <= first:
-            self._learn(*self._told.pop(0)[1:])
-        count = len(seconds.index)
-        at = int(np.searchsorted(seconds.index, self._told[0][0])) if self._told else count
-        if at == count:
+        ends = [told.due_s for told in self._told[:1]]
+        if self.surfaces is None:
+            ends.append(first + 1)
+        elif self.surfaces.origin == "inferred":
+            ends.append(first - first % _RETRY_S + _RETRY_S)
+        at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
+        if at == len(seconds.index):
             return seconds, None
-        return _part(seconds, 0, at), _part(seconds, at, count)
+        return _part(seconds, 0, at), _part(seconds, at, len(seconds.index))
 
-    def _learn(self, surfaces: Surfaces, limits: AxisLimits | None) -> None:
-        if limits is not None and limits != self.monitor.limits:
-            self.monitor = AxisMonitor(self._vehicle, limits)
-        told_before = self.surfaces is not None and self.surfaces.origin == "profile"
-        if told_before or surfaces == self.surfaces:
-            return
-        self.surfaces = surfaces
-        self.flight.learn(surfaces)
-        self._waiting.clear()
-
-    def _known(self, seconds: Seconds, *, again: bool = False) -> Iterator[AxisEvent]:
-        """Follow the flight; ``again`` marks seconds whose angles were shown before."""
+    def _follow(self, seconds: Seconds) -> Iterator[AxisEvent]:
         for rows in self.flight.feed(seconds):
-            if self._angles and not again:
+            if self._angles:
                 yield from _followed(self._vehicle, rows)
             for event in self.monitor.feed(rows):
-                yield self._named(event) if isinstance(event, ConditionChanged) else event
+                yield from self._report(event)
+        self._now_s = int(seconds.index[-1]) + 1
+        if self.surfaces is None:
+            yield from self._infer()
+        elif self.flight.parted_s >= _PARTED_S:
+            self._hoped_s = self.flight.flown_s
+            yield from self._adopt(None, "outputs that moved as one no longer do")
 
-    def _named(self, event: ConditionChanged) -> ConditionChanged:
-        """Add the possible surfaces to the finding of an alert."""
-        suspect = self.surfaces.brief(event.actuator) if self.surfaces else ""
-        if not suspect or not event.finding:
-            return event
-        return replace(event, finding=f"{event.finding}: {suspect}?")
+    def _apply(self, second: int) -> Iterator[AxisEvent]:
+        """Apply what is due."""
+        while self._told and self._told[0].due_s <= second:
+            _, surfaces, limits = self._told.pop(0)
+            if limits is None and not self._differs(surfaces):
+                continue
+            why = "a profile names its outputs" if limits else "its parameters name other outputs than before"
+            yield from self._adopt(surfaces, why, limits)
 
-    def _unknown(self, second: Seconds) -> Iterator[AxisEvent]:
-        """Follow the flight without its outputs, and try to infer them from its first part."""
-        self._waiting.append(second)
-        del self._waiting[:-_KEPT_S]
-        yield from self._known(second)
+    def _differs(self, surfaces: Surfaces) -> bool:
+        """Return whether the flight must be judged anew with these surfaces.
+
+        Other trims and ranges are other units, no other outputs: for them what is no longer kept of a long
+        flight is not given up.
+        """
+        known = self.surfaces
+        if known is None or known == surfaces:
+            return known is None
+        if known.origin == "profile":
+            return False
+        return self.flight.past.is_whole or not surfaces.same_outputs(known)
+
+    def _adopt(
+        self, surfaces: Surfaces | None, why: str, limits: AxisLimits | None = None
+    ) -> Iterator[AxisEvent]:
+        """Judge the flight anew with these surfaces, as far back as it is kept."""
+        self.surfaces = surfaces
+        self.monitor = AxisMonitor(self._vehicle, limits or self.monitor.limits)
+        before = dict(self._reported)
+        last: dict[str, ConditionChanged] = {}
+        first_s = self._now_s
+        for rows in self.flight.learn(surfaces):
+            first_s = min(first_s, rows.second)
+            for event in self.monitor.feed(rows):
+                if isinstance(event, ConditionChanged):
+                    last[event.actuator] = event
+                    if event.actuator in before:
+                        continue
+                yield from self._report(event)
+        if before:
+            text = f"{why}: its axes are judged anew from {first_s} s on"
+            yield Notice(float(self._now_s), self._vehicle, text)
+        for axis, condition in before.items():
+            yield from self._revised(axis, condition, last.get(axis), why)
+
+    def _revised(
+        self, axis: str, before: Condition, last: ConditionChanged | None, why: str
+    ) -> Iterator[AxisEvent]:
+        """Yield the change from what was reported of an axis to what its new judgement says."""
+        after = last.after if last else "undecided"
+        if after == before:
+            return
+        now_s = float(self._now_s)
+        rule = f"{after}: {why}"
+        change = ConditionChanged(self._vehicle, axis, now_s, now_s, before, after, rule, "effectiveness")
+        if last and after != "normal":
+            change = replace(last, time_s=now_s, before=before)
+        yield from self._report(change)
+
+    def _report(self, event: ConditionChanged | Indication) -> Iterator[AxisEvent]:
+        """Yield an event, an alert with the possible surfaces, of an indication only what is new."""
+        axis = event.actuator
+        if isinstance(event, Indication):
+            new = event.end_s > self._shown_s.get(axis, -np.inf)
+            if new.any():
+                self._shown_s[axis] = float(event.end_s[-1])
+                arrays = (event.end_s, event.value, event.low, event.high)
+                yield Indication(event.vehicle, axis, event.fault, *(array[new] for array in arrays))
+            return
+        self._reported[axis] = event.after
+        suspect = self.surfaces.brief(axis) if self.surfaces else ""
+        named = event.finding and suspect
+        yield replace(event, finding=f"{event.finding}: {suspect}?") if named else event
+
+    def _infer(self) -> Iterator[AxisEvent]:
+        """Try to infer the outputs from the last minutes."""
         self._since_try += 1
-        if self._since_try < _RETRY_S or not _INFER_S <= self.flight.flown_s <= _LATEST_S:
+        flown_s = self.flight.flown_s
+        hopeful = _INFER_S <= flown_s <= self._hoped_s + _LATEST_S and self._inferences < _INFERENCES
+        if self._since_try < _RETRY_S or not hopeful:
             return
         self._since_try = 0
-        surfaces = self._inferred()
+        known = self.flight.past.last(_INFERRED_FROM_S)
+        if known is None:
+            return
+        rows, pulses = known
+        surfaces = inferred(
+            rows, pulses, lambda axis, demand, others: explained_by(axis, rows, demand, others)
+        )
         if surfaces is not None:
-            self.surfaces, waiting = surfaces, list(self._waiting)
-            self._waiting.clear()
-            self.monitor = AxisMonitor(self._vehicle, self.monitor.limits)
-            again = Flight(surfaces)
-            self.flight = again
-            for seconds in waiting:
-                yield from self._known(seconds, again=True)
-
-    def _inferred(self) -> Surfaces | None:
-        probe = Flight(None)
-        parts = [rows for seconds in self._waiting for rows in probe.feed(seconds)]
-        rows = Rows.join(parts)
-        outputs = np.concatenate([seconds.signals["outputs"] for seconds in self._waiting])
-        pulses = outputs.reshape(-1, outputs.shape[2])
-
-        def explains(axis: str, demand: Array) -> float:
-            outputs = np.full_like(rows.outputs, np.nan)
-            outputs[:, AXES.index(axis)] = demand
-            gain = new_gain(axis)
-            gain.feed(replace(rows, outputs=outputs))
-            found = gain.reference or gain.best
-            return 0.0 if found is None else found.explained
-
-        return inferred(rows, pulses, explains)
+            self._inferences += 1
+            yield from self._adopt(surfaces, "its outputs are inferred from the flight")
 
 
 class Axes:
@@ -196,6 +268,7 @@ class Axes:
         self._sent = Sent()
         self._told: dict[int, Surfaces] = {}
         self._vehicles: dict[int, VehicleAxes] = {}
+        self._announced: list[tuple[int, int, Airframe]] = []
 
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
         """Return the axes of a vehicle; None if it reported nothing about its flight."""
@@ -230,57 +303,70 @@ class Axes:
 
         ``admits`` returns whether a vehicle is judged; ``final`` marks the end of the input.
         """
-        by_vehicle: dict[int, list[Signal]] = {vehicle: [] for vehicle in self._vehicles}
-        for signal in self._signals.read(tables):
-            if not admits(signal.vehicle):
-                continue
-            by_vehicle.setdefault(signal.vehicle, []).append(signal)
-        for vehicle in by_vehicle:
+
+        def axes_of(vehicle: int) -> VehicleAxes:
             if vehicle not in self._vehicles:
-                self._vehicles[vehicle] = self._new(vehicle, start_us, self._surfaces)
-        self._hear(tables, start_us, admits)
-        for vehicle, signals in by_vehicle.items():
-            yield from self._vehicles[vehicle].feed(signals, final=final)
+                new = VehicleAxes(vehicle, start_us, self._surfaces, self._limits, angles=self._angles)
+                self._vehicles[vehicle] = new
+            return self._vehicles[vehicle]
 
-    def _new(self, vehicle: int, start_us: int, surfaces: Surfaces | None) -> VehicleAxes:
-        return VehicleAxes(vehicle, start_us, surfaces, self._limits, angles=self._angles)
+        by_vehicle: dict[int, list[Signal]] = {}
+        for signal in self._signals.read(tables):
+            if admits(signal.vehicle):
+                by_vehicle.setdefault(signal.vehicle, []).append(signal)
+        for vehicle in by_vehicle:
+            axes_of(vehicle)
+        self._hear(tables, by_vehicle, axes_of, admits)
+        for vehicle, axes in self._vehicles.items():
+            yield from axes.feed(by_vehicle.get(vehicle, ()), final=final)
 
-    def announce(self, vehicle: int, time_us: int, start_us: int, airframe: Airframe) -> None:
-        """Apply the profile that a vehicle named."""
-        surfaces = of_airframe(airframe)
-        if surfaces is None or self._surfaces is not None:
-            return
-        if vehicle not in self._vehicles:
-            self._vehicles[vehicle] = self._new(vehicle, start_us, None)
-        self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces, airframe.axes)
+    def announce(self, vehicle: int, frame: int, airframe: Airframe) -> None:
+        """Apply the profile that a vehicle named at a place in the log; before the tables of that place."""
+        if of_airframe(airframe) is not None and self._surfaces is None:
+            self._announced.append((vehicle, frame, airframe))
 
-    def _hear(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
-        """Take the outputs' functions from the parameters, second by second, in the order of sending."""
-        heartbeats = tables.get("HEARTBEAT")
-        if heartbeats is not None:
-            self._sent.take({"HEARTBEAT": heartbeats})
+    def _hear(
+        self,
+        tables: Mapping[str, Table],
+        signals: Mapping[int, Sequence[Signal]],
+        axes_of: Callable[[int], VehicleAxes],
+        admits: Callable[[int], bool],
+    ) -> None:
+        """Take the outputs' functions from profiles and parameters, in the order of sending."""
+        while self._announced:
+            vehicle, frame, airframe = self._announced.pop(0)
+            surfaces, axes = of_airframe(airframe), axes_of(vehicle)
+            [second] = axes.reached_s(np.array([frame]), signals.get(vehicle, ())).tolist()
+            if surfaces is not None:
+                axes.tell(second, surfaces, airframe.axes)
         if self._surfaces is None:
             for message, field in _NAMES.items():
-                if message in tables:
-                    self._hear_parameters(tables[message], field, start_us, admits)
-
-    def _hear_parameters(self, sent: Table, field: str, start_us: int, admits: Callable[[int], bool]) -> None:
-        named = np.array([name.startswith(_FUNCTIONS) for name in sent.texts(field)], dtype=bool)
-        sent = sent.select(named)
-        seconds = (sent.time_us - start_us) // 1_000_000
-        for vehicle in np.unique(sent.system).tolist():
-            axes = self._vehicles.get(vehicle)
-            if axes is None:
-                if not admits(vehicle):
+                if message not in tables:
                     continue
-                axes = self._vehicles[vehicle] = self._new(vehicle, start_us, None)
-            for second in np.unique(seconds[sent.system == vehicle]).tolist():
-                rows = (sent.system == vehicle) & (seconds == second)
-                self._sent.take({sent.name: sent.select(rows)})
-                surfaces = of_parameters(self._sent.of(vehicle))
-                if surfaces is not None and surfaces != self._told.get(vehicle):
-                    self._told[vehicle] = surfaces
-                    axes.tell(second, surfaces)
+                named = [name.startswith(_FUNCTIONS) for name in tables[message].texts(field)]
+                sent = tables[message].select(np.array(named, dtype=bool))
+                for vehicle in filter(admits, np.unique(sent.system).tolist()):
+                    own = sent.select(sent.system == vehicle)
+                    self._hear_parameters(
+                        axes_of(vehicle), own, tables.get("HEARTBEAT"), signals.get(vehicle, ())
+                    )
+        if "HEARTBEAT" in tables:
+            self._sent.take({"HEARTBEAT": tables["HEARTBEAT"]})
+
+    def _hear_parameters(
+        self, axes: VehicleAxes, sent: Table, heartbeats: Table | None, signals: Sequence[Signal]
+    ) -> None:
+        [vehicle] = np.unique(sent.system).tolist()
+        seconds = axes.reached_s(sent.frame, signals)
+        for second in np.unique(seconds).tolist():
+            now = sent.select(seconds == second)
+            if heartbeats is not None:  # what an integer parameter means depends on the autopilot
+                self._sent.take({"HEARTBEAT": heartbeats.select(heartbeats.frame < now.frame[-1])})
+            self._sent.take({sent.name: now})
+            surfaces = of_parameters(self._sent.of(vehicle))
+            if surfaces is not None and surfaces != self._told.get(vehicle):
+                self._told[vehicle] = surfaces
+                axes.tell(second, surfaces)
 
 
 def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:

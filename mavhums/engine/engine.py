@@ -233,8 +233,7 @@ class Engine:
         for said, airframe in self._mappers.listen(tables):
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
-                start_us = self._decoder.first_time_us or 0
-                self._axes.announce(said.vehicle, said.time_us, start_us, airframe)
+                self._axes.announce(said.vehicle, said.frame, airframe)
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")

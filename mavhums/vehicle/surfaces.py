@@ -18,13 +18,15 @@ from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.signals import ALL_OUTPUTS, OUTPUTS
 
-__all__ = ["AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
+__all__ = ["ALIKE_US", "AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
 
 AXES: Final = ("roll", "pitch", "yaw")
 
 KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
 _LIFT: Final = range(33, 41)  # SERVOn_FUNCTION of motors
 _FROZEN_S: Final = 1.0
+ALIKE_US: Final = 3.0
+"""Outputs with the same demand differ by less: they are whole microseconds, and so are their trims."""
 
 Array = NDArray[np.float64]
 
@@ -79,6 +81,14 @@ class Surfaces:
                 return found
         return ()
 
+    def same_outputs(self, other: Surfaces) -> bool:
+        """Return whether the same outputs move the same surfaces the same way, by whatever ranges."""
+        own, others = (
+            {(moved.servo, moved.surface, moved.half_us > 0) for moved in each.moved}
+            for each in (self, other)
+        )
+        return own == others and set(self.lift) == set(other.lift)
+
     def brief(self, axis: str) -> str:
         """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
 
@@ -129,13 +139,23 @@ def _px4_sign(because: str, surface: str, values: Mapping[str, float]) -> float:
 class Demands:
     """Follows the demand of the outputs about each axis, from one set of grid rows to the next.
 
+    Outputs that were inferred count as one demand only as long as they move as one: where they part, one of
+    them moves something else, and the demand is unknown.
+
     Parameters
     ----------
     surfaces
         The outputs in use.
+
+    Attributes
+    ----------
+    parted
+        Of the last rows, those in which inferred outputs do not move as one, (n,).
     """
 
     def __init__(self, surfaces: Surfaces) -> None:
+        self._inferred = surfaces.origin == "inferred"
+        self.parted = np.zeros(0, dtype=bool)
         self._groups: dict[str, list[Moved]] = {}
         for axis in AXES:
             for moved in surfaces.of_axis(axis):
@@ -149,6 +169,7 @@ class Demands:
 
     def feed(self, pulses: Array) -> Array:
         """Return the demand about roll, pitch and yaw, (n, 3), from all outputs' pulses; NaN if unknown."""
+        self.parted = np.zeros(len(pulses), dtype=bool)
         known = {name: self._demand(name, group, pulses) for name, group in self._groups.items()}
         self._row += len(pulses)
         none = np.full(len(pulses), np.nan)
@@ -173,7 +194,13 @@ class Demands:
         self._before[name], self._changed[name] = share[-1], changed[-1]
         if "elevon" in name or "tail" in name or len(group) == 1:
             stands[:] = False
-        return _median(np.where(stands, np.nan, share))
+        share = np.where(stands, np.nan, share)
+        demand = _median(share)
+        if self._inferred:
+            apart = np.nan_to_num(np.abs(share - demand[:, None]) * np.abs(half)).max(axis=1) > ALIKE_US
+            self.parted |= apart
+            demand[apart] = np.nan
+        return demand
 
 
 def _median(values: Array) -> Array:

@@ -11,9 +11,9 @@ from mavhums.health.axis.filters import Lag, Tail
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["Chain", "Columns", "Form", "Shape", "judgeable"]
+__all__ = ["MEAN_ROWS", "Chain", "Columns", "Form", "Shape", "judgeable"]
 
-_MEAN_ROWS: Final = 8
+MEAN_ROWS: Final = 8
 _SLOWEST: Final = 0.85  # of the reference speed: an aircraft below it may be stalling
 _ROLL_RAD: Final = np.radians(60)
 _LONGEST_GAP_S: Final = 0.75  # one lost sample of a stream of 3 Hz
@@ -102,7 +102,7 @@ class Chain:
         self._lags = {axis: Lag(shape.tau_s) for axis in ("roll", "pitch", "yaw")}
         self._slower = Lag(self._extra)
         self._demands = Tail(3, shape.delay_rows + 1)
-        self._means = Tail(2 + form.nuisances, _MEAN_ROWS + 1)
+        self._means = Tail(2 + form.nuisances, MEAN_ROWS + 1)
 
     def feed(self, rows: Rows) -> Columns:
         """Return the columns of these rows; a gap resets the filters."""
@@ -121,9 +121,9 @@ class Chain:
         known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
         joined = self._means.feed(raw * known[:, None])
         total = joined[1 : n + 2].copy()
-        for k in range(1, _MEAN_ROWS):
+        for k in range(1, MEAN_ROWS):
             total += joined[1 + k : n + 2 + k]
-        means = total / _MEAN_ROWS
+        means = total / MEAN_ROWS
         now, before = means[1:], means[:-1]
         answer = now[:, -1]
         if form.derivative:

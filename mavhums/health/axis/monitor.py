@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.chain import Form
 from mavhums.health.axis.detector import Seen, Shown, detectors
 from mavhums.health.axis.forms import PitchForm, RollForm, YawForm
-from mavhums.health.axis.gain import FULL_S, JUDGED_ERROR, Gain
+from mavhums.health.axis.gain import FULL_S, JUDGED_ERROR, Gain, explained
 from mavhums.health.axis.reference import Reference, Second, Standards
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
@@ -20,7 +21,9 @@ from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.surfaces import AXES
 
-__all__ = ["AxisFindings", "AxisMonitor", "new_gain"]
+__all__ = ["AxisFindings", "AxisMonitor", "explained_by", "new_gain"]
+
+Array = NDArray[np.float64]
 
 _NORMAL_S: Final = 30
 _WINDOW_S: Final = 10
@@ -35,6 +38,7 @@ _GUSTY: Final = 0.1  # beyond it, gusts alone make the gain of ten healthy secon
 _MEMORY_S: Final = 8.0
 _SHORT_PERIOD_S: Final = 2.0  # a step of thrust or speed changes the elevator's trim for good
 
+_FORMS: Final[dict[str, Form]] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
 _STANDARDS: Final = {
     "roll": Standards(
         explained=0.75,
@@ -72,8 +76,24 @@ _STANDARDS: Final = {
 def new_gain(axis: str, limits: AxisLimits | None = None) -> Gain:
     """Return the tracker of the effectiveness of an axis."""
     loss = round(2.0 * (1.0 - (limits or AxisLimits()).effectiveness_degraded), 9)
-    forms: dict[str, Form] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
-    return Gain(forms[axis], replace(_STANDARDS[axis], loss=loss))
+    return Gain(_FORMS[axis], replace(_STANDARDS[axis], loss=loss))
+
+
+def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:
+    """Return how much of the response about an axis a demand explains, and how much of the rest others do.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    rows
+        The flight.
+    demand, others
+        The demand in question, shape (n,), and others, shape (n, k).
+    """
+    outputs = np.full((len(rows), len(AXES)), np.nan)
+    outputs[:, AXES.index(axis)] = demand
+    return explained(_FORMS[axis], _STANDARDS[axis], replace(rows, outputs=outputs), others)
 
 
 @dataclass(slots=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mavhums.health.axis.chain import Shape
 from mavhums.health.axis.standing import Constant
+from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = ["REFERENCE_S", "Reference", "Second", "Standards"]
 
@@ -54,6 +55,10 @@ class Standards:
     spacing_s: float
     memory_s: float
     loss: float = 0.4
+
+    def shapes(self) -> list[Shape]:
+        """Return the candidates for the axis's own response."""
+        return [Shape(round(delay * RATE_HZ), tau) for delay in self.delays_s for tau in self.taus_s]
 
     @property
     def full(self) -> float:
