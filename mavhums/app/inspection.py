@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mavhums.actuator.mapping import Mapper, messages_for
-from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe, packaged_airframes
+from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.app.judgeable import judgeable
@@ -168,7 +168,7 @@ def _remedy(
 ) -> str | None:
     """Return the obstacle to a verdict and its remedy; None if there is no obstacle."""
     if airframe is None:
-        return "; ".join(obstacle(sent, packaged_airframes(), identity))
+        return "; ".join(obstacle(sent, identity))
     blanks = sorted({blank for actuator in airframe.actuators for blank in actuator.blanks})
     if any(actuator.travel_deg is None and "V1" not in actuator.fields for actuator in airframe.actuators):
         blanks.append("travel_deg, without which a pulse is no angle")

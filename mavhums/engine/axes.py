@@ -4,36 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Final, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
-from mavhums.actuator.surfaces import of_airframe
-from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.engine.events import Notice
+from mavhums.engine.motion import TRIED_AXES, Answer, answer, explained
+from mavhums.engine.told import Known, Told
+from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.log import Table
-from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.events import Followed
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
-from mavhums.vehicle.signals import Signal
-from mavhums.vehicle.surfaces import AXES, Surfaces, of_parameters
+from mavhums.vehicle.signals import OUTPUTS, Signal, all_outputs
+from mavhums.vehicle.surfaces import AXES, Surfaces
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
 
-AxisEvent = ConditionChanged | Indication | Followed
-_TOLD_S: Final = 3
+AxisEvent = ConditionChanged | Indication | Followed | Notice
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
 _INFER_S: Final = 45
 _RETRY_S: Final = 10
 _LATEST_S: Final = 180
 _KEPT_S: Final = 120
+_TRIES_S: Final = (60, 120, 180)  # of forward flight: a reference takes 45 s, and none begins later
 _NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
 _FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
 
@@ -49,15 +51,15 @@ class VehicleAxes:
         System id.
     start_us
         Start of flight time, microseconds of UTC.
-    surfaces
-        Surfaces from a profile; None if the log is to define them.
-    limits
-        Limits from a profile; the defaults if None.
+    airframe
+        A profile; None if the log is to define the surfaces.
     angles
         Whether to yield the demanded and the flown angles as well, for a recording.
 
     Attributes
     ----------
+    told
+        The profile and the parameters, with the flight seconds from which they apply.
     surfaces, flight, monitor
         The surfaces, the flight and the monitor, as far as known.
     usage
@@ -65,30 +67,20 @@ class VehicleAxes:
     """
 
     def __init__(
-        self,
-        vehicle: int,
-        start_us: int,
-        surfaces: Surfaces | None,
-        limits: AxisLimits | None = None,
-        *,
-        angles: bool = False,
+        self, vehicle: int, start_us: int, airframe: Airframe | None = None, *, angles: bool = False
     ) -> None:
-        self.surfaces = surfaces
-        self.monitor = AxisMonitor(vehicle, limits)
-        self.flight = Flight(surfaces)
+        self.told = Told(airframe)
+        self.surfaces = self.told.last.surfaces
+        self.monitor = AxisMonitor(vehicle, airframe.axes if airframe else None)
+        self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self._vehicle, self._angles = vehicle, angles
         self._grid = Grid(start_us)
-        self._told: list[tuple[int, Surfaces, AxisLimits | None]] = []
+        self._now = self.told.last
+        self._answers: dict[str, Answer] = {}
+        self._tries = self._last_s = 0
         self._waiting: list[Seconds] = []
         self._since_try = 0
-
-    def tell(self, second: int, surfaces: Surfaces, limits: AxisLimits | None = None) -> None:
-        """Take what the log reports in a flight second; it applies from three seconds later on.
-
-        Other limits begin the judgement anew.
-        """
-        self._told.append((second + _TOLD_S, surfaces, limits))
 
     def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
         """Take new samples; yield the changes of condition."""
@@ -96,33 +88,103 @@ class VehicleAxes:
         seconds = self._grid.feed(signals, final=final)
         while seconds is not None:
             now, seconds = self._next(seconds)
-            at = 0
-            while self.surfaces is None and at < len(now.index):
-                yield from self._unknown(_part(now, at, at + 1))
+            yield from self._apply(self.told.at(int(now.index[0])), int(now.index[0]))
+            self._last_s, at = int(now.index[-1]), 0
+            while at < len(now.index) and (self.surfaces is None or self._untried()):
+                one = _part(now, at, at + 1)
+                yield from self._unknown(one) if self.surfaces is None else self._try(one)
                 at += 1
             if at < len(now.index):
                 yield from self._known(_part(now, at, len(now.index)))
+        if final and self.told.last.found:  # a contradiction counts, however late it was heard
+            yield from self._apply(self.told.last, self._last_s)
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
-        """Apply surfaces due by the first second; return the seconds until the next change, and the rest."""
-        first = int(seconds.index[0])
-        while self._told and self._told[0][0] <= first:
-            self._learn(*self._told.pop(0)[1:])
+        """Return the seconds before something else applies, and the rest."""
         count = len(seconds.index)
-        at = int(np.searchsorted(seconds.index, self._told[0][0])) if self._told else count
-        if at == count:
-            return seconds, None
-        return _part(seconds, 0, at), _part(seconds, at, count)
+        due = self.told.next_s(int(seconds.index[0]))
+        at = count if due is None else int(np.searchsorted(seconds.index, due))
+        return _part(seconds, 0, at), _part(seconds, at, count) if at < count else None
 
-    def _learn(self, surfaces: Surfaces, limits: AxisLimits | None) -> None:
+    def _apply(self, known: Known, second: int) -> Iterator[ConditionChanged | Notice]:
+        """Use what is known from a flight second on; other limits begin the judgement anew."""
+        if known is self._now:
+            return
+        if known.airframe is not self._now.airframe:
+            self._answers.clear()
+        self._now = known
+        limits = known.airframe.axes if known.airframe else None
         if limits is not None and limits != self.monitor.limits:
             self.monitor = AxisMonitor(self._vehicle, limits)
-        told_before = self.surfaces is not None and self.surfaces.origin == "profile"
-        if told_before or surfaces == self.surfaces:
+        surfaces = known.surfaces
+        if surfaces is not None:
+            yield from self._use(self._as_it_moves(surfaces), second)
+
+    def _use(
+        self, surfaces: Surfaces, second: int, reported: Mapping[str, Condition] | None = None
+    ) -> Iterator[ConditionChanged | Notice]:
+        """Use these surfaces; what rested on others is judged anew.
+
+        ``reported`` is the condition that was reported last, by axis, where it is not the present one.
+        """
+        before, self.surfaces = self.surfaces, surfaces
+        if surfaces == before:
             return
-        self.surfaces = surfaces
         self.flight.learn(surfaces)
         self._waiting.clear()
+        said = before.contradicted.values() if before else ()
+        for text in dict.fromkeys(surfaces.contradicted.values()):
+            if text not in said:
+                yield Notice(float(second), self._vehicle, text)
+        for axis in _judged_otherwise(before, surfaces):
+            why = surfaces.contradicted.get(axis) or "other outputs than before move it"
+            condition = (reported or {}).get(axis, self.monitor.condition(axis))
+            yield from self.monitor.begin_anew(axis, second, condition, f"undecided: {why}")
+
+    def _untried(self) -> list[str]:
+        """Return the axes of which neither parameters nor the motion have confirmed the profile's outputs."""
+        surfaces = self.surfaces
+        if surfaces is None or surfaces.origin != "profile" or self._tries == len(_TRIES_S):
+            return []
+        known = surfaces.confirmed | surfaces.by_log | self._answers.keys()
+        return [axis for axis in TRIED_AXES if axis not in known and surfaces.of_axis(axis)]
+
+    def _try(self, second: Seconds) -> Iterator[AxisEvent]:
+        """Follow the flight, and ask its motion whether it answers to the profile's outputs.
+
+        An alarm from these outputs waits for the answer.
+        """
+        self._waiting.append(second)
+        del self._waiting[:-_KEPT_S]
+        events = [*self._known(second)]
+        alarms = [event for event in events if _rests_on_outputs(event)]
+        due = self.flight.flown_s >= _TRIES_S[self._tries]
+        if not due and not alarms:
+            yield from events
+            return
+        self._tries += due
+        surfaces = self._asked()
+        refuted = _judged_otherwise(self.surfaces, surfaces)
+        yield from (event for event in events if event not in alarms or event.actuator not in refuted)
+        reported = {alarm.actuator: alarm.before for alarm in reversed(alarms)}
+        yield from self._use(surfaces, int(second.index[0]), reported)
+
+    def _asked(self) -> Surfaces:
+        """Return the surfaces, less those outputs of the profile that the aircraft does not answer."""
+        surfaces = self.surfaces
+        assert surfaces is not None
+        rows, pulses = self._recent(surfaces)
+        for axis in self._untried():
+            found = answer(rows, pulses, axis, surfaces.of_axis(axis))
+            if found is not None:
+                self._answers[axis] = found
+        return self._as_it_moves(surfaces)
+
+    def _as_it_moves(self, surfaces: Surfaces) -> Surfaces:
+        for axis, found in self._answers.items():
+            if found.contradiction and axis not in surfaces.confirmed | surfaces.by_log:
+                surfaces = surfaces.instead(axis, found.outputs, found.contradiction)
+        return surfaces
 
     def _known(self, seconds: Seconds, *, again: bool = False) -> Iterator[AxisEvent]:
         """Follow the flight; ``again`` marks seconds whose angles were shown before."""
@@ -159,21 +221,17 @@ class VehicleAxes:
                 yield from self._known(seconds, again=True)
 
     def _inferred(self) -> Surfaces | None:
-        probe = Flight(None)
-        parts = [rows for seconds in self._waiting for rows in probe.feed(seconds)]
-        rows = Rows.join(parts)
-        outputs = np.concatenate([seconds.signals["outputs"] for seconds in self._waiting])
-        pulses = outputs.reshape(-1, outputs.shape[2])
+        rows, pulses = self._recent(None)
+        return inferred(rows, pulses[:, :OUTPUTS], lambda axis, demand: explained(rows, axis, demand))
 
-        def explains(axis: str, demand: Array) -> float:
-            outputs = np.full_like(rows.outputs, np.nan)
-            outputs[:, AXES.index(axis)] = demand
-            gain = new_gain(axis)
-            gain.feed(replace(rows, outputs=outputs))
-            found = gain.reference or gain.best
-            return 0.0 if found is None else found.explained
-
-        return inferred(rows, pulses, explains)
+    def _recent(self, surfaces: Surfaces | None) -> tuple[Rows, Array]:
+        """Return the rows of the seconds that wait, and the pulses of all outputs over them."""
+        probe = Flight(surfaces)
+        rows = Rows.join([rows for seconds in self._waiting for rows in probe.feed(seconds)])
+        names = ("outputs", "outputs_2", "outputs_3")
+        parts = {name: [seconds.signals[name] for seconds in self._waiting] for name in names}
+        flat = {name: np.concatenate(part) for name, part in parts.items()}
+        return rows, all_outputs({name: v.reshape(-1, v.shape[-1]) for name, v in flat.items()})
 
 
 class Axes:
@@ -189,11 +247,9 @@ class Axes:
 
     def __init__(self, airframe: Airframe | None = None, *, angles: bool = False) -> None:
         self._angles = angles
-        self._surfaces = of_airframe(airframe) if airframe else None
-        self._limits = airframe.axes if airframe else None
+        self._airframe = airframe
         self._signals = SignalReaders()
         self._sent = Sent()
-        self._told: dict[int, Surfaces] = {}
         self._vehicles: dict[int, VehicleAxes] = {}
 
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
@@ -203,6 +259,11 @@ class Axes:
     def parameters(self, vehicle: int) -> Parameters:
         """Return the parameters that a vehicle reported."""
         return self._sent.of(vehicle)
+
+    def told(self, vehicle: int) -> Told:
+        """Return the profile and the parameters of a vehicle."""
+        axes = self._vehicles.get(vehicle)
+        return axes.told if axes else Told(self._airframe)
 
     def flown_s(self) -> float:
         """Return the seconds of forward flight of all vehicles."""
@@ -226,51 +287,57 @@ class Axes:
                 continue
             by_vehicle.setdefault(signal.vehicle, []).append(signal)
         for vehicle in by_vehicle:
-            if vehicle not in self._vehicles:
-                self._vehicles[vehicle] = self._new(vehicle, start_us, self._surfaces)
+            self._known(vehicle, start_us)
         self._hear(tables, start_us, admits)
         for vehicle, signals in by_vehicle.items():
             yield from self._vehicles[vehicle].feed(signals, final=final)
 
-    def _new(self, vehicle: int, start_us: int, surfaces: Surfaces | None) -> VehicleAxes:
-        return VehicleAxes(vehicle, start_us, surfaces, self._limits, angles=self._angles)
+    def _known(self, vehicle: int, start_us: int) -> VehicleAxes:
+        if vehicle not in self._vehicles:
+            self._vehicles[vehicle] = VehicleAxes(vehicle, start_us, self._airframe, angles=self._angles)
+        return self._vehicles[vehicle]
 
     def announce(self, vehicle: int, time_us: int, start_us: int, airframe: Airframe) -> None:
         """Apply the profile that a vehicle named."""
-        surfaces = of_airframe(airframe)
-        if surfaces is None or self._surfaces is not None:
-            return
-        if vehicle not in self._vehicles:
-            self._vehicles[vehicle] = self._new(vehicle, start_us, None)
-        self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces, airframe.axes)
+        if self._airframe is None:
+            self._known(vehicle, start_us).told.name((time_us - start_us) // 1_000_000, airframe)
 
     def _hear(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
         """Take the outputs' functions from the parameters, second by second, in the order of sending."""
         heartbeats = tables.get("HEARTBEAT")
         if heartbeats is not None:
             self._sent.take({"HEARTBEAT": heartbeats})
-        if self._surfaces is None:
-            for message, field in _NAMES.items():
-                if message in tables:
-                    self._hear_parameters(tables[message], field, start_us, admits)
+        for message, field in _NAMES.items():
+            if message in tables:
+                self._hear_parameters(tables[message], field, start_us, admits)
 
     def _hear_parameters(self, sent: Table, field: str, start_us: int, admits: Callable[[int], bool]) -> None:
         named = np.array([name.startswith(_FUNCTIONS) for name in sent.texts(field)], dtype=bool)
         sent = sent.select(named)
         seconds = (sent.time_us - start_us) // 1_000_000
         for vehicle in np.unique(sent.system).tolist():
-            axes = self._vehicles.get(vehicle)
-            if axes is None:
-                if not admits(vehicle):
-                    continue
-                axes = self._vehicles[vehicle] = self._new(vehicle, start_us, None)
+            if vehicle not in self._vehicles and not admits(vehicle):
+                continue
+            told = self._known(vehicle, start_us).told
             for second in np.unique(seconds[sent.system == vehicle]).tolist():
                 rows = (sent.system == vehicle) & (seconds == second)
                 self._sent.take({sent.name: sent.select(rows)})
-                surfaces = of_parameters(self._sent.of(vehicle))
-                if surfaces is not None and surfaces != self._told.get(vehicle):
-                    self._told[vehicle] = surfaces
-                    axes.tell(second, surfaces)
+                told.hear(second, self._sent.of(vehicle))
+
+
+def _rests_on_outputs(event: AxisEvent) -> TypeGuard[ConditionChanged]:
+    """Return whether an event is an alarm that the outputs' demand brought about, not the attitude alone."""
+    if not isinstance(event, ConditionChanged) or event.fault == "tracking":
+        return False
+    return SEVERITY[event.after] > SEVERITY["normal"]
+
+
+def _judged_otherwise(before: Surfaces | None, after: Surfaces) -> list[str]:
+    """Return the axes whose judgement rested on other outputs: yaw also rests on those of roll."""
+    if before is None:
+        return []
+    other = [axis for axis in AXES if before.demand(axis) != after.demand(axis)]
+    return [*other, "yaw"] if "roll" in other and "yaw" not in other else other
 
 
 def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:

@@ -7,7 +7,7 @@ demand: an output that is stuck while the others move does not show the demand.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ AXES: Final = ("roll", "pitch", "yaw")
 
 KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
 _LIFT: Final = range(33, 41)  # SERVOn_FUNCTION of motors
+_MIXED: Final = ("elevon", "tail")
 _FROZEN_S: Final = 1.0
 
 Array = NDArray[np.float64]
@@ -60,11 +61,20 @@ class Surfaces:
         Source of the outputs: ``parameters``, ``profile`` or ``inferred``.
     lift
         Outputs of lift motors.
+    by_log
+        Axes whose outputs the log's parameters give although ``origin`` is a profile.
+    contradicted
+        What contradicts the profile, by axis. Such an axis has the outputs of the log's parameters, or none.
+    confirmed
+        Axes for whose outputs the log's parameters say the same as the profile.
     """
 
     moved: tuple[Moved, ...]
     origin: str
     lift: tuple[int, ...] = ()
+    by_log: frozenset[str] = frozenset()
+    contradicted: Mapping[str, str] = field(default_factory=dict)
+    confirmed: frozenset[str] = frozenset()
 
     def of_axis(self, axis: str) -> tuple[Moved, ...]:
         """Return the outputs that move the aircraft about an axis."""
@@ -78,6 +88,17 @@ class Surfaces:
             if found:
                 return found
         return ()
+
+    def demand(self, axis: str) -> tuple[tuple[object, ...], ...]:
+        """Return what the demand about an axis is made of, whatever the names of the surfaces."""
+        moved = self.of_axis(axis)
+        return tuple((one.kind, one.side * (one.kind in _MIXED), one.servo, *one[2:]) for one in moved)
+
+    def instead(self, axis: str, outputs: Sequence[Moved], why: str) -> Surfaces:
+        """Return the surfaces with only these of an axis's outputs: something contradicts the others."""
+        left_out = {one.servo for one in self.of_axis(axis)} - {one.servo for one in outputs}
+        moved = tuple(one for one in self.moved if one.servo not in left_out)
+        return replace(self, moved=moved, contradicted={**self.contradicted, axis: why})
 
     def brief(self, axis: str) -> str:
         """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
@@ -139,7 +160,7 @@ class Demands:
         self._groups: dict[str, list[Moved]] = {}
         for axis in AXES:
             for moved in surfaces.of_axis(axis):
-                name = f"{moved.side} {moved.kind}" if moved.kind in ("elevon", "tail") else moved.kind
+                name = f"{moved.side} {moved.kind}" if moved.kind in _MIXED else moved.kind
                 members = self._groups.setdefault(name, [])
                 if moved not in members:
                     members.append(moved)

@@ -186,6 +186,25 @@ class AxisMonitor:
                 if found or second is not None:
                     yield from self._take(axis, second, found, end_s)
 
+    def begin_anew(self, axis: str, second: int, before: Condition, why: str) -> Iterator[ConditionChanged]:
+        """Forget what rested on the outputs of an axis, which are others from this flight second on.
+
+        That its attitude left the demanded one was seen without them, and stays in the evidence. ``before``
+        is the condition that was reported last.
+        """
+        kept = [episode for episode in self._axes[axis].episodes if episode.fault == "tracking"]
+        self._axes[axis] = held = _Axis(episodes=kept)
+        held.worst = max([held.worst, *(one.condition for one in kept)], key=SEVERITY.__getitem__)
+        self._gains[axis] = new_gain(axis, self.limits)
+        if before != "undecided":
+            yield ConditionChanged(
+                self._vehicle, axis, float(second), float(second), before, "undecided", why, "effectiveness"
+            )
+
+    def condition(self, axis: str) -> Condition:
+        """Return the condition of an axis."""
+        return self._axes[axis].condition
+
     def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
         for axis, found in seconds.items():
             told = [

@@ -39,6 +39,10 @@ PROFILE_LINE: Final = (
     "let the ground station download the parameters while it records, or name the outputs in an airframe "
     'file: [[actuators]] with name = "aileron_left", servo = 1, pwm_us = [1100, 1500, 1900], and so on'
 )
+_CORRECT: Final = (
+    "correct these outputs in the profile, draft one from the log's parameters "
+    "(`mavhums profile new LOG -o mine.toml`), or leave out --airframe"
+)
 
 
 def why_not_at_all(flight: Flight, kind: str | None = None) -> tuple[str, str] | None:
@@ -93,7 +97,9 @@ def judged_axis(
     reason, remedy = None, None
     if findings.condition == "undecided":
         reason, remedy = _why_undecided(findings, surfaces, flight)
-    origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces)}"}
+    axis = findings.axis
+    refused = surfaces is not None and axis in surfaces.contradicted
+    origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}
     coverage = findings.coverage
     rounded = coverage.model_copy(update={"moving_fraction": round(coverage.moving_fraction, 4)})
     return Verdict(
@@ -109,16 +115,26 @@ def judged_axis(
         evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
         effectiveness=_rounded(findings.effectiveness),
         limits=findings.limits,
-        indicators=tuple(indicators(findings)) if surfaces and surfaces.origin != "inferred" else (),
+        # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
+        indicators=tuple(indicators(findings))
+        if surfaces and surfaces.origin != "inferred" and not refused
+        else (),
         provenance=origin,
         reason=reason,
         remedy=remedy,
     )
 
 
-def _origin(surfaces: Surfaces) -> str:
+def _origin(surfaces: Surfaces, axis: str) -> str:
     words = {"parameters": "the log's parameters", "profile": "the airframe profile"}
-    return words.get(surfaces.origin, "inference from the flight's beginning")
+    by = "parameters" if axis in surfaces.by_log else surfaces.origin
+    text = words.get(by, "inference from the flight's beginning")
+    if axis not in surfaces.contradicted:
+        return text
+    doubt = (
+        "which contradict the airframe profile" if by == "parameters" else "less what the motion contradicts"
+    )
+    return f"{text}, {doubt}"
 
 
 def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Flight) -> tuple[str, str]:
@@ -126,6 +142,9 @@ def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Fl
     if surfaces is None:
         reason = "which outputs move the surfaces is told neither by parameters nor by a profile"
         return f"{reason}, and the flight's beginning does not tell it clearly", PROFILE_LINE
+    late = findings.reference is None and findings.usable_s < _REFERENCE_S
+    if axis in surfaces.contradicted and (late or not surfaces.of_axis(axis)):
+        return surfaces.contradicted[axis], _CORRECT
     if not surfaces.of_axis(axis):
         return f"no output of this vehicle is known to move it in {axis}", PROFILE_LINE
     if flight.doubted_s >= _DOUBTED_S:

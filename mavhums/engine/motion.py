@@ -1,0 +1,135 @@
+"""Whether the aircraft answers to the outputs that a profile names for an axis, where no parameter tells.
+
+A wrong profile looks like a lost surface: the demand that its outputs give is not the one that moves the
+aircraft. So in the first minutes each output that moves is tried as the demand of the axis. An output that
+explains the motion much worse than another one does not move the axis. Outputs that always move together, as
+rudder and aileron do in coordinated flight, cannot be told apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.health.axis.monitor import new_gain
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.surfaces import AXES, Moved
+
+__all__ = ["TRIED_AXES", "Answer", "answer", "explained"]
+
+TRIED_AXES: Final = ("roll", "pitch")  # a rudder mostly moves with the ailerons
+
+_CLEAR: Final = {"roll": 0.6, "pitch": 0.35}
+"""Share of the motion that some output must explain before anything is said: that of the inference."""
+
+_WORSE: Final = 0.75
+"""Part of the best output's share below which another one does not move the axis. In 49 flights of ArduPlane
+in software-in-the-loop an aileron had 0.98 of it or more, an elevator at most 0.6 in roll, a rudder any."""
+
+_ALIKE: Final = 0.97  # correlation of outputs that move together
+_MOVES_US: Final = 10.0  # standard deviation
+_HALF_US: Final = 400.0
+
+Array = NDArray[np.float64]
+
+
+class Answer(NamedTuple):
+    """What the motion about an axis shows: the outputs of the profile that move it, and what contradicts it.
+
+    ``contradiction`` is an empty text if nothing does.
+    """
+
+    outputs: tuple[Moved, ...]
+    contradiction: str
+
+
+def explained(rows: Rows, axis: str, demand: Array) -> float:
+    """Return how much of the motion about an axis a demand, shape (n,), explains: a share from 0 to 1."""
+    outputs = np.full_like(rows.outputs, np.nan)
+    outputs[:, AXES.index(axis)] = demand
+    gain = new_gain(axis)
+    gain.feed(replace(rows, outputs=outputs))
+    found = gain.reference or gain.best
+    return 0.0 if found is None else found.explained
+
+
+def answer(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]) -> Answer | None:
+    """Return what the motion says of the outputs that a profile names; None if it is not clear.
+
+    Parameters
+    ----------
+    rows
+        Rows of forward flight, with the demand that the profile's outputs make.
+    pulses
+        Pulses of all outputs over the same rows, µs, shape (n, outputs).
+    axis
+        ``roll`` or ``pitch``.
+    outputs
+        The profile's outputs of the axis.
+    """
+    moving = [k for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])]
+    shares = {k + 1: explained(rows, axis, _alone(pulses, k, outputs)) for k in moving}
+    best = max(shares, key=shares.__getitem__, default=None)
+    if best is None or shares[best] < _CLEAR[axis]:
+        return None
+    named = [one for one in outputs if one.servo in shares]
+    own = max(named, key=lambda one: shares[one.servo], default=None)
+    together = explained(rows, axis, rows.demand(axis))
+    if own is None or max(shares[own.servo], together) < _WORSE * shares[best]:
+        movers = tuple(k for k in sorted(shares) if _alike(rows, pulses, k, best))
+        return Answer((), _told(axis, [one.servo for one in outputs], movers))
+    wrong = [
+        one.servo
+        for one in named
+        if shares[one.servo] < _WORSE * shares[own.servo] and not _alike(rows, pulses, one.servo, own.servo)
+    ]
+    kept = tuple(one for one in outputs if one.servo not in wrong)
+    if not wrong:
+        return Answer(tuple(outputs), "")
+    mixed = own.kind in ("elevon", "tail")  # half of a mix is no demand
+    movers = tuple(one.servo for one in kept if one.servo in shares)
+    return Answer(() if mixed else kept, _told(axis, wrong, movers))
+
+
+def _moves(pulses: Array) -> bool:
+    return bool(pulses.size and np.isfinite(pulses).mean() > 0.9) and float(np.nanstd(pulses)) > _MOVES_US
+
+
+def _alone(pulses: Array, k: int, outputs: Sequence[Moved]) -> Array:
+    """Return an output alone as a demand; NaN while it stands and another one of its group moves.
+
+    An output that is overridden no longer shows the demand, and it may be its surface that has failed.
+    """
+    demand: Array = (pulses[:, k] - float(np.nanmedian(pulses[:, k]))) / _HALF_US
+    columns = [one.servo - 1 for one in outputs]
+    if k not in columns:
+        return demand
+    steps = np.diff(pulses[:, columns], axis=0, prepend=pulses[:1, columns])
+    at = np.where(np.isfinite(steps) & (steps != 0.0), np.arange(len(pulses))[:, None], 0)
+    changed = np.maximum.accumulate(at, axis=0)
+    stands = changed.max(axis=1) - changed[:, columns.index(k)] >= RATE_HZ
+    return np.where(stands, np.nan, demand)
+
+
+def _alike(rows: Rows, pulses: Array, one: int, other: int) -> bool:
+    """Return whether two outputs always move together, in either direction."""
+    both = pulses[rows.flying][:, [one - 1, other - 1]]
+    both = both[np.isfinite(both).all(axis=1)]
+    return one == other or abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) >= _ALIKE
+
+
+def _told(axis: str, wrong: Sequence[int], movers: Sequence[int]) -> str:
+    """Return a contradiction in the motion as a clause."""
+    first, but = ("servo", "does") if len(wrong) == 1 else ("servos", "do")
+    then = f"servo {movers[0]} does" if len(movers) == 1 else f"servos {_listed(movers)} do"
+    return f"{first} {_listed(wrong)} {but} not move {axis}, {then}: the profile may name the wrong output"
+
+
+def _listed(servos: Sequence[int]) -> str:
+    *most, last = map(str, servos)
+    return f"{', '.join(most)} and {last}" if most else last
