@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Notice
-from mavhums.engine.motion import TRIED_AXES, Answer, answer, explained
+from mavhums.engine.motion import TRIED_AXES, contradiction, explained
 from mavhums.engine.told import Known, Told
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.events import ConditionChanged, Indication
@@ -77,7 +77,7 @@ class VehicleAxes:
         self._vehicle, self._angles = vehicle, angles
         self._grid = Grid(start_us)
         self._now = self.told.last
-        self._answers: dict[str, Answer] = {}
+        self._answers: dict[str, str] = {}
         self._tries = self._last_s = 0
         self._waiting: list[Seconds] = []
         self._since_try = 0
@@ -170,21 +170,23 @@ class VehicleAxes:
         yield from self._use(surfaces, int(second.index[0]), reported)
 
     def _asked(self) -> Surfaces:
-        """Return the surfaces, less those outputs of the profile that the aircraft does not answer."""
+        """Return the surfaces, less the axes whose outputs the motion contradicts."""
         surfaces = self.surfaces
         assert surfaces is not None
         rows, pulses = self._recent(surfaces)
         for axis in self._untried():
-            found = answer(rows, pulses, axis, surfaces.of_axis(axis))
+            found = contradiction(rows, pulses, axis, surfaces.of_axis(axis))
             if found is not None:
                 self._answers[axis] = found
         return self._as_it_moves(surfaces)
 
     def _as_it_moves(self, surfaces: Surfaces) -> Surfaces:
-        for axis, found in self._answers.items():
-            if found.contradiction and axis not in surfaces.confirmed | surfaces.by_log:
-                surfaces = surfaces.instead(axis, found.outputs, found.contradiction)
-        return surfaces
+        """Return the surfaces, less the axes that the motion contradicts and no parameter confirms."""
+        told = surfaces.confirmed | surfaces.by_log
+        found = {axis: text for axis, text in self._answers.items() if text and axis not in told}
+        if "roll" in found:  # the side force of the ailerons must be known to judge yaw
+            found["yaw"] = found["roll"]
+        return replace(surfaces, contradicted={**surfaces.contradicted, **found}) if found else surfaces
 
     def _known(self, seconds: Seconds, *, again: bool = False) -> Iterator[AxisEvent]:
         """Follow the flight; ``again`` marks seconds whose angles were shown before."""
@@ -333,8 +335,8 @@ def _rests_on_outputs(event: AxisEvent) -> TypeGuard[ConditionChanged]:
 
 
 def _judged_otherwise(before: Surfaces | None, after: Surfaces) -> list[str]:
-    """Return the axes whose judgement rested on other outputs: yaw also rests on those of roll."""
-    if before is None:
+    """Return the axes whose judgement rested on other outputs than a profile's: yaw also rests on roll's."""
+    if before is None or "profile" not in (before.origin, after.origin):
         return []
     other = [axis for axis in AXES if before.demand(axis) != after.demand(axis)]
     return [*other, "yaw"] if "roll" in other and "yaw" not in other else other

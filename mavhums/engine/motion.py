@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES, Moved
 
-__all__ = ["TRIED_AXES", "Answer", "answer", "explained"]
+__all__ = ["TRIED_AXES", "contradiction", "explained"]
 
 TRIED_AXES: Final = ("roll", "pitch")  # a rudder mostly moves with the ailerons
 
@@ -38,16 +38,6 @@ _HALF_US: Final = 400.0
 Array = NDArray[np.float64]
 
 
-class Answer(NamedTuple):
-    """What the motion about an axis shows: the outputs of the profile that move it, and what contradicts it.
-
-    ``contradiction`` is an empty text if nothing does.
-    """
-
-    outputs: tuple[Moved, ...]
-    contradiction: str
-
-
 def explained(rows: Rows, axis: str, demand: Array) -> float:
     """Return how much of the motion about an axis a demand, shape (n,), explains: a share from 0 to 1."""
     outputs = np.full_like(rows.outputs, np.nan)
@@ -58,8 +48,8 @@ def explained(rows: Rows, axis: str, demand: Array) -> float:
     return 0.0 if found is None else found.explained
 
 
-def answer(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]) -> Answer | None:
-    """Return what the motion says of the outputs that a profile names; None if it is not clear.
+def contradiction(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]) -> str | None:
+    """Return which of a profile's outputs do not move an axis; an empty text if all do, None if not clear.
 
     Parameters
     ----------
@@ -77,23 +67,16 @@ def answer(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]) -> An
     best = max(shares, key=shares.__getitem__, default=None)
     if best is None or shares[best] < _CLEAR[axis]:
         return None
-    named = [one for one in outputs if one.servo in shares]
-    own = max(named, key=lambda one: shares[one.servo], default=None)
-    together = explained(rows, axis, rows.demand(axis))
-    if own is None or max(shares[own.servo], together) < _WORSE * shares[best]:
-        movers = tuple(k for k in sorted(shares) if _alike(rows, pulses, k, best))
-        return Answer((), _told(axis, [one.servo for one in outputs], movers))
-    wrong = [
-        one.servo
-        for one in named
-        if shares[one.servo] < _WORSE * shares[own.servo] and not _alike(rows, pulses, one.servo, own.servo)
-    ]
-    kept = tuple(one for one in outputs if one.servo not in wrong)
-    if not wrong:
-        return Answer(tuple(outputs), "")
-    mixed = own.kind in ("elevon", "tail")  # half of a mix is no demand
-    movers = tuple(one.servo for one in kept if one.servo in shares)
-    return Answer(() if mixed else kept, _told(axis, wrong, movers))
+    named = [one.servo for one in outputs if one.servo in shares]
+    own = max(named, key=shares.__getitem__, default=None)
+    together = explained(rows, axis, rows.demand(axis))  # of elevons, each alone explains less
+    if own is None or max(shares[own], together) < _WORSE * shares[best]:
+        wrong, movers = [one.servo for one in outputs], [k for k in shares if _alike(rows, pulses, k, best)]
+    else:
+        worse = [servo for servo in named if shares[servo] < _WORSE * shares[own]]
+        wrong = [servo for servo in worse if not _alike(rows, pulses, servo, own)]
+        movers = [servo for servo in named if servo not in wrong]
+    return _told(axis, wrong, sorted(movers)) if wrong else ""
 
 
 def _moves(pulses: Array) -> bool:

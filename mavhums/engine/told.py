@@ -67,9 +67,6 @@ def notices(known: Known, surfaces: Surfaces | None) -> Iterator[str]:
     by_log = [axis for axis in contradicted if surfaces and axis in surfaces.by_log]
     if by_log:
         yield f"{', '.join(by_log)}: judged by the log's parameters, which contradict the profile"
-    for axis, text in contradicted.items():
-        if surfaces and axis not in by_log and surfaces.of_axis(axis):
-            yield f"{axis}: judged without the outputs that do not move it: {text}"
 
 
 class Told:

@@ -7,7 +7,7 @@ demand: an output that is stuck while the others move does not show the demand.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -64,7 +64,8 @@ class Surfaces:
     by_log
         Axes whose outputs the log's parameters give although ``origin`` is a profile.
     contradicted
-        What contradicts the profile, by axis. Such an axis has the outputs of the log's parameters, or none.
+        What contradicts the profile's outputs, by axis. Such an axis has those of the log's parameters, or
+        none.
     confirmed
         Axes for whose outputs the log's parameters say the same as the profile.
     """
@@ -77,7 +78,9 @@ class Surfaces:
     confirmed: frozenset[str] = frozenset()
 
     def of_axis(self, axis: str) -> tuple[Moved, ...]:
-        """Return the outputs that move the aircraft about an axis."""
+        """Return the outputs that move the aircraft about an axis; none if they are contradicted."""
+        if axis in self.contradicted and axis not in self.by_log:
+            return ()
         kinds = {
             "roll": ("aileron", "flaperon", "elevon"),
             "pitch": ("elevator", "elevon", "tail"),
@@ -93,12 +96,6 @@ class Surfaces:
         """Return what the demand about an axis is made of, whatever the names of the surfaces."""
         moved = self.of_axis(axis)
         return tuple((one.kind, one.side * (one.kind in _MIXED), one.servo, *one[2:]) for one in moved)
-
-    def instead(self, axis: str, outputs: Sequence[Moved], why: str) -> Surfaces:
-        """Return the surfaces with only these of an axis's outputs: something contradicts the others."""
-        left_out = {one.servo for one in self.of_axis(axis)} - {one.servo for one in outputs}
-        moved = tuple(one for one in self.moved if one.servo not in left_out)
-        return replace(self, moved=moved, contradicted={**self.contradicted, axis: why})
 
     def brief(self, axis: str) -> str:
         """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
@@ -164,6 +161,7 @@ class Demands:
                 members = self._groups.setdefault(name, [])
                 if moved not in members:
                     members.append(moved)
+        self._none = [k for k, axis in enumerate(AXES) if not surfaces.of_axis(axis)]
         self._row = 0
         self._before = {name: np.full(len(group), np.nan) for name, group in self._groups.items()}
         self._changed = {name: np.zeros(len(group), dtype=np.int64) for name, group in self._groups.items()}
@@ -179,7 +177,9 @@ class Demands:
         mixed = elevons if any("elevon" in name for name in known) else tails
         pitch = _first(known, "elevator", other=(mixed[0] + mixed[1]) / 2)
         yaw = _first(known, "rudder", other=(tails[0] - tails[1]) / 2)
-        return np.stack([roll, pitch, yaw], axis=1)
+        demand = np.stack([roll, pitch, yaw], axis=1)
+        demand[:, self._none] = np.nan  # mixed outputs may be contradicted about one of their axes
+        return demand
 
     def _demand(self, name: str, group: Sequence[Moved], pulses: Array) -> Array:
         """Return the median of a group's outputs that still change, as a fraction of half the travel."""

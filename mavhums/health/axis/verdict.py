@@ -127,14 +127,10 @@ def judged_axis(
 
 def _origin(surfaces: Surfaces, axis: str) -> str:
     words = {"parameters": "the log's parameters", "profile": "the airframe profile"}
-    by = "parameters" if axis in surfaces.by_log else surfaces.origin
-    text = words.get(by, "inference from the flight's beginning")
-    if axis not in surfaces.contradicted:
-        return text
-    doubt = (
-        "which contradict the airframe profile" if by == "parameters" else "less what the motion contradicts"
-    )
-    return f"{text}, {doubt}"
+    if axis in surfaces.by_log:
+        contradicts = axis in surfaces.contradicted
+        return f"{words['parameters']}{', which contradict the airframe profile' if contradicts else ''}"
+    return words.get(surfaces.origin, "inference from the flight's beginning")
 
 
 def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Flight) -> tuple[str, str]:
@@ -143,8 +139,9 @@ def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Fl
         reason = "which outputs move the surfaces is told neither by parameters nor by a profile"
         return f"{reason}, and the flight's beginning does not tell it clearly", PROFILE_LINE
     late = findings.reference is None and findings.usable_s < _REFERENCE_S
-    if axis in surfaces.contradicted and (late or not surfaces.of_axis(axis)):
-        return surfaces.contradicted[axis], _CORRECT
+    against = surfaces.contradicted.get(axis) or (axis == "yaw" and surfaces.contradicted.get("roll"))
+    if against and (late or not surfaces.of_axis(axis)):
+        return against, _CORRECT
     if not surfaces.of_axis(axis):
         return f"no output of this vehicle is known to move it in {axis}", PROFILE_LINE
     if flight.doubted_s >= _DOUBTED_S:
