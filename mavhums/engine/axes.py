@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
-from typing import Final, TypeGuard
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
-from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.conditions import Condition
 from mavhums.engine.events import Notice
-from mavhums.engine.motion import TRIED_AXES, contradiction, explained
+from mavhums.engine.motion import TRIED_AXES, contradiction, explained, refutation, rests_on_outputs
 from mavhums.engine.told import Known, Told
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.events import ConditionChanged, Indication
@@ -36,6 +36,7 @@ _RETRY_S: Final = 10
 _LATEST_S: Final = 180
 _KEPT_S: Final = 120
 _TRIES_S: Final = (60, 120, 180)  # of forward flight: a reference takes 45 s, and none begins later
+_RECENT_S: Final = 180  # before an alarm: with 120, two of seven wrong profiles raised it all the same
 _NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
 _FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
 
@@ -90,9 +91,9 @@ class VehicleAxes:
             now, seconds = self._next(seconds)
             yield from self._apply(self.told.at(int(now.index[0])), int(now.index[0]))
             self._last_s, at = int(now.index[-1]), 0
-            while at < len(now.index) and (self.surfaces is None or self._untried()):
+            while at < len(now.index) and (self.surfaces is None or self._doubtful()):
                 one = _part(now, at, at + 1)
-                yield from self._unknown(one) if self.surfaces is None else self._try(one)
+                yield from self._unknown(one) if self.surfaces is None else self._doubt(one)
                 at += 1
             if at < len(now.index):
                 yield from self._known(_part(now, at, len(now.index)))
@@ -141,43 +142,46 @@ class VehicleAxes:
             condition = (reported or {}).get(axis, self.monitor.condition(axis))
             yield from self.monitor.begin_anew(axis, second, condition, f"undecided: {why}")
 
-    def _untried(self) -> list[str]:
-        """Return the axes of which neither parameters nor the motion have confirmed the profile's outputs."""
+    def _doubtful(self) -> list[str]:
+        """Return the axes whose outputs only a profile names: no parameter confirms them."""
         surfaces = self.surfaces
-        if surfaces is None or surfaces.origin != "profile" or self._tries == len(_TRIES_S):
+        if surfaces is None or surfaces.origin != "profile":
             return []
-        known = surfaces.confirmed | surfaces.by_log | self._answers.keys()
-        return [axis for axis in TRIED_AXES if axis not in known and surfaces.of_axis(axis)]
+        told = surfaces.confirmed | surfaces.by_log
+        return [axis for axis in TRIED_AXES if axis not in told and surfaces.of_axis(axis)]
 
-    def _try(self, second: Seconds) -> Iterator[AxisEvent]:
+    def _doubt(self, second: Seconds) -> Iterator[AxisEvent]:
         """Follow the flight, and ask its motion whether it answers to the profile's outputs.
 
         An alarm from these outputs waits for the answer.
         """
         self._waiting.append(second)
-        del self._waiting[:-_KEPT_S]
+        del self._waiting[:-_RECENT_S]
         events = [*self._known(second)]
-        alarms = [event for event in events if _rests_on_outputs(event)]
-        due = self.flight.flown_s >= _TRIES_S[self._tries]
+        alarms = [event for event in events if rests_on_outputs(event)]
+        due = self._tries < len(_TRIES_S) and self.flight.flown_s >= _TRIES_S[self._tries]
         if not due and not alarms:
             yield from events
             return
         self._tries += due
-        surfaces = self._asked()
+        surfaces = self._asked({alarm.actuator for alarm in alarms})
         refuted = _judged_otherwise(self.surfaces, surfaces)
         yield from (event for event in events if event not in alarms or event.actuator not in refuted)
         reported = {alarm.actuator: alarm.before for alarm in reversed(alarms)}
         yield from self._use(surfaces, int(second.index[0]), reported)
 
-    def _asked(self) -> Surfaces:
+    def _asked(self, alarmed: Collection[str]) -> Surfaces:
         """Return the surfaces, less the axes whose outputs the motion contradicts."""
         surfaces = self.surfaces
         assert surfaces is not None
         rows, pulses = self._recent(surfaces)
-        for axis in self._untried():
-            found = contradiction(rows, pulses, axis, surfaces.of_axis(axis))
+        for axis in self._doubtful():
+            outputs = surfaces.of_axis(axis)
+            found = contradiction(rows, pulses, axis, outputs) if axis not in self._answers else None
             if found is not None:
                 self._answers[axis] = found
+            if not self._answers.get(axis) and (axis in alarmed or (axis == "roll" and "yaw" in alarmed)):
+                self._answers[axis] = refutation(rows, pulses, axis, outputs, self.monitor.limits)
         return self._as_it_moves(surfaces)
 
     def _as_it_moves(self, surfaces: Surfaces) -> Surfaces:
@@ -325,13 +329,6 @@ class Axes:
                 rows = (sent.system == vehicle) & (seconds == second)
                 self._sent.take({sent.name: sent.select(rows)})
                 told.hear(second, self._sent.of(vehicle))
-
-
-def _rests_on_outputs(event: AxisEvent) -> TypeGuard[ConditionChanged]:
-    """Return whether an event is an alarm that the outputs' demand brought about, not the attitude alone."""
-    if not isinstance(event, ConditionChanged) or event.fault == "tracking":
-        return False
-    return SEVERITY[event.after] > SEVERITY["normal"]
 
 
 def _judged_otherwise(before: Surfaces | None, after: Surfaces) -> list[str]:

@@ -2,25 +2,29 @@
 
 A wrong profile looks like a lost surface: the demand that its outputs give is not the one that moves the
 aircraft. So in the first minutes each output that moves is tried as the demand of the axis. An output that
-explains the motion much worse than another one does not move the axis. Outputs that always move together, as
-rudder and aileron do in coordinated flight, cannot be told apart.
+explains the motion much worse than another one does not move the axis. Outputs that move together, as rudder
+and aileron do in coordinated flight, cannot be told apart then. So an alarm is held against other outputs, too:
+where one of them explains the same seconds without any loss, the surface is not lost.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.axis.monitor import new_gain
+from mavhums.core.conditions import SEVERITY
+from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.health.events import ConditionChanged
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES, Moved
 
-__all__ = ["TRIED_AXES", "contradiction", "explained"]
+__all__ = ["TRIED_AXES", "contradiction", "explained", "refutation", "rests_on_outputs"]
 
 TRIED_AXES: Final = ("roll", "pitch")  # a rudder mostly moves with the ailerons
 
@@ -77,6 +81,43 @@ def contradiction(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]
         wrong = [servo for servo in worse if not _alike(rows, pulses, servo, own)]
         movers = [servo for servo in named if servo not in wrong]
     return _told(axis, wrong, sorted(movers)) if wrong else ""
+
+
+def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], limits: AxisLimits) -> str:
+    """Return which outputs move an axis by which the profile's raise an alarm; an empty text if none does.
+
+    The alarm must come from these very rows, the last ones before it: only then does it say anything that
+    another output raises none. Parameters are those of :func:`contradiction`.
+    """
+    if not _judged(rows, axis, rows.demand(axis), limits).alarmed:
+        return ""
+    moving = [k for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])]
+    tried = {k + 1: _judged(rows, axis, _alone(pulses, k, outputs), limits) for k in moving}
+    movers = [servo for servo, found in tried.items() if found.referred and not found.alarmed]
+    wrong = [one.servo for one in outputs if one.servo not in movers]
+    return _told(axis, wrong, movers) if wrong and movers else ""
+
+
+class _Judged(NamedTuple):
+    """Whether a demand was enough for a reference, and whether it raised an alarm."""
+
+    referred: bool
+    alarmed: bool
+
+
+def _judged(rows: Rows, axis: str, demand: Array, limits: AxisLimits) -> _Judged:
+    outputs = np.full_like(rows.outputs, np.nan)
+    outputs[:, AXES.index(axis)] = demand
+    monitor = AxisMonitor(0, limits)
+    alarmed = any(rests_on_outputs(event) for event in monitor.feed(replace(rows, outputs=outputs)))
+    return _Judged(monitor.findings(axis).reference is not None, alarmed)
+
+
+def rests_on_outputs(event: object) -> TypeGuard[ConditionChanged]:
+    """Return whether an event is an alarm that the outputs' demand brought about, not the attitude alone."""
+    if not isinstance(event, ConditionChanged) or event.fault == "tracking":
+        return False
+    return SEVERITY[event.after] > SEVERITY["normal"]
 
 
 def _moves(pulses: Array) -> bool:
