@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
-from mavhums.actuator.surfaces import of_airframe
 from mavhums.core.conditions import Condition
 from mavhums.engine.events import Notice
+from mavhums.engine.motion import TRIED_AXES, contradiction, refutation, rests_on_outputs
+from mavhums.engine.told import Known, Told
 from mavhums.health.axis.monitor import AxisMonitor, explained_by
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.log import Table
@@ -25,13 +26,12 @@ from mavhums.vehicle.order import Received
 from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
 from mavhums.vehicle.signals import Signal
-from mavhums.vehicle.surfaces import Surfaces, of_parameters
+from mavhums.vehicle.surfaces import Demands, Surfaces
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
 
 AxisEvent = ConditionChanged | Indication | Followed | Notice
-_TOLD_S: Final = 10  # most lists of parameters come within; a list that takes longer is applied in parts
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
 _INFER_S: Final = 45
 _RETRY_S: Final = 20
@@ -39,6 +39,8 @@ _LATEST_S: Final = 600
 _INFERRED_FROM_S: Final = 120
 _PARTED_S: Final = 3  # longer than an output that freezes takes to be noticed
 _INFERENCES: Final = 3
+_TRIES_S: Final = (60, 120, 180)  # of forward flight: a reference takes 45 s, and none begins later
+_RECENT_S: Final = 180  # before an alarm: with 120, two of seven wrong profiles raised it all the same
 _NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
 _FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
 
@@ -46,20 +48,12 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 
-class _Told(NamedTuple):
-    """What the log told of the outputs, and the flight second from which it applies."""
-
-    due_s: int
-    surfaces: Surfaces
-    limits: AxisLimits | None
-
-
 class VehicleAxes:
     """The axes of one vehicle.
 
     What moves its surfaces is part of every judgement. When that turns out to be something else, because
-    parameters come in flight or an inference fails, the flight so far is judged anew, and what was reported
-    is revised by one change of condition.
+    parameters come in flight, parameters or the motion contradict the profile, or an inference fails, the
+    flight so far is judged anew, and what was reported is revised by one change of condition.
 
     Parameters
     ----------
@@ -67,15 +61,15 @@ class VehicleAxes:
         System id.
     start_us
         Start of flight time, microseconds of UTC.
-    surfaces
-        Surfaces from a profile; None if the log is to define them.
-    limits
-        Limits from a profile; the defaults if None.
+    airframe
+        A profile; None if the log is to define the surfaces.
     angles
         Whether to yield the demanded and the flown angles as well, for a recording.
 
     Attributes
     ----------
+    told
+        The profile and the parameters, with the flight seconds from which they apply.
     surfaces, flight, monitor
         The surfaces, the flight and the monitor, as far as known.
     usage, grid
@@ -83,57 +77,39 @@ class VehicleAxes:
     """
 
     def __init__(
-        self,
-        vehicle: int,
-        start_us: int,
-        surfaces: Surfaces | None,
-        limits: AxisLimits | None = None,
-        *,
-        angles: bool = False,
+        self, vehicle: int, start_us: int, airframe: Airframe | None = None, *, angles: bool = False
     ) -> None:
-        self.surfaces = surfaces
-        self.monitor = AxisMonitor(vehicle, limits)
-        self.flight = Flight(surfaces)
+        self.told = Told(airframe)
+        self.surfaces = self.told.last.surfaces
+        self.monitor = AxisMonitor(vehicle, airframe.axes if airframe else None)
+        self.flight = Flight(self.surfaces)
         self.usage = Usage()
-        self._vehicle, self._angles = vehicle, angles
         self.grid = Grid(start_us)
-        self._told: list[_Told] = []
-        self._now_s = 0
+        self._vehicle, self._angles = vehicle, angles
+        self._known = self.told.last
+        self._answers: dict[str, str] = {}
+        self._now_s, self._tries = 0, 0
         self._since_try, self._inferences, self._hoped_s = 0, 0, 0
         self._reported: dict[str, Condition] = {}
         self._shown_s: dict[str, float] = {}
-
-    def reached_s(self, frames: Times, signals: Sequence[Signal]) -> Times:
-        """Return the flight second that the vehicle's signals have reached at places in the log, (n,)."""
-        return self.grid.reached_s(frames, signals)
-
-    def tell(self, second: int, surfaces: Surfaces, limits: AxisLimits | None = None) -> None:
-        """Take what the log reports when its signals have reached a flight second.
-
-        It applies ten seconds later, together with what comes until then. Other limits begin the judgement
-        anew.
-        """
-        if self._told and second < self._told[-1].due_s and limits is None is self._told[-1].limits:
-            self._told[-1] = self._told[-1]._replace(surfaces=surfaces)
-        else:
-            self._told.append(_Told(second + _TOLD_S, surfaces, limits))
 
     def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
         """Take new samples; yield the changes of condition."""
         self.usage.feed(signals)
         seconds = self.grid.feed(signals, final=final)
         while seconds is not None:
-            yield from self._apply(int(seconds.index[0]))
+            yield from self._apply(self.told.at(int(seconds.index[0])))
             now, seconds = self._next(seconds)
             yield from self._follow(now)
-        if final and self._told:
-            yield from self._apply(self._told[-1].due_s)
+        if final:
+            yield from self._apply(self.told.last)
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
         """Return the seconds until the surfaces may change, and the rest."""
         first = int(seconds.index[0])
-        ends = [told.due_s for told in self._told[:1]]
-        if self.surfaces is None:
+        due = self.told.next_s(first)
+        ends = [] if due is None else [due]
+        if self.surfaces is None or self._doubtful():
             ends.append(first + 1)
         elif self.surfaces.origin == "inferred":
             ends.append(first - first % _RETRY_S + _RETRY_S)
@@ -146,59 +122,139 @@ class VehicleAxes:
         for rows in self.flight.feed(seconds):
             if self._angles:
                 yield from _followed(self._vehicle, rows)
-            for event in self.monitor.feed(rows):
+            self._now_s = rows.second + rows.seconds
+            events = list(self.monitor.feed(rows))
+            refuted = self._refuted(events)
+            if refuted is not None:
+                yield from self._adopt(refuted, "the motion contradicts the profile")
+                return  # all of it: doubtful seconds come one by one
+            for event in events:
                 yield from self._report(event)
-        self._now_s = int(seconds.index[-1]) + 1
         if self.surfaces is None:
             yield from self._infer()
         elif self.flight.parted_s >= _PARTED_S:
             self._hoped_s = self.flight.flown_s
             yield from self._adopt(None, "outputs that moved as one no longer do")
 
-    def _apply(self, second: int) -> Iterator[AxisEvent]:
-        """Apply what is due."""
-        while self._told and self._told[0].due_s <= second:
-            _, surfaces, limits = self._told.pop(0)
-            if limits is None and not self._differs(surfaces):
-                continue
-            why = "a profile names its outputs" if limits else "its parameters name other outputs than before"
+    def _apply(self, known: Known) -> Iterator[AxisEvent]:
+        """Use what is known of the outputs from now on."""
+        if known is self._known:
+            return
+        named = known.airframe is not self._known.airframe
+        self._known = known
+        if named:
+            self._answers.clear()
+            self._tries = 0
+        surfaces = self._as_it_moves(known.surfaces) if known.surfaces else self.surfaces
+        limits = known.airframe.axes if known.airframe else self.monitor.limits
+        if limits != self.monitor.limits or (surfaces is not None and self._differs(surfaces)):
+            why = "a profile names its outputs" if named else "its parameters name other outputs than before"
             yield from self._adopt(surfaces, why, limits)
+        elif surfaces and self.surfaces and surfaces.demands == self.surfaces.demands:
+            before, self.surfaces = self.surfaces, surfaces
+            yield from self._contradicted(before)
 
     def _differs(self, surfaces: Surfaces) -> bool:
         """Return whether the flight must be judged anew with these surfaces.
 
         Other trims and ranges are other units, no other outputs: for them what is no longer kept of a long
-        flight is not given up.
+        flight is not given up, unless they are those of a profile that the log contradicts.
         """
         known = self.surfaces
-        if known is None or known == surfaces:
-            return known is None
-        if known.origin == "profile":
+        if known is None:
+            return True
+        if surfaces.demands == known.demands:
             return False
-        return self.flight.past.is_whole or not surfaces.same_outputs(known)
+        alike = surfaces.same_outputs(known) and surfaces.contradicted == known.contradicted
+        return self.flight.past.is_whole or not alike
 
     def _adopt(
         self, surfaces: Surfaces | None, why: str, limits: AxisLimits | None = None
     ) -> Iterator[AxisEvent]:
         """Judge the flight anew with these surfaces, as far back as it is kept."""
-        self.surfaces = surfaces
+        before, self.surfaces = self.surfaces, surfaces
         self.monitor = AxisMonitor(self._vehicle, limits or self.monitor.limits)
-        before = dict(self._reported)
-        last: dict[str, ConditionChanged] = {}
-        first_s = self._now_s
+        first_s, events = self._now_s, list[ConditionChanged | Indication]()
         for rows in self.flight.learn(surfaces):
             first_s = min(first_s, rows.second)
-            for event in self.monitor.feed(rows):
-                if isinstance(event, ConditionChanged):
-                    last[event.actuator] = event
-                    if event.actuator in before:
-                        continue
+            events += self.monitor.feed(rows)
+        refuted = self._refuted(events)
+        if refuted is not None:  # one axis less each time
+            self.surfaces = before
+            yield from self._adopt(refuted, "the motion contradicts the profile")
+            return
+        reported, last = dict(self._reported), dict[str, ConditionChanged]()
+        for event in events:
+            if isinstance(event, ConditionChanged):
+                last[event.actuator] = event
+            if isinstance(event, Indication) or event.actuator not in reported:
                 yield from self._report(event)
-        if before:
+        if reported:
             text = f"{why}: its axes are judged anew from {first_s} s on"
             yield Notice(float(self._now_s), self._vehicle, text)
-        for axis, condition in before.items():
-            yield from self._revised(axis, condition, last.get(axis), why)
+        yield from self._contradicted(before)
+        against = surfaces.contradicted if surfaces else {}
+        for axis, condition in reported.items():
+            yield from self._revised(axis, condition, last.get(axis), against.get(axis, why))
+
+    def _contradicted(self, before: Surfaces | None) -> Iterator[Notice]:
+        """Say what contradicts the profile, unless it was said of the surfaces before."""
+        said = before.contradicted.values() if before else ()
+        for text in dict.fromkeys(self.surfaces.contradicted.values() if self.surfaces else ()):
+            if text not in said:
+                yield Notice(float(self._now_s), self._vehicle, text)
+
+    def _doubtful(self) -> list[str]:
+        """Return the axes whose outputs only a profile names: no parameter confirms them."""
+        surfaces = self.surfaces
+        if surfaces is None or surfaces.origin != "profile":
+            return []
+        told = surfaces.confirmed | surfaces.by_log
+        return [axis for axis in TRIED_AXES if axis not in told and surfaces.of_axis(axis)]
+
+    def _refuted(self, events: Sequence[ConditionChanged | Indication]) -> Surfaces | None:
+        """Return the surfaces less the axes whose outputs the motion contradicts; None if it does of none.
+
+        It is asked in the first minutes, and before an alarm is reported that rests on outputs which only a
+        profile names.
+        """
+        surfaces, doubtful = self.surfaces, self._doubtful()
+        if surfaces is None or not doubtful:
+            return None
+        alarms = [event for event in events if rests_on_outputs(event)]
+        due = self._tries < len(_TRIES_S) and self.flight.flown_s >= _TRIES_S[self._tries]
+        self._tries += due
+        if due:
+            self._ask(surfaces, doubtful, self._now_s)
+        for alarm in alarms:
+            self._ask(surfaces, doubtful, int(alarm.time_s), alarm.actuator)
+        refuted = self._as_it_moves(surfaces)
+        return None if refuted.contradicted == surfaces.contradicted else refuted
+
+    def _ask(self, surfaces: Surfaces, axes: Sequence[str], until_s: int, alarmed: str = "") -> None:
+        """Ask the motion up to a flight second whether it answers to the outputs of axes."""
+        known = self.flight.past.last(_RECENT_S, until_s)
+        if known is None:
+            return
+        rows, pulses = known
+        rows = replace(rows, outputs=Demands(surfaces).feed(pulses))
+        for axis in axes:
+            outputs = surfaces.of_axis(axis)
+            found = contradiction(rows, pulses, axis, outputs) if axis not in self._answers else None
+            if found is not None:
+                self._answers[axis] = found
+            # the side force of the ailerons must be known to judge yaw
+            concerned = alarmed == axis or (axis == "roll" and alarmed == "yaw")
+            if concerned and not self._answers.get(axis):
+                self._answers[axis] = refutation(rows, pulses, axis, outputs, self.monitor.limits)
+
+    def _as_it_moves(self, surfaces: Surfaces) -> Surfaces:
+        """Return the surfaces, less the axes that the motion contradicts and no parameter confirms."""
+        told = surfaces.confirmed | surfaces.by_log
+        found = {axis: text for axis, text in self._answers.items() if text and axis not in told}
+        if "roll" in found:  # the side force of the ailerons must be known to judge yaw
+            found["yaw"] = found["roll"]
+        return replace(surfaces, contradicted={**surfaces.contradicted, **found}) if found else surfaces
 
     def _revised(
         self, axis: str, before: Condition, last: ConditionChanged | None, why: str
@@ -262,11 +318,9 @@ class Axes:
 
     def __init__(self, airframe: Airframe | None = None, *, angles: bool = False) -> None:
         self._angles = angles
-        self._surfaces = of_airframe(airframe) if airframe else None
-        self._limits = airframe.axes if airframe else None
+        self._airframe = airframe
         self._signals = SignalReaders()
         self._sent = Sent()
-        self._told: dict[int, Surfaces] = {}
         self._vehicles: dict[int, VehicleAxes] = {}
         self._announced: list[tuple[int, int, Airframe]] = []
 
@@ -287,6 +341,11 @@ class Axes:
         """Return the parameters that a vehicle reported."""
         return self._sent.of(vehicle)
 
+    def told(self, vehicle: int) -> Told:
+        """Return the profile and the parameters of a vehicle."""
+        axes = self._vehicles.get(vehicle)
+        return axes.told if axes else Told(self._airframe)
+
     def flown_s(self) -> float:
         """Return the seconds of forward flight of all vehicles."""
         return float(sum(axes.flight.flown_s for axes in self._vehicles.values()))
@@ -306,7 +365,7 @@ class Axes:
 
         def axes_of(vehicle: int) -> VehicleAxes:
             if vehicle not in self._vehicles:
-                new = VehicleAxes(vehicle, start_us, self._surfaces, self._limits, angles=self._angles)
+                new = VehicleAxes(vehicle, start_us, self._airframe, angles=self._angles)
                 self._vehicles[vehicle] = new
             return self._vehicles[vehicle]
 
@@ -322,7 +381,7 @@ class Axes:
 
     def announce(self, vehicle: int, frame: int, airframe: Airframe) -> None:
         """Apply the profile that a vehicle named at a place in the log; before the tables of that place."""
-        if of_airframe(airframe) is not None and self._surfaces is None:
+        if self._airframe is None:
             self._announced.append((vehicle, frame, airframe))
 
     def _hear(
@@ -335,21 +394,19 @@ class Axes:
         """Take the outputs' functions from profiles and parameters, in the order of sending."""
         while self._announced:
             vehicle, frame, airframe = self._announced.pop(0)
-            surfaces, axes = of_airframe(airframe), axes_of(vehicle)
-            [second] = axes.reached_s(np.array([frame]), signals.get(vehicle, ())).tolist()
-            if surfaces is not None:
-                axes.tell(second, surfaces, airframe.axes)
-        if self._surfaces is None:
-            for message, field in _NAMES.items():
-                if message not in tables:
-                    continue
-                named = [name.startswith(_FUNCTIONS) for name in tables[message].texts(field)]
-                sent = tables[message].select(np.array(named, dtype=bool))
-                for vehicle in filter(admits, np.unique(sent.system).tolist()):
-                    own = sent.select(sent.system == vehicle)
-                    self._hear_parameters(
-                        axes_of(vehicle), own, tables.get("HEARTBEAT"), signals.get(vehicle, ())
-                    )
+            axes = axes_of(vehicle)
+            [second] = axes.grid.reached_s(np.array([frame]), signals.get(vehicle, ())).tolist()
+            axes.told.name(second, airframe)
+        for message, field in _NAMES.items():
+            if message not in tables:
+                continue
+            named = [name.startswith(_FUNCTIONS) for name in tables[message].texts(field)]
+            sent = tables[message].select(np.array(named, dtype=bool))
+            for vehicle in filter(admits, np.unique(sent.system).tolist()):
+                own = sent.select(sent.system == vehicle)
+                self._hear_parameters(
+                    axes_of(vehicle), own, tables.get("HEARTBEAT"), signals.get(vehicle, ())
+                )
         if "HEARTBEAT" in tables:
             self._sent.take({"HEARTBEAT": tables["HEARTBEAT"]})
 
@@ -357,16 +414,13 @@ class Axes:
         self, axes: VehicleAxes, sent: Table, heartbeats: Table | None, signals: Sequence[Signal]
     ) -> None:
         [vehicle] = np.unique(sent.system).tolist()
-        seconds = axes.reached_s(sent.frame, signals)
+        seconds = axes.grid.reached_s(sent.frame, signals)
         for second in np.unique(seconds).tolist():
             now = sent.select(seconds == second)
             if heartbeats is not None:  # what an integer parameter means depends on the autopilot
                 self._sent.take({"HEARTBEAT": heartbeats.select(heartbeats.frame < now.frame[-1])})
             self._sent.take({sent.name: now})
-            surfaces = of_parameters(self._sent.of(vehicle))
-            if surfaces is not None and surfaces != self._told.get(vehicle):
-                self._told[vehicle] = surfaces
-                axes.tell(second, surfaces)
+            axes.told.hear(second, self._sent.of(vehicle))
 
 
 def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:

@@ -75,13 +75,12 @@ class Flight:
 
     @property
     def past(self) -> PastRows:
-        """The rows so far, without demands; none of a flight whose surfaces a profile names."""
+        """The rows so far, without demands."""
         return self._past
 
     def _know(self, surfaces: Surfaces | None) -> None:
         self._lift = [servo - 1 for servo in surfaces.lift] if surfaces else []
         self._demands = Demands(surfaces) if surfaces else None
-        self._remembers = surfaces is None or surfaces.origin != "profile"
         self.parted_s = 0.0
 
     def learn(self, surfaces: Surfaces | None) -> Iterator[Rows]:
@@ -91,8 +90,6 @@ class Flight:
             up = rows.flying & ~self._lifts(pulses)
             self.flown_s += _whole_seconds(up) - _whole_seconds(rows.flying)
             yield replace(rows, flying=up, outputs=self._demand(pulses, up))
-        if not self._remembers:
-            self._past = PastRows()
 
     def feed(self, seconds: Seconds) -> Iterator[Rows]:
         """Yield the rows of these seconds, as runs without a gap."""
@@ -135,8 +132,7 @@ class Flight:
             spacing=_spacing(flat),
             outputs=self._demand(pulses, flying),
         )
-        if self._remembers:
-            self._past.add(rows, pulses)
+        self._past.add(rows, pulses)
         return rows
 
     def _demand(self, pulses: Array, flying: Flags) -> Array:

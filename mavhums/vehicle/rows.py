@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import Final, NamedTuple
 
@@ -141,9 +141,12 @@ class PastRows:
             self._parts.appendleft(_Part(second + seconds, True, on, left))
         self._seconds -= (len(values) - len(left)) // RATE_HZ
 
-    def last(self, seconds: int) -> tuple[Rows, Array] | None:
-        """Return the last rows, as one, and their pulses, shape (n, ALL_OUTPUTS); None without any."""
-        runs = [*self]
+    def last(self, seconds: int, until_s: float = np.inf) -> tuple[Rows, Array] | None:
+        """Return the last rows before a flight second, as one, and their pulses, shape (n, ALL_OUTPUTS).
+
+        None without any.
+        """
+        runs = [*_before(self, until_s)]
         if not runs:
             return None
         rows, pulses = Rows.join([run for run, _ in runs]), np.concatenate([sent for _, sent in runs])
@@ -160,6 +163,13 @@ class PastRows:
             run.append(part)
         if run:
             yield _joined(run)
+
+
+def _before(runs: Iterable[tuple[Rows, Array]], until_s: float) -> Iterator[tuple[Rows, Array]]:
+    for rows, pulses in runs:
+        count = int(min(until_s - rows.second, rows.seconds))
+        if count > 0:
+            yield rows.cut(0, count), pulses[: count * RATE_HZ]
 
 
 def _joined(parts: list[_Part]) -> tuple[Rows, Array]:

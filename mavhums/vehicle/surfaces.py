@@ -7,7 +7,7 @@ demand: an output that is stuck while the others move does not show the demand.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ AXES: Final = ("roll", "pitch", "yaw")
 
 KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
 _LIFT: Final = range(33, 41)  # SERVOn_FUNCTION of motors
+_MIXED: Final = ("elevon", "tail")
 _FROZEN_S: Final = 1.0
 ALIKE_US: Final = 3.0
 """Outputs with the same demand differ by less: they are whole microseconds, and so are their trims."""
@@ -62,14 +63,26 @@ class Surfaces:
         Source of the outputs: ``parameters``, ``profile`` or ``inferred``.
     lift
         Outputs of lift motors.
+    by_log
+        Axes whose outputs the log's parameters give although ``origin`` is a profile.
+    contradicted
+        What contradicts the profile's outputs, by axis. Such an axis has those of the log's parameters, or
+        none.
+    confirmed
+        Axes for whose outputs the log's parameters say the same as the profile.
     """
 
     moved: tuple[Moved, ...]
     origin: str
     lift: tuple[int, ...] = ()
+    by_log: frozenset[str] = frozenset()
+    contradicted: Mapping[str, str] = field(default_factory=dict)
+    confirmed: frozenset[str] = frozenset()
 
     def of_axis(self, axis: str) -> tuple[Moved, ...]:
-        """Return the outputs that move the aircraft about an axis."""
+        """Return the outputs that move the aircraft about an axis; none if they are contradicted."""
+        if axis in self.contradicted and axis not in self.by_log:
+            return ()
         kinds = {
             "roll": ("aileron", "flaperon", "elevon"),
             "pitch": ("elevator", "elevon", "tail"),
@@ -88,6 +101,16 @@ class Surfaces:
             for each in (self, other)
         )
         return own == others and set(self.lift) == set(other.lift)
+
+    def demand(self, axis: str) -> tuple[tuple[object, ...], ...]:
+        """Return what the demand about an axis is made of, whatever the names of the surfaces."""
+        moved = self.of_axis(axis)
+        return tuple((one.kind, one.side * (one.kind in _MIXED), one.servo, *one[2:]) for one in moved)
+
+    @property
+    def demands(self) -> tuple[object, ...]:
+        """What decides the demand of every row and where the vehicle hovers, whatever the surfaces' names."""
+        return self.origin == "inferred", set(self.lift), *(self.demand(axis) for axis in AXES)
 
     def brief(self, axis: str) -> str:
         """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
@@ -159,10 +182,11 @@ class Demands:
         self._groups: dict[str, list[Moved]] = {}
         for axis in AXES:
             for moved in surfaces.of_axis(axis):
-                name = f"{moved.side} {moved.kind}" if moved.kind in ("elevon", "tail") else moved.kind
+                name = f"{moved.side} {moved.kind}" if moved.kind in _MIXED else moved.kind
                 members = self._groups.setdefault(name, [])
                 if moved not in members:
                     members.append(moved)
+        self._none = [k for k, axis in enumerate(AXES) if not surfaces.of_axis(axis)]
         self._row = 0
         self._before = {name: np.full(len(group), np.nan) for name, group in self._groups.items()}
         self._changed = {name: np.zeros(len(group), dtype=np.int64) for name, group in self._groups.items()}
@@ -179,7 +203,9 @@ class Demands:
         mixed = elevons if any("elevon" in name for name in known) else tails
         pitch = _first(known, "elevator", other=(mixed[0] + mixed[1]) / 2)
         yaw = _first(known, "rudder", other=(tails[0] - tails[1]) / 2)
-        return np.stack([roll, pitch, yaw], axis=1)
+        demand = np.stack([roll, pitch, yaw], axis=1)
+        demand[:, self._none] = np.nan  # mixed outputs may be contradicted about one of their axes
+        return demand
 
     def _demand(self, name: str, group: Sequence[Moved], pulses: Array) -> Array:
         """Return the median of a group's outputs that still change, as a fraction of half the travel."""
