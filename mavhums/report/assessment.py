@@ -80,7 +80,8 @@ class Since(Contract):
 class Coverage(Contract):
     """How much of the flight could be judged: windows of 10 s, one each second.
 
-    ``decidable`` counts those on which a condition can rest, because they show the friction or a fault. ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
+    ``decidable`` counts those on which a condition can rest, because they show the friction or a fault.
+    ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
     such actuator can have, which count as not measured.
     """
 

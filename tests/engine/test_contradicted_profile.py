@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,6 +34,7 @@ from tests.strategies import blocks, cuts
 
 PAPER = load_airframe("paper")
 NAMED = (b"mavhums airframe=paper",)
+PARAM_VALUE = 22
 FORMATS: dict[str, Callable[[Wired], bytes]] = {
     "tlog": Wired.tlog,
     "BIN": Wired.dataflash,
@@ -81,9 +82,7 @@ def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float
     assert not alarms(events)
     assert {verdict.worst for verdict in verdicts.values()} <= {"undecided", "unmonitored", "normal"}
     assert WRONG in str(verdicts["aileron_right"].reason)
-    if told_s > 100:
-        assert verdicts["roll"].condition == "undecided"
-        assert WRONG in str(verdicts["roll"].reason)
+    assert verdicts["roll"].condition == "normal", "the whole flight is judged anew by the log's parameters"
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -109,16 +108,53 @@ def named(**servos: int) -> Airframe:
 SWAPPED = named(aileron=4, elevator=2, rudder=1)
 
 
-def test_an_alarm_is_withdrawn_where_the_parameters_come_after_it() -> None:
-    """Until 100 s rudder and aileron move together, so that nothing tells which of them the profile names."""
+def records(tlog: bytes) -> Iterator[bytes]:
+    at = 0
+    while at < len(tlog):
+        size = 8 + 12 + tlog[at + 9]
+        yield tlog[at : at + size]
+        at += size
+
+
+def corrected(flight: Wired, first: dict[str, float]) -> bytes:
+    """A log that begins with other parameters than those that the flight tells."""
+    early = records(replace(flight, parameters=first, told_s=0.0).tlog())
+    late = [record for record in records(flight.tlog()) if record[8 + 7] == PARAM_VALUE]
+    return b"".join(sorted([*early, *late], key=lambda record: record[:8]))
+
+
+@pytest.mark.parametrize("airframe", [None, SWAPPED], ids=["parameters", "profile"])
+def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airframe: Airframe | None) -> None:
+    """Until 100 s rudder and aileron move together, so that nothing tells which of them the log names."""
+    wrong = {**PLANE, "SERVO1_FUNCTION": 21.0, "SERVO4_FUNCTION": 4.0}
+    verdicts, events, _ = judged([corrected(Wired(coordinated_s=100.0, told_s=140.0), wrong)], airframe)
+    changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
+    assert [change.after for change in changes][-2:] == ["emergency", "normal"]
+    assert changes[-1].time_s == 150.0
+    told = (
+        "servo 4 is aileron in the profile and rudder in the log" if airframe else "its parameters name other"
+    )
+    assert told in changes[-1].rule
+    roll = verdicts["roll"]
+    assert (roll.condition, roll.worst, roll.evidence) == ("normal", "normal", ())
+
+
+def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
     flight = Wired(coordinated_s=100.0, told_s=140.0)
     verdicts, events, _ = judged([flight.tlog()], SWAPPED)
+    assert not alarms(events)
     changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
-    assert [change.after for change in changes][-2:] == ["emergency", "undecided"]
-    assert changes[-1].time_s == 143.0
-    assert "servo 4 is aileron in the profile and rudder in the log" in changes[-1].rule
-    roll = verdicts["roll"]
-    assert (roll.condition, roll.worst, roll.evidence) == ("undecided", "undecided", ())
+    assert [change.after for change in changes] == ["normal", "undecided", "normal"]
+    assert "servo 4 does not move roll, servo 1 does" in changes[1].rule
+    assert verdicts["roll"].worst == "normal"
+
+
+def test_a_wrong_profile_that_is_named_late_raises_no_alarm_of_the_past() -> None:
+    """What was flown before the vehicle names its profile is judged by it, and the motion is asked."""
+    flight = Wired(parameters={}, texts=NAMED, named_s=150.0)
+    verdicts, events, _ = judged([flight.tlog()], None)
+    assert not alarms(events)
+    assert "servo 2 does not move roll" in str(verdicts["roll"].reason)
 
 
 def test_a_real_loss_is_found_whether_the_profile_is_right_or_not() -> None:

@@ -36,7 +36,8 @@ class Wired:
     """A sound aircraft: its roll rate answers to servo 1; servo 2 trims it for another speed after 100 s.
 
     ``left`` is the part of the aileron's effect that it keeps from ``lost_s`` on, ``told_s`` when
-    the parameters are sent, and ``coordinated_s`` until when servo 4 goes with servo 1.
+    the parameters are sent, ``named_s`` when the texts are, and ``coordinated_s`` until when servo 4 goes
+    with servo 1.
     """
 
     seconds: int = 170
@@ -47,6 +48,7 @@ class Wired:
     coordinated_s: float = 0.0
     seed: int = 1
     texts: tuple[bytes, ...] = ()
+    named_s: float = 0.0
 
     def rows(self) -> Iterator[tuple[float, list[int], float]]:
         """Yield times, pulses of servos 1 to 4, and roll rates, rad/s."""
@@ -70,7 +72,7 @@ class Wired:
             sent.append(
                 (self.told_s + 0.01 * k, v2.MAVLink_param_value_message(name.encode(), value, 9, 9, k))
             )
-        sent += [(0.0, v2.MAVLink_statustext_message(6, text)) for text in self.texts]
+        sent += [(self.named_s, v2.MAVLink_statustext_message(6, text)) for text in self.texts]
         for t, pulses, p in self.rows():
             ms, us = round(t * 1e3), round(t * 1e6)
             if round(t * _RATE_HZ) % _RATE_HZ == 0:
