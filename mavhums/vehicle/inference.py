@@ -26,6 +26,7 @@ __all__ = ["inferred"]
 _MOVES_US: Final = 10.0
 _HALF_US: Final = 400.0
 _AS_ONE: Final = 0.99  # share of the rows in which outputs with one demand differ by less than ALIKE_US
+_ROLLS_RAD_S: Final = 0.05  # deviation of the roll rate: without turns any slow output explains what is left
 _ROLL: Final = 0.6
 _PITCH: Final = 0.35
 _APART: Final = 2.0  # the second best output leaves so many times as much, or explains so many times less
@@ -54,7 +55,7 @@ def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
     """
     moving = [k for k in range(OUTPUTS) if rows.flying.any() and _moves(pulses[rows.flying, k])]
     flying = rows.flying & np.isfinite(pulses[:, moving]).all(axis=1)
-    if not moving or not flying.any():
+    if not moving or not flying.any() or float(np.nanstd(rows.roll_rate[flying])) < _ROLLS_RAD_S:
         return None
     demands = {k: (pulses[:, k] - float(np.median(pulses[flying, k]))) / _HALF_US for k in moving}
     none = np.empty((len(rows), 0))
