@@ -33,7 +33,7 @@ AxisEvent = ConditionChanged | Indication | Followed | Notice
 _TOLD_S: Final = 10  # most lists of parameters come within; a list that takes longer is applied in parts
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
 _INFER_S: Final = 45
-_RETRY_S: Final = 20
+_RETRY_S: Final = 10
 _LATEST_S: Final = 600
 _INFERRED_FROM_S: Final = 120
 _PARTED_S: Final = 3  # longer than an output that freezes takes to be noticed
@@ -98,7 +98,7 @@ class VehicleAxes:
         self._grid = Grid(start_us)
         self._told: list[_Told] = []
         self._now_s = 0
-        self._since_try, self._inferences, self._hoped_s = 0, 0, 0
+        self._inferences, self._hoped_s, self._next_try_s = 0, 0, _INFER_S
         self._reported: dict[str, Condition] = {}
         self._shown_s: dict[str, float] = {}
 
@@ -132,9 +132,9 @@ class VehicleAxes:
         """Return the seconds until the surfaces may change, and the rest."""
         first = int(seconds.index[0])
         ends = [told.due_s for told in self._told[:1]]
-        if self.surfaces is None:
+        if self.surfaces is None and self.flight.flown_s <= _INFER_S + _RETRY_S:
             ends.append(first + 1)
-        elif self.surfaces.origin == "inferred":
+        elif self.surfaces is None or self.surfaces.origin == "inferred":
             ends.append(first - first % _RETRY_S + _RETRY_S)
         at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
         if at == len(seconds.index):
@@ -148,10 +148,11 @@ class VehicleAxes:
             for event in self.monitor.feed(rows):
                 yield from self._report(event)
         self._now_s = int(seconds.index[-1]) + 1
-        if self.surfaces is None:
+        if self.surfaces is None and self.flight.flown_s >= self._next_try_s:
             yield from self._infer()
         elif self.flight.parted_s >= _PARTED_S:
             self._hoped_s = self.flight.flown_s
+            self._next_try_s = self._hoped_s + _RETRY_S
             yield from self._adopt(None, "outputs that moved as one no longer do")
 
     def _apply(self, second: int) -> Iterator[AxisEvent]:
@@ -229,14 +230,11 @@ class VehicleAxes:
         yield replace(event, finding=f"{event.finding}: {suspect}?") if named else event
 
     def _infer(self) -> Iterator[AxisEvent]:
-        """Try to infer the outputs from the last minutes."""
-        self._since_try += 1
-        flown_s = self.flight.flown_s
-        hopeful = _INFER_S <= flown_s <= self._hoped_s + _LATEST_S and self._inferences < _INFERENCES
-        if self._since_try < _RETRY_S or not hopeful:
-            return
-        self._since_try = 0
-        known = self.flight.past.last(_INFERRED_FROM_S)
+        """Try to infer the outputs from the last minutes, ever more rarely."""
+        since_s = self.flight.flown_s - self._hoped_s
+        self._next_try_s = self.flight.flown_s + max(_RETRY_S, since_s // 4)
+        hopeful = since_s <= _LATEST_S and self._inferences < _INFERENCES
+        known = self.flight.past.last(_INFERRED_FROM_S) if hopeful else None
         if known is None:
             return
         rows, pulses = known

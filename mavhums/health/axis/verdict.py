@@ -35,6 +35,10 @@ _RECORD_STREAMS: Final = (
     "record at 3 Hz or more: over MAVLink SERVO_OUTPUT_RAW and ATTITUDE, in a .BIN RCOU and ATT, "
     "in a .ulg actuator_outputs and vehicle_attitude"
 )
+_BEGINS_IN_FLIGHT: Final = (
+    "the log begins in flight: normal is what it was then, and nothing tells whether that was healthy",
+    "record from before take-off, or compare with earlier flights (--history)",
+)
 PROFILE_LINE: Final = (
     "let the ground station download the parameters while it records, or name the outputs in an airframe "
     'file: [[actuators]] with name = "aileron_left", servo = 1, pwm_us = [1100, 1500, 1900], and so on'
@@ -93,6 +97,8 @@ def judged_axis(
     reason, remedy = None, None
     if findings.condition == "undecided":
         reason, remedy = _why_undecided(findings, surfaces, flight)
+    elif findings.condition == "normal" and not findings.from_take_off:
+        reason, remedy = _BEGINS_IN_FLIGHT
     origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces)}"}
     coverage = findings.coverage
     rounded = coverage.model_copy(update={"moving_fraction": round(coverage.moving_fraction, 4)})
