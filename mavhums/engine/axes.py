@@ -34,7 +34,7 @@ __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
 AxisEvent = ConditionChanged | Indication | Followed | Notice
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
 _INFER_S: Final = 45
-_RETRY_S: Final = 20
+_RETRY_S: Final = 10
 _LATEST_S: Final = 600
 _INFERRED_FROM_S: Final = 120
 _PARTED_S: Final = 3  # longer than an output that freezes takes to be noticed
@@ -89,7 +89,7 @@ class VehicleAxes:
         self._known = self.told.last
         self._answers: dict[str, str] = {}
         self._now_s, self._tries = 0, 0
-        self._since_try, self._inferences, self._hoped_s = 0, 0, 0
+        self._inferences, self._hoped_s, self._next_try_s = 0, 0, _INFER_S
         self._reported: dict[str, Condition] = {}
         self._shown_s: dict[str, float] = {}
 
@@ -98,20 +98,41 @@ class VehicleAxes:
         self.usage.feed(signals)
         seconds = self.grid.feed(signals, final=final)
         while seconds is not None:
-            yield from self._apply(self.told.at(int(seconds.index[0])))
+            first = int(seconds.index[0])
+            yield from self._apply(self.told.at(first))
+            yield from self._look(first)
             now, seconds = self._next(seconds)
             yield from self._follow(now)
         if final:
             yield from self._apply(self.told.last)
+            yield from self._look(self._now_s + _RETRY_S)
+
+    def _eager(self) -> bool:
+        """Return whether the outputs may be inferred for the first time in any second."""
+        return self.surfaces is None and self.flight.flown_s <= _INFER_S + _RETRY_S
+
+    def _look(self, second: int) -> Iterator[AxisEvent]:
+        """Infer the outputs, or give up inferred ones, where it is time to before a flight second.
+
+        Only the second decides when, and not how many came at once.
+        """
+        if not self._eager() and (self._now_s - 1) // _RETRY_S == second // _RETRY_S:
+            return
+        if self.surfaces is None and self.flight.flown_s >= self._next_try_s:
+            yield from self._infer()
+        elif self.flight.parted_s >= _PARTED_S:
+            self._hoped_s = self.flight.flown_s
+            self._next_try_s = self._hoped_s + _RETRY_S
+            yield from self._adopt(None, "outputs that moved as one no longer do")
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
         """Return the seconds until the surfaces may change, and the rest."""
         first = int(seconds.index[0])
         due = self.told.next_s(first)
         ends = [] if due is None else [due]
-        if self.surfaces is None or self._doubtful():
+        if self._eager() or self._doubtful():
             ends.append(first + 1)
-        elif self.surfaces.origin == "inferred":
+        elif self.surfaces is None or self.surfaces.origin == "inferred":
             ends.append(first - first % _RETRY_S + _RETRY_S)
         at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
         if at == len(seconds.index):
@@ -130,11 +151,6 @@ class VehicleAxes:
                 return  # all of it: doubtful seconds come one by one
             for event in events:
                 yield from self._report(event)
-        if self.surfaces is None:
-            yield from self._infer()
-        elif self.flight.parted_s >= _PARTED_S:
-            self._hoped_s = self.flight.flown_s
-            yield from self._adopt(None, "outputs that moved as one no longer do")
 
     def _apply(self, known: Known) -> Iterator[AxisEvent]:
         """Use what is known of the outputs from now on."""
@@ -286,14 +302,11 @@ class VehicleAxes:
         yield replace(event, finding=f"{event.finding}: {suspect}?") if named else event
 
     def _infer(self) -> Iterator[AxisEvent]:
-        """Try to infer the outputs from the last minutes."""
-        self._since_try += 1
-        flown_s = self.flight.flown_s
-        hopeful = _INFER_S <= flown_s <= self._hoped_s + _LATEST_S and self._inferences < _INFERENCES
-        if self._since_try < _RETRY_S or not hopeful:
-            return
-        self._since_try = 0
-        known = self.flight.past.last(_INFERRED_FROM_S)
+        """Try to infer the outputs from the last minutes, ever more rarely."""
+        since_s = self.flight.flown_s - self._hoped_s
+        self._next_try_s = self.flight.flown_s + max(_RETRY_S, since_s // 4)
+        hopeful = since_s <= _LATEST_S and self._inferences < _INFERENCES
+        known = self.flight.past.last(_INFERRED_FROM_S) if hopeful else None
         if known is None:
             return
         rows, pulses = known

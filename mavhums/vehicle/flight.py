@@ -106,8 +106,9 @@ class Flight:
         self.heard |= {name for name in flat.keys() - self.heard if np.isfinite(flat[name]).any()}
         if self.heard & {"outputs_2", "outputs_3"}:
             self.heard.add("outputs")
-        rates = np.where(np.isfinite(flat["rates"]), flat["rates"], flat["slow_rates"])
-        speed, trusted = self._speed.feed(signals)
+        gyro = np.asarray(np.isfinite(flat["rates"]).all(axis=1))
+        rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
+        speed, trusted, source = self._speed.feed(signals)
         flying = self._flying(flat, speed, fresh)
         self.doubted_s += _whole_seconds(flying & ~trusted)
         autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
@@ -129,6 +130,7 @@ class Flight:
             speed=speed,
             flying=flying,
             trusted=trusted,
+            sources=2.0 * source + gyro,
             spacing=_spacing(flat),
             outputs=self._demand(pulses, flying),
         )

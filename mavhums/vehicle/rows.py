@@ -44,6 +44,8 @@ class Rows:
         Whether the vehicle is a fixed wing in forward flight.
     trusted
         Whether the airspeed can be relied on.
+    sources
+        What the rates and the speed were measured with: rows with another number are not comparable.
     spacing
         Spacing of the samples around each row, s: the longer one of the outputs and the rates.
     outputs
@@ -64,6 +66,7 @@ class Rows:
     speed: Array
     flying: Flags
     trusted: Flags
+    sources: Array
     spacing: Array
     outputs: Array
 

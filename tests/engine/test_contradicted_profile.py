@@ -120,7 +120,8 @@ def corrected(flight: Wired, first: dict[str, float]) -> bytes:
     """A log that begins with other parameters than those that the flight tells."""
     early = records(replace(flight, parameters=first, told_s=0.0).tlog())
     late = [record for record in records(flight.tlog()) if record[8 + 7] == PARAM_VALUE]
-    return b"".join(sorted([*early, *late], key=lambda record: record[:8]))
+    both: list[bytes] = sorted([*early, *late], key=lambda record: record[:8])
+    return b"".join(both)
 
 
 @pytest.mark.parametrize("airframe", [None, SWAPPED], ids=["parameters", "profile"])

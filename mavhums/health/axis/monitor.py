@@ -19,12 +19,14 @@ from mavhums.health.events import ConditionChanged, Indication
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
 
 __all__ = ["AxisFindings", "AxisMonitor", "explained_by", "new_gain"]
 
 Array = NDArray[np.float64]
 
+_WAITS_S: Final = 10  # a log that begins in flight is known to within seconds
 _NORMAL_S: Final = 30
 _WINDOW_S: Final = 10
 _MASKED_S: Final = 20
@@ -145,6 +147,8 @@ class AxisFindings:
         is sufficient.
     limits
         Limits by which the axis was judged.
+    from_take_off
+        Whether the flight is known from its take-off on.
     """
 
     axis: str
@@ -162,6 +166,7 @@ class AxisFindings:
     spacing_s: float
     slowest_s: float
     limits: AxisLimits
+    from_take_off: bool
 
 
 class AxisMonitor:
@@ -185,9 +190,11 @@ class AxisMonitor:
         self._detectors = detectors(self.limits)
         self._axes = {axis: _Axis() for axis in AXES}
         self._skidded_s = -(1 << 30)
+        self._flew, self._waited_rows = False, 0
 
     def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
+        self._look_back(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
         seen = Seen(rows, seconds, self._gains)
         yield from self._indications(seconds)
@@ -205,6 +212,13 @@ class AxisMonitor:
                 second = judged[axis].get(end_s)
                 if found or second is not None:
                     yield from self._take(axis, second, found, end_s)
+
+    def _look_back(self, rows: Rows) -> None:
+        """Count the seconds before the first one of flight."""
+        if not self._flew:
+            self._flew = bool(rows.flying.any())
+            before = rows.speed[: int(np.argmax(rows.flying))] if self._flew else rows.speed
+            self._waited_rows += int(np.isfinite(before).sum())
 
     def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
         for axis, found in seconds.items():
@@ -358,4 +372,5 @@ class AxisMonitor:
             spacing_s=gain.spacing_s,
             slowest_s=_STANDARDS[axis].spacing_s,
             limits=self.limits,
+            from_take_off=self._waited_rows >= _WAITS_S * RATE_HZ,
         )

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.axis.chain import Shape
+from mavhums.health.axis.chain import Basis, Shape
 from mavhums.health.axis.standing import Constant
 from mavhums.vehicle.grid import RATE_HZ
 
@@ -82,7 +82,7 @@ class Reference:
         What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
     """
 
-    speed: float
+    basis: Basis
     shape: Shape
     gain: float
     others: Array
@@ -94,6 +94,11 @@ class Reference:
     start_s: int
     end_s: int
     constants: Mapping[str, Constant] = field(default_factory=dict)
+
+    @property
+    def speed(self) -> float:
+        """Speed that is the unit of relative speeds, m/s."""
+        return self.basis.speed
 
 
 @dataclass(frozen=True, slots=True)

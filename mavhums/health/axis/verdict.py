@@ -40,6 +40,10 @@ _RECORD_STREAMS: Final = (
 )
 _IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
 _MUCH: Final = 0.2  # of a stream: below, its verdicts hardly change
+_BEGINS_IN_FLIGHT: Final = (
+    "the log begins in flight: normal is what it was then, and nothing tells whether that was healthy",
+    "record from before take-off, or compare with earlier flights (--history)",
+)
 PROFILE_LINE: Final = (
     "let the ground station download the parameters while it records, or name the outputs in an airframe "
     'file: [[actuators]] with name = "aileron_left", servo = 1, pwm_us = [1100, 1500, 1900], and so on'
@@ -129,6 +133,8 @@ def judged_axis(
         reason, remedy = _why_undecided(findings, surfaces, flight)
         if disorder := _disorder(received):
             reason = f"{reason}; {disorder}"
+    elif findings.condition == "normal" and not findings.from_take_off:
+        reason, remedy = _BEGINS_IN_FLIGHT
     axis = findings.axis
     refused = surfaces is not None and axis in surfaces.contradicted
     origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}
