@@ -38,6 +38,8 @@ _Positive = Annotated[float, Field(ge=_SMALLEST, le=_LARGEST, allow_inf_nan=Fals
 _Pulse = Annotated[int, Field(ge=0, le=65_535)]
 _NotNegative = Annotated[float, Field(ge=0, le=_LARGEST, allow_inf_nan=False)]
 
+_BEYOND = 0.05  # share of the range: an end that is trimmed is still the same calibration
+
 FILL_IN = "fill in the constants from the EMA's data sheet and the friction limits from its maker"
 
 
@@ -208,6 +210,12 @@ class Actuator(Contract):
         if not self.pwm_us[0] < self.pwm_us[1] < self.pwm_us[2]:
             raise ValueError("the pulses in pwm_us must increase; a reversal belongs into travel_deg")
         return self
+
+    @property
+    def range_us(self) -> tuple[float, float]:
+        """Shortest and longest pulse that ``pwm_us`` calibrates: ends are trimmed by some ten µs of 800."""
+        spare = _BEYOND * (self.pwm_us[2] - self.pwm_us[0])
+        return self.pwm_us[0] - spare, self.pwm_us[2] + spare
 
     @property
     def blanks(self) -> tuple[str, ...]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+from mavhums.actuator.contradictions import Contradiction, against_log
+from mavhums.actuator.contradictions import remedy as to_correct
 from mavhums.actuator.mapping import Mapper, messages_for
-from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe, packaged_airframes
+from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.app.judgeable import judgeable
@@ -78,7 +80,7 @@ def inspect_log(
         start_us = decoder.first_time_us or 0
         for said, named in fleet.listen(tables):
             if named is not None:
-                axes.announce(said.vehicle, said.time_us, start_us, named)
+                axes.announce(said.vehicle, said.frame, named)
         for _ in (
             *axes.feed(tables, start_us, admits=crowd.admits, final=final),
             *fleet.feed(tables, final=final),
@@ -159,7 +161,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
         tier=tier.name if tier else None,
         gives=tier.gives if tier else "nothing of the actuators",
         judged=judged,
-        remedy=_remedy(airframe, tier, sent, identity),
+        remedy=_remedy(airframe, tier, sent, identity, followed.told.last.found if followed else ()),
         actuators=tuple(rows),
         subjects=tuple(judgeable(identity, sent, mapper, followed)),
         usage=vehicle_usage(identity, followed, parameters, airframe) if followed else None,
@@ -167,15 +169,20 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
 
 
 def _remedy(
-    airframe: Airframe | None, tier: Tier | None, sent: Tier | None, identity: Identity
+    airframe: Airframe | None,
+    tier: Tier | None,
+    sent: Tier | None,
+    identity: Identity,
+    found: Sequence[Contradiction],
 ) -> str | None:
     """Return the obstacle to a verdict and its remedy; None if there is no obstacle."""
     if airframe is None:
-        return "; ".join(obstacle(sent, packaged_airframes(), identity))
+        return "; ".join(obstacle(sent, identity))
     blanks = sorted({blank for actuator in airframe.actuators for blank in actuator.blanks})
     if any(actuator.travel_deg is None and "V1" not in actuator.fields for actuator in airframe.actuators):
         blanks.append("travel_deg, without which a pulse is no angle")
-    parts = [f"the profile has no {', no '.join(blanks)}: {FILL_IN}"] if blanks else []
+    parts = [f"{against_log(found)}: {to_correct(found)}"] if found else []
+    parts += [f"the profile has no {', no '.join(blanks)}: {FILL_IN}"] if blanks else []
     if tier is None or not tier.judged:
         if sent is not None and sent.judged:
             parts.append(f"the log's {sent.name} telemetry is of none of the profile's actuators")

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Final
 
+from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapper
-from mavhums.actuator.profile import packaged_airframes
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.engine.axes import VehicleAxes
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
-from mavhums.health.verdict import unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict import contradicted_actuator, unjudged_actuator, unjudged_vehicle
 from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import Judgeable
 from mavhums.vehicle.identity import Identity
@@ -43,15 +43,20 @@ def judgeable(
         yield _said(verdict, judged=told)
     if mapper is None:
         surfaces = axes.surfaces if axes else None
-        for verdict in unjudged_vehicle(
-            identity.vehicle, sent, packaged_airframes(), identity, surfaces=surfaces
-        ):
+        for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces):
             yield _said(verdict, judged=False)
         return
     for actuator in mapper.airframe.actuators:
         name = mapper.tier(identity.vehicle, actuator)
         tier = tier_named(name) if name else None
         provenance = mapper.provenance(identity.vehicle, actuator)
+        against = axes.told.last.against(actuator.name) if axes else ()
+        if against:
+            why = against_log(against), remedy(against)
+            yield _said(
+                contradicted_actuator(identity.vehicle, actuator.name, why, tier, provenance), judged=False
+            )
+            continue
         verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
         yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
-from mavhums.actuator.surfaces import of_airframe
-from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.core.conditions import Condition
+from mavhums.engine.events import Notice
+from mavhums.engine.motion import TRIED_AXES, contradiction, refutation, rests_on_outputs
+from mavhums.engine.told import Known, Told
+from mavhums.health.axis.monitor import AxisMonitor, explained_by
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.log import Table
 from mavhums.report.axis_limits import AxisLimits
@@ -23,26 +26,34 @@ from mavhums.vehicle.order import Received
 from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
 from mavhums.vehicle.signals import Signal
-from mavhums.vehicle.surfaces import AXES, Surfaces, of_parameters
+from mavhums.vehicle.surfaces import Demands, Surfaces
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
 
-AxisEvent = ConditionChanged | Indication | Followed
-_TOLD_S: Final = 3
+AxisEvent = ConditionChanged | Indication | Followed | Notice
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
 _INFER_S: Final = 45
 _RETRY_S: Final = 10
-_LATEST_S: Final = 180
-_KEPT_S: Final = 120
+_LATEST_S: Final = 600
+_INFERRED_FROM_S: Final = 120
+_PARTED_S: Final = 3  # longer than an output that freezes takes to be noticed
+_INFERENCES: Final = 3
+_TRIES_S: Final = (60, 120, 180)  # of forward flight: a reference takes 45 s, and none begins later
+_RECENT_S: Final = 180  # before an alarm: with 120, two of seven wrong profiles raised it all the same
 _NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
 _FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
 
 Array = NDArray[np.float64]
+Times = NDArray[np.int64]
 
 
 class VehicleAxes:
     """The axes of one vehicle.
+
+    What moves its surfaces is part of every judgement. When that turns out to be something else, because
+    parameters come in flight, parameters or the motion contradict the profile, or an inference fails, the
+    flight so far is judged anew, and what was reported is revised by one change of condition.
 
     Parameters
     ----------
@@ -50,15 +61,15 @@ class VehicleAxes:
         System id.
     start_us
         Start of flight time, microseconds of UTC.
-    surfaces
-        Surfaces from a profile; None if the log is to define them.
-    limits
-        Limits from a profile; the defaults if None.
+    airframe
+        A profile; None if the log is to define the surfaces.
     angles
         Whether to yield the demanded and the flown angles as well, for a recording.
 
     Attributes
     ----------
+    told
+        The profile and the parameters, with the flight seconds from which they apply.
     surfaces, flight, monitor
         The surfaces, the flight and the monitor, as far as known.
     usage, grid
@@ -66,115 +77,245 @@ class VehicleAxes:
     """
 
     def __init__(
-        self,
-        vehicle: int,
-        start_us: int,
-        surfaces: Surfaces | None,
-        limits: AxisLimits | None = None,
-        *,
-        angles: bool = False,
+        self, vehicle: int, start_us: int, airframe: Airframe | None = None, *, angles: bool = False
     ) -> None:
-        self.surfaces = surfaces
-        self.monitor = AxisMonitor(vehicle, limits)
-        self.flight = Flight(surfaces)
+        self.told = Told(airframe)
+        self.surfaces = self.told.last.surfaces
+        self.monitor = AxisMonitor(vehicle, airframe.axes if airframe else None)
+        self.flight = Flight(self.surfaces)
         self.usage = Usage()
-        self._vehicle, self._angles = vehicle, angles
         self.grid = Grid(start_us)
-        self._told: list[tuple[int, Surfaces, AxisLimits | None]] = []
-        self._waiting: list[Seconds] = []
-        self._since_try = 0
+        self._vehicle, self._angles = vehicle, angles
+        self._known = self.told.last
+        self._answers: dict[str, str] = {}
+        self._now_s, self._tries = 0, 0
+        self._inferences, self._hoped_s, self._next_try_s = 0, 0, _INFER_S
+        self._reported: dict[str, Condition] = {}
+        self._shown_s: dict[str, float] = {}
 
-    def tell(self, second: int, surfaces: Surfaces, limits: AxisLimits | None = None) -> None:
-        """Take what the log reports in a flight second; it applies from three seconds later on.
-
-        Other limits begin the judgement anew.
-        """
-        self._told.append((second + _TOLD_S, surfaces, limits))
-
-    def feed(self, signals: list[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
+    def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
         """Take new samples; yield the changes of condition."""
         self.usage.feed(signals)
         seconds = self.grid.feed(signals, final=final)
         while seconds is not None:
+            first = int(seconds.index[0])
+            yield from self._apply(self.told.at(first))
+            yield from self._look(first)
             now, seconds = self._next(seconds)
-            at = 0
-            while self.surfaces is None and at < len(now.index):
-                yield from self._unknown(_part(now, at, at + 1))
-                at += 1
-            if at < len(now.index):
-                yield from self._known(_part(now, at, len(now.index)))
+            yield from self._follow(now)
+        if final:
+            yield from self._apply(self.told.last)
+            yield from self._look(self._now_s + _RETRY_S)
+
+    def _eager(self) -> bool:
+        """Return whether the outputs may be inferred for the first time in any second."""
+        return self.surfaces is None and self.flight.flown_s <= _INFER_S + _RETRY_S
+
+    def _look(self, second: int) -> Iterator[AxisEvent]:
+        """Infer the outputs, or give up inferred ones, where it is time to before a flight second.
+
+        Only the second decides when, and not how many came at once.
+        """
+        if not self._eager() and (self._now_s - 1) // _RETRY_S == second // _RETRY_S:
+            return
+        if self.surfaces is None and self.flight.flown_s >= self._next_try_s:
+            yield from self._infer()
+        elif self.flight.parted_s >= _PARTED_S:
+            self._hoped_s = self.flight.flown_s
+            self._next_try_s = self._hoped_s + _RETRY_S
+            yield from self._adopt(None, "outputs that moved as one no longer do")
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
-        """Apply surfaces due by the first second; return the seconds until the next change, and the rest."""
+        """Return the seconds until the surfaces may change, and the rest."""
         first = int(seconds.index[0])
-        while self._told and self._told[0][0] <= first:
-            self._learn(*self._told.pop(0)[1:])
-        count = len(seconds.index)
-        at = int(np.searchsorted(seconds.index, self._told[0][0])) if self._told else count
-        if at == count:
+        due = self.told.next_s(first)
+        ends = [] if due is None else [due]
+        if self._eager() or self._doubtful():
+            ends.append(first + 1)
+        elif self.surfaces is None or self.surfaces.origin == "inferred":
+            ends.append(first - first % _RETRY_S + _RETRY_S)
+        at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
+        if at == len(seconds.index):
             return seconds, None
-        return _part(seconds, 0, at), _part(seconds, at, count)
+        return _part(seconds, 0, at), _part(seconds, at, len(seconds.index))
 
-    def _learn(self, surfaces: Surfaces, limits: AxisLimits | None) -> None:
-        if limits is not None and limits != self.monitor.limits:
-            self.monitor = AxisMonitor(self._vehicle, limits)
-        told_before = self.surfaces is not None and self.surfaces.origin == "profile"
-        if told_before or surfaces == self.surfaces:
-            return
-        self.surfaces = surfaces
-        self.flight.learn(surfaces)
-        self._waiting.clear()
-
-    def _known(self, seconds: Seconds, *, again: bool = False) -> Iterator[AxisEvent]:
-        """Follow the flight; ``again`` marks seconds whose angles were shown before."""
+    def _follow(self, seconds: Seconds) -> Iterator[AxisEvent]:
         for rows in self.flight.feed(seconds):
-            if self._angles and not again:
+            if self._angles:
                 yield from _followed(self._vehicle, rows)
-            for event in self.monitor.feed(rows):
-                yield self._named(event) if isinstance(event, ConditionChanged) else event
+            self._now_s = rows.second + rows.seconds
+            events = list(self.monitor.feed(rows))
+            refuted = self._refuted(events)
+            if refuted is not None:
+                yield from self._adopt(refuted, "the motion contradicts the profile")
+                return  # all of it: doubtful seconds come one by one
+            for event in events:
+                yield from self._report(event)
 
-    def _named(self, event: ConditionChanged) -> ConditionChanged:
-        """Add the possible surfaces to the finding of an alert."""
-        suspect = self.surfaces.brief(event.actuator) if self.surfaces else ""
-        if not suspect or not event.finding:
-            return event
-        return replace(event, finding=f"{event.finding}: {suspect}?")
-
-    def _unknown(self, second: Seconds) -> Iterator[AxisEvent]:
-        """Follow the flight without its outputs, and try to infer them from its first part."""
-        self._waiting.append(second)
-        del self._waiting[:-_KEPT_S]
-        yield from self._known(second)
-        self._since_try += 1
-        if self._since_try < _RETRY_S or not _INFER_S <= self.flight.flown_s <= _LATEST_S:
+    def _apply(self, known: Known) -> Iterator[AxisEvent]:
+        """Use what is known of the outputs from now on."""
+        if known is self._known:
             return
-        self._since_try = 0
-        surfaces = self._inferred()
+        named = known.airframe is not self._known.airframe
+        self._known = known
+        if named:
+            self._answers.clear()
+            self._tries = 0
+        surfaces = self._as_it_moves(known.surfaces) if known.surfaces else self.surfaces
+        limits = known.airframe.axes if known.airframe else self.monitor.limits
+        if limits != self.monitor.limits or (surfaces is not None and self._differs(surfaces)):
+            why = "a profile names its outputs" if named else "its parameters name other outputs than before"
+            yield from self._adopt(surfaces, why, limits)
+        elif surfaces and self.surfaces and surfaces.demands == self.surfaces.demands:
+            before, self.surfaces = self.surfaces, surfaces
+            yield from self._contradicted(before)
+
+    def _differs(self, surfaces: Surfaces) -> bool:
+        """Return whether the flight must be judged anew with these surfaces.
+
+        Other trims and ranges are other units, no other outputs: for them what is no longer kept of a long
+        flight is not given up, unless they are those of a profile that the log contradicts.
+        """
+        known = self.surfaces
+        if known is None:
+            return True
+        if surfaces.demands == known.demands:
+            return False
+        alike = surfaces.same_outputs(known) and surfaces.contradicted == known.contradicted
+        return self.flight.past.is_whole or not alike
+
+    def _adopt(
+        self, surfaces: Surfaces | None, why: str, limits: AxisLimits | None = None
+    ) -> Iterator[AxisEvent]:
+        """Judge the flight anew with these surfaces, as far back as it is kept."""
+        before, self.surfaces = self.surfaces, surfaces
+        self.monitor = AxisMonitor(self._vehicle, limits or self.monitor.limits)
+        first_s, events = self._now_s, list[ConditionChanged | Indication]()
+        for rows in self.flight.learn(surfaces):
+            first_s = min(first_s, rows.second)
+            events += self.monitor.feed(rows)
+        refuted = self._refuted(events)
+        if refuted is not None:  # one axis less each time
+            self.surfaces = before
+            yield from self._adopt(refuted, "the motion contradicts the profile")
+            return
+        reported, last = dict(self._reported), dict[str, ConditionChanged]()
+        for event in events:
+            if isinstance(event, ConditionChanged):
+                last[event.actuator] = event
+            if isinstance(event, Indication) or event.actuator not in reported:
+                yield from self._report(event)
+        if reported:
+            text = f"{why}: its axes are judged anew from {first_s} s on"
+            yield Notice(float(self._now_s), self._vehicle, text)
+        yield from self._contradicted(before)
+        against = surfaces.contradicted if surfaces else {}
+        for axis, condition in reported.items():
+            yield from self._revised(axis, condition, last.get(axis), against.get(axis, why))
+
+    def _contradicted(self, before: Surfaces | None) -> Iterator[Notice]:
+        """Say what contradicts the profile, unless it was said of the surfaces before."""
+        said = before.contradicted.values() if before else ()
+        for text in dict.fromkeys(self.surfaces.contradicted.values() if self.surfaces else ()):
+            if text not in said:
+                yield Notice(float(self._now_s), self._vehicle, text)
+
+    def _doubtful(self) -> list[str]:
+        """Return the axes whose outputs only a profile names: no parameter confirms them."""
+        surfaces = self.surfaces
+        if surfaces is None or surfaces.origin != "profile":
+            return []
+        told = surfaces.confirmed | surfaces.by_log
+        return [axis for axis in TRIED_AXES if axis not in told and surfaces.of_axis(axis)]
+
+    def _refuted(self, events: Sequence[ConditionChanged | Indication]) -> Surfaces | None:
+        """Return the surfaces less the axes whose outputs the motion contradicts; None if it does of none.
+
+        It is asked in the first minutes, and before an alarm is reported that rests on outputs which only a
+        profile names.
+        """
+        surfaces, doubtful = self.surfaces, self._doubtful()
+        if surfaces is None or not doubtful:
+            return None
+        alarms = [event for event in events if rests_on_outputs(event)]
+        due = self._tries < len(_TRIES_S) and self.flight.flown_s >= _TRIES_S[self._tries]
+        self._tries += due
+        if due:
+            self._ask(surfaces, doubtful, self._now_s)
+        for alarm in alarms:
+            self._ask(surfaces, doubtful, int(alarm.time_s), alarm.actuator)
+        refuted = self._as_it_moves(surfaces)
+        return None if refuted.contradicted == surfaces.contradicted else refuted
+
+    def _ask(self, surfaces: Surfaces, axes: Sequence[str], until_s: int, alarmed: str = "") -> None:
+        """Ask the motion up to a flight second whether it answers to the outputs of axes."""
+        known = self.flight.past.last(_RECENT_S, until_s)
+        if known is None:
+            return
+        rows, pulses = known
+        rows = replace(rows, outputs=Demands(surfaces).feed(pulses))
+        for axis in axes:
+            outputs = surfaces.of_axis(axis)
+            found = contradiction(rows, pulses, axis, outputs) if axis not in self._answers else None
+            if found is not None:
+                self._answers[axis] = found
+            # the side force of the ailerons must be known to judge yaw
+            concerned = alarmed == axis or (axis == "roll" and alarmed == "yaw")
+            if concerned and not self._answers.get(axis):
+                self._answers[axis] = refutation(rows, pulses, axis, outputs, self.monitor.limits)
+
+    def _as_it_moves(self, surfaces: Surfaces) -> Surfaces:
+        """Return the surfaces, less the axes that the motion contradicts and no parameter confirms."""
+        told = surfaces.confirmed | surfaces.by_log
+        found = {axis: text for axis, text in self._answers.items() if text and axis not in told}
+        if "roll" in found:  # the side force of the ailerons must be known to judge yaw
+            found["yaw"] = found["roll"]
+        return replace(surfaces, contradicted={**surfaces.contradicted, **found}) if found else surfaces
+
+    def _revised(
+        self, axis: str, before: Condition, last: ConditionChanged | None, why: str
+    ) -> Iterator[AxisEvent]:
+        """Yield the change from what was reported of an axis to what its new judgement says."""
+        after = last.after if last else "undecided"
+        if after == before:
+            return
+        now_s = float(self._now_s)
+        rule = f"{after}: {why}"
+        change = ConditionChanged(self._vehicle, axis, now_s, now_s, before, after, rule, "effectiveness")
+        if last and after != "normal":
+            change = replace(last, time_s=now_s, before=before)
+        yield from self._report(change)
+
+    def _report(self, event: ConditionChanged | Indication) -> Iterator[AxisEvent]:
+        """Yield an event, an alert with the possible surfaces, of an indication only what is new."""
+        axis = event.actuator
+        if isinstance(event, Indication):
+            new = event.end_s > self._shown_s.get(axis, -np.inf)
+            if new.any():
+                self._shown_s[axis] = float(event.end_s[-1])
+                arrays = (event.end_s, event.value, event.low, event.high)
+                yield Indication(event.vehicle, axis, event.fault, *(array[new] for array in arrays))
+            return
+        self._reported[axis] = event.after
+        suspect = self.surfaces.brief(axis) if self.surfaces else ""
+        named = event.finding and suspect
+        yield replace(event, finding=f"{event.finding}: {suspect}?") if named else event
+
+    def _infer(self) -> Iterator[AxisEvent]:
+        """Try to infer the outputs from the last minutes, ever more rarely."""
+        since_s = self.flight.flown_s - self._hoped_s
+        self._next_try_s = self.flight.flown_s + max(_RETRY_S, since_s // 4)
+        hopeful = since_s <= _LATEST_S and self._inferences < _INFERENCES
+        known = self.flight.past.last(_INFERRED_FROM_S) if hopeful else None
+        if known is None:
+            return
+        rows, pulses = known
+        surfaces = inferred(
+            rows, pulses, lambda axis, demand, others: explained_by(axis, rows, demand, others)
+        )
         if surfaces is not None:
-            self.surfaces, waiting = surfaces, list(self._waiting)
-            self._waiting.clear()
-            self.monitor = AxisMonitor(self._vehicle, self.monitor.limits)
-            again = Flight(surfaces)
-            self.flight = again
-            for seconds in waiting:
-                yield from self._known(seconds, again=True)
-
-    def _inferred(self) -> Surfaces | None:
-        probe = Flight(None)
-        parts = [rows for seconds in self._waiting for rows in probe.feed(seconds)]
-        rows = Rows.join(parts)
-        outputs = np.concatenate([seconds.signals["outputs"] for seconds in self._waiting])
-        pulses = outputs.reshape(-1, outputs.shape[2])
-
-        def explains(axis: str, demand: Array) -> float:
-            outputs = np.full_like(rows.outputs, np.nan)
-            outputs[:, AXES.index(axis)] = demand
-            gain = new_gain(axis)
-            gain.feed(replace(rows, outputs=outputs))
-            found = gain.reference or gain.best
-            return 0.0 if found is None else found.explained
-
-        return inferred(rows, pulses, explains)
+            self._inferences += 1
+            yield from self._adopt(surfaces, "its outputs are inferred from the flight")
 
 
 class Axes:
@@ -190,12 +331,11 @@ class Axes:
 
     def __init__(self, airframe: Airframe | None = None, *, angles: bool = False) -> None:
         self._angles = angles
-        self._surfaces = of_airframe(airframe) if airframe else None
-        self._limits = airframe.axes if airframe else None
+        self._airframe = airframe
         self._signals = SignalReaders()
         self._sent = Sent()
-        self._told: dict[int, Surfaces] = {}
         self._vehicles: dict[int, VehicleAxes] = {}
+        self._announced: list[tuple[int, int, Airframe]] = []
 
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
         """Return the axes of a vehicle; None if it reported nothing about its flight."""
@@ -214,6 +354,11 @@ class Axes:
         """Return the parameters that a vehicle reported."""
         return self._sent.of(vehicle)
 
+    def told(self, vehicle: int) -> Told:
+        """Return the profile and the parameters of a vehicle."""
+        axes = self._vehicles.get(vehicle)
+        return axes.told if axes else Told(self._airframe)
+
     def flown_s(self) -> float:
         """Return the seconds of forward flight of all vehicles."""
         return float(sum(axes.flight.flown_s for axes in self._vehicles.values()))
@@ -230,57 +375,65 @@ class Axes:
 
         ``admits`` returns whether a vehicle is judged; ``final`` marks the end of the input.
         """
-        by_vehicle: dict[int, list[Signal]] = {vehicle: [] for vehicle in self._vehicles}
-        for signal in self._signals.read(tables):
-            if not admits(signal.vehicle):
-                continue
-            by_vehicle.setdefault(signal.vehicle, []).append(signal)
-        for vehicle in by_vehicle:
+
+        def axes_of(vehicle: int) -> VehicleAxes:
             if vehicle not in self._vehicles:
-                self._vehicles[vehicle] = self._new(vehicle, start_us, self._surfaces)
-        self._hear(tables, start_us, admits)
-        for vehicle, signals in by_vehicle.items():
-            yield from self._vehicles[vehicle].feed(signals, final=final)
+                new = VehicleAxes(vehicle, start_us, self._airframe, angles=self._angles)
+                self._vehicles[vehicle] = new
+            return self._vehicles[vehicle]
 
-    def _new(self, vehicle: int, start_us: int, surfaces: Surfaces | None) -> VehicleAxes:
-        return VehicleAxes(vehicle, start_us, surfaces, self._limits, angles=self._angles)
+        by_vehicle: dict[int, list[Signal]] = {}
+        for signal in self._signals.read(tables):
+            if admits(signal.vehicle):
+                by_vehicle.setdefault(signal.vehicle, []).append(signal)
+        for vehicle in by_vehicle:
+            axes_of(vehicle)
+        self._hear(tables, by_vehicle, axes_of, admits)
+        for vehicle, axes in self._vehicles.items():
+            yield from axes.feed(by_vehicle.get(vehicle, ()), final=final)
 
-    def announce(self, vehicle: int, time_us: int, start_us: int, airframe: Airframe) -> None:
-        """Apply the profile that a vehicle named."""
-        surfaces = of_airframe(airframe)
-        if surfaces is None or self._surfaces is not None:
-            return
-        if vehicle not in self._vehicles:
-            self._vehicles[vehicle] = self._new(vehicle, start_us, None)
-        self._vehicles[vehicle].tell((time_us - start_us) // 1_000_000, surfaces, airframe.axes)
+    def announce(self, vehicle: int, frame: int, airframe: Airframe) -> None:
+        """Apply the profile that a vehicle named at a place in the log; before the tables of that place."""
+        if self._airframe is None:
+            self._announced.append((vehicle, frame, airframe))
 
-    def _hear(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
-        """Take the outputs' functions from the parameters, second by second, in the order of sending."""
-        heartbeats = tables.get("HEARTBEAT")
-        if heartbeats is not None:
-            self._sent.take({"HEARTBEAT": heartbeats})
-        if self._surfaces is None:
-            for message, field in _NAMES.items():
-                if message in tables:
-                    self._hear_parameters(tables[message], field, start_us, admits)
+    def _hear(
+        self,
+        tables: Mapping[str, Table],
+        signals: Mapping[int, Sequence[Signal]],
+        axes_of: Callable[[int], VehicleAxes],
+        admits: Callable[[int], bool],
+    ) -> None:
+        """Take the outputs' functions from profiles and parameters, in the order of sending."""
+        while self._announced:
+            vehicle, frame, airframe = self._announced.pop(0)
+            axes = axes_of(vehicle)
+            [second] = axes.grid.reached_s(np.array([frame]), signals.get(vehicle, ())).tolist()
+            axes.told.name(second, airframe)
+        for message, field in _NAMES.items():
+            if message not in tables:
+                continue
+            named = [name.startswith(_FUNCTIONS) for name in tables[message].texts(field)]
+            sent = tables[message].select(np.array(named, dtype=bool))
+            for vehicle in filter(admits, np.unique(sent.system).tolist()):
+                own = sent.select(sent.system == vehicle)
+                self._hear_parameters(
+                    axes_of(vehicle), own, tables.get("HEARTBEAT"), signals.get(vehicle, ())
+                )
+        if "HEARTBEAT" in tables:
+            self._sent.take({"HEARTBEAT": tables["HEARTBEAT"]})
 
-    def _hear_parameters(self, sent: Table, field: str, start_us: int, admits: Callable[[int], bool]) -> None:
-        named = np.array([name.startswith(_FUNCTIONS) for name in sent.texts(field)], dtype=bool)
-        sent = sent.select(named)
-        seconds = (sent.time_us - start_us) // 1_000_000
-        for vehicle in np.unique(sent.system).tolist():
-            axes = self._vehicles.get(vehicle)
-            if axes is None:
-                if not admits(vehicle):
-                    continue
-                axes = self._vehicles[vehicle] = self._new(vehicle, start_us, None)
-            for second in np.unique(seconds[sent.system == vehicle]).tolist():
-                rows = (sent.system == vehicle) & (seconds == second)
-                self._sent.take({sent.name: sent.select(rows)})
-                surfaces = of_parameters(self._sent.of(vehicle))
-                if surfaces is not None and surfaces != self._told.get(vehicle):
-                    self._told[vehicle] = surfaces
-                    axes.tell(second, surfaces)
+    def _hear_parameters(
+        self, axes: VehicleAxes, sent: Table, heartbeats: Table | None, signals: Sequence[Signal]
+    ) -> None:
+        [vehicle] = np.unique(sent.system).tolist()
+        seconds = axes.grid.reached_s(sent.frame, signals)
+        for second in np.unique(seconds).tolist():
+            now = sent.select(seconds == second)
+            if heartbeats is not None:  # what an integer parameter means depends on the autopilot
+                self._sent.take({"HEARTBEAT": heartbeats.select(heartbeats.frame < now.frame[-1])})
+            self._sent.take({sent.name: now})
+            axes.told.hear(second, self._sent.of(vehicle))
 
 
 def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:

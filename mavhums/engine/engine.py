@@ -9,18 +9,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 from typing import Final
 
+import numpy as np
+
+from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
-from mavhums.actuator.profile import Airframe, packaged_airframes
+from mavhums.actuator.profile import Airframe
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
-from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
+from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
 from mavhums.health.axis.past import against_flights
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
@@ -29,7 +34,13 @@ from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.monitor import Monitor
 from mavhums.health.own.registry import comparable
 from mavhums.health.own.verdict import held_against
-from mavhums.health.verdict import crowded_out, judged, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict import (
+    contradicted_actuator,
+    crowded_out,
+    judged,
+    unjudged_actuator,
+    unjudged_vehicle,
+)
 from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
@@ -121,8 +132,11 @@ class Engine:
     def finish(self) -> list[Event]:
         """End the input; judge the remaining data and return the events."""
         events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True), final=True)]
-        for monitor in self._monitors.values():
-            events.extend(monitor.finish())
+        for (vehicle, actuator), monitor in list(self._monitors.items()):
+            if self._axes.told(vehicle).last.against(actuator):
+                events.extend(self._forget(vehicle, actuator, self._end_s(vehicle)))
+            else:
+                events.extend(monitor.finish())
         return events
 
     def assessment(
@@ -153,6 +167,7 @@ class Engine:
                 losses=with_drops(decoder.losses, self._clocks, self._axes),
                 format=decoder.format,
                 flight=tuple(map(self._identity, vehicles)),
+                notices=tuple(self._notices(vehicles)),
             ),
             airframe=", ".join(names) or None,
             model=next((said for said in map(_summary, self._models) if said in voted), None),
@@ -180,6 +195,13 @@ class Engine:
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
         return dict(self._profiles)
+
+    def _notices(self, vehicles: tuple[int, ...]) -> Iterator[str]:
+        for vehicle in vehicles:
+            followed = self._axes.vehicle(vehicle)
+            if followed is not None and self._crowd.admits(vehicle):
+                whose = f"vehicle {vehicle}: " if len(vehicles) > 1 else ""
+                yield from (f"{whose}{said}" for said in notices(followed.told.last, followed.surfaces))
 
     def _usage(self, vehicle: int) -> VehicleUsage | None:
         followed, mapper = self._axes.vehicle(vehicle), self._mappers.mapper(vehicle)
@@ -233,8 +255,7 @@ class Engine:
         for said, airframe in self._mappers.listen(tables):
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
-                start_us = self._decoder.first_time_us or 0
-                self._axes.announce(said.vehicle, said.time_us, start_us, airframe)
+                self._axes.announce(said.vehicle, said.frame, airframe)
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
@@ -246,19 +267,39 @@ class Engine:
         actuator = mapped.actuator
         time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
-        key = (mapped.vehicle, actuator.name)
+        airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
+        refused = self._axes.told(mapped.vehicle).refused(actuator.name, time_s)
+        edges = (np.flatnonzero(np.diff(refused)) + 1).tolist()
+        for a, b in pairwise([0, *edges, time_s.size]):
+            if refused[a]:
+                yield from self._forget(mapped.vehicle, actuator.name, float(time_s[a]))
+                continue
+            bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
+            monitor = self._monitor(mapper, mapped)
+            yield from monitor.feed(
+                time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b]
+            )
+
+    def _monitor(self, mapper: Mapper, mapped: Mapped) -> Monitor:
+        key = (mapped.vehicle, mapped.actuator.name)
         if key not in self._monitors:
             self._profiles[key] = mapper.airframe.name
             self._monitors[key] = Monitor(
                 mapped.vehicle,
-                actuator,
+                mapped.actuator,
                 self._serving(mapper.airframe),
                 baselines=self._baselines_of(key, mapper.airframe.name),
                 false_alarms=self._false_alarms,
                 recorded=self._keeps_records,
             )
-        airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
-        yield from self._monitors[key].feed(time_s, mapped.values, mapped.measured, mapped.bus_v, airspeed)
+        return self._monitors[key]
+
+    def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[ConditionChanged]:
+        """Forget what was judged of an actuator whose output, as the log tells now, moves something else."""
+        monitor = self._monitors.pop((vehicle, actuator), None)
+        if monitor is not None and monitor.condition != "undecided":
+            why = f"undecided: {against_log(self._axes.told(vehicle).last.against(actuator))}"
+            yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
 
     def _serving(self, airframe: Airframe) -> list[Model]:
         return [model for model in self._models if model.card.airframe == airframe.name]
@@ -290,7 +331,11 @@ class Engine:
     def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
         actuators = [*self._verdicts(vehicle, tier, indicators)]
-        own = any(v.condition != "unmonitored" and v.actuator != ALL for v in actuators)
+        told = self._axes.told(vehicle or 0).last
+        own = any(
+            v.condition != "unmonitored" and v.actuator != ALL and not told.against(v.actuator)
+            for v in actuators
+        )
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
@@ -323,16 +368,23 @@ class Engine:
             identity = None if vehicle is None else self._identities.of(vehicle)
             followed = None if vehicle is None else self._axes.vehicle(vehicle)
             surfaces = followed.surfaces if followed else None
-            yield from unjudged_vehicle(vehicle, tier, packaged_airframes(), identity, surfaces=surfaces)
+            yield from unjudged_vehicle(vehicle, tier, identity, surfaces=surfaces)
             return
         if not self._crowd.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST)
             return
         past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}
+        told = self._axes.told(vehicle).last
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get((vehicle, actuator.name))
             own = mapper.tier(vehicle, actuator)
             provenance = mapper.provenance(vehicle, actuator)
+            against = told.against(actuator.name)
+            if against:
+                why = against_log(against), remedy(against)
+                sent = tier_named(own) if own else tier
+                yield contradicted_actuator(vehicle, actuator.name, why, sent, provenance)
+                continue
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
                 continue

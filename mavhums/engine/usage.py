@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.axes import VehicleAxes
 from mavhums.report.usage import OutputUsage, VehicleUsage
@@ -40,7 +41,8 @@ def vehicle_usage(
     parameters
         The parameters in the log.
     airframe
-        The vehicle's profile, which takes precedence over the parameters; None without one.
+        The vehicle's profile, which takes precedence over the parameters where these do not contradict it;
+        None without one.
     """
     known = dict(_known(parameters, airframe, axes.surfaces))
     used = axes.usage.outputs
@@ -64,8 +66,13 @@ def _known(
     for output in control_surfaces(parameters):
         if output.servo <= OUTPUTS:
             yield output.servo, _Known(output.surface, "parameters", output.pwm_us)
+    wrong = {
+        one.servo
+        for one in (contradictions(airframe, parameters) if airframe else ())
+        if one.key != "travel_deg"
+    }
     for actuator in airframe.actuators if airframe else ():
-        if actuator.servo <= OUTPUTS:
+        if actuator.servo <= OUTPUTS and actuator.servo not in wrong:
             low, zero, high = (round(pulse) for pulse in actuator.pwm_us)
             yield actuator.servo, _Known(actuator.name, "profile", (low, zero, high))
 

@@ -49,6 +49,10 @@ class Episodes:
         """Start an episode, and end the previous one at its start."""
         if self._episodes:
             self._episodes[-1].end_s = episode.start_s
+        self.add(episode)
+
+    def add(self, episode: Episode) -> None:
+        """Add an episode beside the others, which go on."""
         if len(self._episodes) == _MOST_EPISODES:
             del self._episodes[_MOST_EPISODES // 2]
         self._episodes.append(episode)

@@ -163,7 +163,8 @@ class IndicatorTracker:
         value, printed = float(judged.value[0]), float(half_width(judged, tail=0.025)[0])
         self.concluded = Interval(estimate=value, low=value - printed, high=value + printed)
         self.latest = Estimate(value, float(judged.error[0]), float(judged.freedom[0]))
-        self.episodes.begin(Episode(self.decision.condition, start_s, end_s, float(size[0])))
+        # The whole flight began before every window: what it shows lies beside their episodes and ends none.
+        self.episodes.add(Episode(self.decision.condition, start_s, end_s, float(size[0])))
 
     def _shown(self, shown: int, value: float) -> int:
         """Prevent a merely inconclusive window from ending a fault: its estimate must be normal, too."""

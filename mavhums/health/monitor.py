@@ -185,6 +185,11 @@ class Monitor:
         self._friction = (friction and friction.concluded) or self._friction
 
     @property
+    def condition(self) -> Condition:
+        """The actuator's present condition."""
+        return self._held.condition
+
+    @property
     def worst(self) -> Condition:
         """The actuator's worst condition so far."""
         return self._held.worst

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.vehicle.identity import Identity
 
@@ -14,16 +12,15 @@ _DRAFT = (
 )
 
 
-def obstacle(
-    tier: Tier | None, airframes: Sequence[str], identity: Identity | None = None
-) -> tuple[str, str]:
+def obstacle(tier: Tier | None, identity: Identity | None = None) -> tuple[str, str]:
     """Return reason and remedy for a vehicle without a profile.
 
-    The remedy asks for a profile only if the log carries telemetry that could be judged with one.
+    The remedy asks for a profile only if the log carries telemetry that could be judged with one, and never
+    for a packaged one: those are of other aircraft, and a log that is of one names it.
 
     Examples
     --------
-    >>> obstacle(None, ["paper"], Identity(1, "quadrotor", multirotor=True))[0]
+    >>> obstacle(None, Identity(1, "quadrotor", multirotor=True))[0]
     'quadrotor: a multirotor has no control surfaces whose servos could be judged'
     """
     who = f"{identity}: " if identity is not None and str(identity) else ""
@@ -42,4 +39,4 @@ def obstacle(
     reason = "no airframe profile: one actuator's limits say nothing about another's"
     if tier.from_esc:
         reason += ", and an ESC may drive a propeller: only a profile tells which drives a servo"
-    return who + reason, f"{_DRAFT}, or one of: {', '.join(airframes)}"
+    return who + reason, _DRAFT

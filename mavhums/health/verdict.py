@@ -26,7 +26,15 @@ from mavhums.report.assessment import (
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
 
-__all__ = ["Held", "against_baseline", "crowded_out", "judged", "unjudged_actuator", "unjudged_vehicle"]
+__all__ = [
+    "Held",
+    "against_baseline",
+    "contradicted_actuator",
+    "crowded_out",
+    "judged",
+    "unjudged_actuator",
+    "unjudged_vehicle",
+]
 
 _MOSTLY = 0.1
 
@@ -171,6 +179,22 @@ def unjudged_actuator(
     )
 
 
+def contradicted_actuator(
+    vehicle: int, name: str, why: tuple[str, str], tier: Tier | None, provenance: dict[str, str]
+) -> Verdict:
+    """Return the verdict on an actuator whose output moves something else; ``why`` is reason and remedy."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=name,
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        provenance=provenance,
+        reason=why[0],
+        remedy=why[1],
+    )
+
+
 def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
     if tier is None:
         return f"the log carries no telemetry of servo {actuator.servo}"
@@ -182,7 +206,6 @@ def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
 def unjudged_vehicle(
     vehicle: int | None,
     tier: Tier | None,
-    airframes: list[str],
     identity: Identity | None = None,
     *,
     surfaces: Surfaces | None = None,
@@ -198,7 +221,7 @@ def unjudged_vehicle(
     if vehicle is None:
         reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"
     else:
-        reason, remedy = obstacle(tier, airframes, identity)
+        reason, remedy = obstacle(tier, identity)
     silent = vehicle is not None and (tier is None or not tier.judged)
     condition: Condition = "unmonitored" if silent else "undecided"
     yield Verdict(

@@ -253,10 +253,10 @@ def finding(item: Evidence) -> str:
 
 
 def explained(assessment: Assessment) -> dict[tuple[Condition, str, str], list[Verdict]]:
-    """Return the actuators without a known limit by condition, reason and remedy."""
+    """Return the actuators without a known limit, and what must be said of normal ones, by reason."""
     return {
         (condition, *why): verdicts
-        for condition in _COMPARED
+        for condition in (*_COMPARED, "normal")
         for why, verdicts in _by_reason(assessment, condition).items()
     }
 
@@ -269,7 +269,7 @@ def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
 def _by_reason(assessment: Assessment, condition: Condition) -> dict[tuple[str, str], list[Verdict]]:
     groups: dict[tuple[str, str], list[Verdict]] = {}
     for verdict in assessment.verdicts:
-        if verdict.condition == condition:
+        if verdict.condition == condition and (verdict.reason or condition != "normal"):
             reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE[condition]
             groups.setdefault((reason.rstrip("."), remedy.rstrip(".")), []).append(verdict)
     return groups

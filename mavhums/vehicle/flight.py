@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.speed import Speed
 from mavhums.vehicle.surfaces import AXES, Demands, Surfaces
@@ -37,79 +38,6 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """Whole seconds of one flight without a gap; each array has ``RATE_HZ`` rows per second.
-
-    Attributes
-    ----------
-    second
-        Number of the first flight second.
-    fresh
-        Whether the preceding second is unknown.
-    roll_rate, pitch_rate, yaw_rate
-        Body rates, rad/s.
-    side_force, load
-        Specific force to the right, m/s², and downwards in g.
-    roll, pitch, roll_demand, pitch_demand
-        Measured and demanded angles, rad.
-    speed
-        Airspeed from the sensor or from the wind triangle, m/s.
-    flying
-        Whether the vehicle is a fixed wing in forward flight.
-    trusted
-        Whether the airspeed can be relied on.
-    spacing
-        Spacing of the samples around each row, s: the longer one of the outputs and the rates.
-    outputs
-        Demand about roll, pitch and yaw from the servo outputs, ±1 at full travel, shape (n, 3).
-    """
-
-    second: int
-    fresh: bool
-    roll_rate: Array
-    pitch_rate: Array
-    yaw_rate: Array
-    side_force: Array
-    load: Array
-    roll: Array
-    pitch: Array
-    roll_demand: Array
-    pitch_demand: Array
-    speed: Array
-    flying: Flags
-    trusted: Flags
-    spacing: Array
-    outputs: Array
-
-    def __len__(self) -> int:
-        return len(self.speed)
-
-    @property
-    def seconds(self) -> int:
-        """Number of seconds."""
-        return len(self.speed) // RATE_HZ
-
-    def demand(self, axis: str) -> Array:
-        """Return the demand of the servo outputs about an axis."""
-        return self.outputs[:, AXES.index(axis)]
-
-    def cut(self, first: int, last: int) -> Rows:
-        """Return the seconds from ``first`` to before ``last``, as indices into these seconds."""
-        a, b = first * RATE_HZ, last * RATE_HZ
-        arrays = (getattr(self, name)[a:b] for name in _ARRAYS)
-        return Rows(self.second + first, self.fresh and first == 0, *arrays)
-
-    @classmethod
-    def join(cls, parts: list[Rows]) -> Rows:
-        """Join consecutive rows."""
-        arrays = (np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS)
-        return cls(parts[0].second, parts[0].fresh, *arrays)
-
-
-_ARRAYS: Final = tuple(field.name for field in fields(Rows)[2:])
-
-
 class Flight:
     """Converts settled seconds to rows.
 
@@ -124,6 +52,8 @@ class Flight:
         Seconds of forward flight so far, and the highest airspeed, m/s.
     doubted_s
         Seconds of these in which the airspeed sensor contradicted ground speed and wind.
+    parted_s
+        Seconds of these in which outputs that were inferred as one did not move as one.
     kinds
         MAV_TYPEs that the vehicle reported.
     heard
@@ -131,21 +61,35 @@ class Flight:
     """
 
     def __init__(self, surfaces: Surfaces | None) -> None:
-        self._lift = [servo - 1 for servo in surfaces.lift] if surfaces else []
-        self._demands = Demands(surfaces) if surfaces else None
+        self._past = PastRows()
+        self._know(surfaces)
         self._speed = Speed()
         self._next: int | None = None
         self._run = 0
         self.flown_s = 0
         self.doubted_s = 0
+        self.parted_s = 0.0
         self.fastest = 0.0
         self.kinds: set[int] = set()
         self.heard: set[str] = set()
 
-    def learn(self, surfaces: Surfaces) -> None:
-        """Take the outputs' functions if the log contains them late."""
-        self._lift = [servo - 1 for servo in surfaces.lift]
-        self._demands = Demands(surfaces)
+    @property
+    def past(self) -> PastRows:
+        """The rows so far, without demands."""
+        return self._past
+
+    def _know(self, surfaces: Surfaces | None) -> None:
+        self._lift = [servo - 1 for servo in surfaces.lift] if surfaces else []
+        self._demands = Demands(surfaces) if surfaces else None
+        self.parted_s = 0.0
+
+    def learn(self, surfaces: Surfaces | None) -> Iterator[Rows]:
+        """Take other surfaces for the whole flight; yield its rows so far with their demands."""
+        self._know(surfaces)
+        for rows, pulses in self._past:
+            up = rows.flying & ~self._lifts(pulses)
+            self.flown_s += _whole_seconds(up) - _whole_seconds(rows.flying)
+            yield replace(rows, flying=up, outputs=self._demand(pulses, up))
 
     def feed(self, seconds: Seconds) -> Iterator[Rows]:
         """Yield the rows of these seconds, as runs without a gap."""
@@ -162,15 +106,16 @@ class Flight:
         self.heard |= {name for name in flat.keys() - self.heard if np.isfinite(flat[name]).any()}
         if self.heard & {"outputs_2", "outputs_3"}:
             self.heard.add("outputs")
-        rates = np.where(np.isfinite(flat["rates"]), flat["rates"], flat["slow_rates"])
-        speed, trusted = self._speed.feed(signals)
+        gyro = np.asarray(np.isfinite(flat["rates"]).all(axis=1))
+        rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
+        speed, trusted, source = self._speed.feed(signals)
         flying = self._flying(flat, speed, fresh)
-        self.doubted_s += int((flying & ~trusted).reshape(-1, RATE_HZ).all(axis=1).sum())
+        self.doubted_s += _whole_seconds(flying & ~trusted)
         autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
         unled = (autopilot == _ARDUPILOT) & np.isin(mode, _UNLED_MODES)
         demand = np.where(unled[:, None], np.nan, flat["demand"])
-        unknown = np.full((len(speed), len(AXES)), np.nan)
-        return Rows(
+        pulses = all_outputs(flat)
+        rows = Rows(
             second=first,
             fresh=fresh,
             roll_rate=rates[:, 0],
@@ -185,9 +130,23 @@ class Flight:
             speed=speed,
             flying=flying,
             trusted=trusted,
+            sources=2.0 * source + gyro,
             spacing=_spacing(flat),
-            outputs=self._demands.feed(all_outputs(flat)) if self._demands else unknown,
+            outputs=self._demand(pulses, flying),
         )
+        self._past.add(rows, pulses)
+        return rows
+
+    def _demand(self, pulses: Array, flying: Flags) -> Array:
+        if self._demands is None:
+            return np.full((len(pulses), len(AXES)), np.nan)
+        demand = self._demands.feed(pulses)
+        self.parted_s += int((self._demands.parted & flying).sum()) / RATE_HZ
+        return demand
+
+    def _lifts(self, pulses: Array) -> Flags:
+        """Return where a lift motor runs."""
+        return np.asarray((pulses[:, self._lift] > _LIFTING_US).any(axis=1))
 
     def _flying(self, flat: dict[str, Array], speed: Array, fresh: bool) -> Flags:
         kind, autopilot, armed, mode = flat["state"].T
@@ -196,8 +155,7 @@ class Flight:
         wing = (kind == _FIXED_WING) | (np.isin(kind, _VTOL) & forward)
         wing &= (flat["vtol"][:, 0] == _VTOL_FORWARD) | ~(flat["vtol"][:, 0] > 0)
         hovering = (autopilot == _ARDUPILOT) & np.isin(mode, _HOVERING_MODES)
-        if self._lift:
-            hovering |= (flat["outputs"][:, self._lift] > _LIFTING_US).any(axis=1)
+        hovering = hovering | self._lifts(flat["outputs"])
         ground = flat["groundspeed"][:, 0]
         moving = (speed > _LEAST_SPEED) & ((ground > _LEAST_GROUND_SPEED) | np.isnan(ground))
         up = wing & ~hovering & (armed > 0) & moving & (flat["landed"][:, 0] != _ON_GROUND)
@@ -212,10 +170,15 @@ class Flight:
         run = np.where(last_down < 0, self._run + rows + 1, rows - last_down)
         self._run = int(run[-1])
         flying = run >= _AIRBORNE_S * RATE_HZ
-        self.flown_s += int(flying.reshape(-1, RATE_HZ).all(axis=1).sum())
+        self.flown_s += _whole_seconds(flying)
         if up.any():
             self.fastest = max(self.fastest, float(speed[up].max()))
         return flying
+
+
+def _whole_seconds(rows: Flags) -> int:
+    """Return the number of seconds whose rows are all true."""
+    return int(rows.reshape(-1, RATE_HZ).all(axis=1).sum())
 
 
 def _spacing(flat: dict[str, Array]) -> Array:

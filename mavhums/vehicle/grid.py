@@ -85,6 +85,18 @@ class Grid:
         """Number of samples that are kept for the seconds to come."""
         return sum(time_s.size for time_s in self._times.values())
 
+    def reached_s(self, frames: Times, signals: Sequence[Signal]) -> Times:
+        """Return the second of the latest sample before places in the log, (n,), given the next signals.
+
+        It is 0 before the first sample, and never before a second that is settled.
+        """
+        frame = np.concatenate([np.empty(0, dtype=np.int64), *(signal.frame for signal in signals)])
+        time_s = np.concatenate([np.empty(0), *((s.time_us - self._start_us) / 1e6 for s in signals)])
+        order = np.argsort(frame, kind="stable")
+        latest = np.maximum.accumulate(np.append(max(self._order.newest_s, 0.0), time_s[order]))
+        reached: Times = np.floor(latest[np.searchsorted(frame[order], frames)]).astype(np.int64)
+        return reached
+
     def received(self) -> dict[str, Received]:
         """Return, by message, how many samples were kept, came late, or came twice."""
         found: dict[str, Received] = {}

@@ -1,8 +1,12 @@
 """Infers which outputs move the aircraft from its response, if no parameter and no profile defines them.
 
-Roll: the output to which the roll rate responds, and the outputs that move with it. Pitch: the one other
-output to which the pitch acceleration responds, if no second output is nearly as good. A rudder cannot be
-inferred in this way: it mostly moves with the ailerons.
+Roll: the output to which the roll rate responds, and the outputs that move as one with it. Pitch: the one
+other output to which the pitch acceleration responds, if no second output is nearly as good. A rudder cannot
+be inferred in this way: it mostly moves with the ailerons.
+
+An inference must be the only one that the flight allows. Elevons move with pitch as well, so that another
+output explains what one of them leaves; a rudder that an autopilot mixes with the roll demand of elevons
+is the difference of two other outputs. Neither is taken for an aileron.
 """
 
 from __future__ import annotations
@@ -13,23 +17,28 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.signals import OUTPUTS
-from mavhums.vehicle.surfaces import Moved, Surfaces
+from mavhums.vehicle.surfaces import ALIKE_US, Moved, Surfaces
 
 __all__ = ["inferred"]
 
 _MOVES_US: Final = 10.0
 _HALF_US: Final = 400.0
-_ALIKE: Final = 0.97
+_AS_ONE: Final = 0.99  # share of the rows in which outputs with one demand differ by less than ALIKE_US
+_ROLLS_RAD_S: Final = 0.05  # deviation of the roll rate: without turns any slow output explains what is left
 _ROLL: Final = 0.6
 _PITCH: Final = 0.35
-_APART: Final = 2.0
+_APART: Final = 2.0  # the second best output leaves so many times as much, or explains so many times less
+_MIXED: Final = (
+    0.4  # of what ailerons leave, others explained up to 0.35 in development, of elevons from 0.48
+)
+_DOUBLE: Final = 0.95  # share of a demand that other outputs carry as well
 
 Array = NDArray[np.float64]
 
-Explains = Callable[[str, Array], float]
-"""How well an axis, by name, is explained by a demand of shape (n,): a share from 0 to 1."""
+Explains = Callable[[str, Array, Array], tuple[float, float]]
+"""How much of the motion about an axis a demand (n,) explains, and how much of the rest others (n, k) do."""
 
 
 def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
@@ -46,20 +55,23 @@ def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
     """
     moving = [k for k in range(OUTPUTS) if rows.flying.any() and _moves(pulses[rows.flying, k])]
     flying = rows.flying & np.isfinite(pulses[:, moving]).all(axis=1)
-    if not moving or not flying.any():
+    if not moving or not flying.any() or float(np.nanstd(rows.roll_rate[flying])) < _ROLLS_RAD_S:
         return None
-    centred = {k: pulses[:, k] - float(np.median(pulses[flying, k])) for k in moving}
-    rolls = {k: explains("roll", centred[k] / _HALF_US) for k in moving}
-    best = max(rolls, key=rolls.__getitem__, default=None)
-    if best is None or rolls[best] < _ROLL:
+    demands = {k: (pulses[:, k] - float(np.median(pulses[flying, k]))) / _HALF_US for k in moving}
+    none = np.empty((len(rows), 0))
+    rolls = {k: explains("roll", demands[k], none)[0] for k in moving}
+    best = max(rolls, key=rolls.__getitem__)
+    slopes = {k: _slope(demands[k][flying], demands[best][flying]) for k in moving}
+    alike = [k for k in moving if _are_one(demands[k][flying], slopes[k] * demands[best][flying])]
+    others = [k for k in moving if k not in alike]
+    beside = np.column_stack([none, *(demands[k] for k in others)])
+    second = max((rolls[k] for k in others), default=0.0)
+    if rolls[best] < _ROLL or 1.0 - second < _APART * (1.0 - rolls[best]):
         return None
-    alike = {k: float(np.corrcoef(centred[k][flying], centred[best][flying])[0, 1]) for k in moving}
-    found = [
-        _moved(k, "aileron", pulses, flying, _slope(centred[k][flying], centred[best][flying]))
-        for k in moving
-        if abs(alike[k]) >= _ALIKE
-    ]
-    rest = {k: explains("pitch", centred[k] / _HALF_US) for k in moving if abs(alike[k]) < _ALIKE}
+    if _carried(demands[best][flying], beside[flying]) or explains("roll", demands[best], beside)[1] > _MIXED:
+        return None
+    found = [_moved(k, "aileron", pulses, flying, slopes[k]) for k in alike]
+    rest = {k: explains("pitch", demands[k], none)[0] for k in others}
     order = sorted(rest, key=rest.__getitem__, reverse=True)
     if order and rest[order[0]] >= _PITCH and (len(order) < 2 or rest[order[0]] > _APART * rest[order[1]]):
         found.append(_moved(order[0], "elevator", pulses, flying, 1.0))
@@ -76,6 +88,19 @@ def _slope(pulses: Array, best: Array) -> float:
     Outputs that move together then give the same demand, so that one of them that stops changes nothing.
     """
     return float(pulses @ best) / float(best @ best)
+
+
+def _are_one(demand: Array, expected: Array) -> bool:
+    """Return whether two outputs carry one demand."""
+    return bool((np.abs(demand - expected) * _HALF_US <= ALIKE_US).mean() >= _AS_ONE)
+
+
+def _carried(demand: Array, others: Array) -> bool:
+    """Return whether other outputs together carry nearly the same demand."""
+    if not others.size:
+        return False
+    left = demand - others @ np.linalg.lstsq(others, demand, rcond=None)[0]
+    return float(left @ left) <= (1.0 - _DOUBLE) * float(demand @ demand)
 
 
 def _moved(k: int, surface: str, pulses: Array, flying: NDArray[np.bool_], slope: float) -> Moved:

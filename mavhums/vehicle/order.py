@@ -60,6 +60,11 @@ class Order:
         """Flight time before which no sample is taken any more: a whole second, or minus infinity."""
         return float(self._state[_SETTLED])
 
+    @property
+    def newest_s(self) -> float:
+        """Flight time of the newest sample of any stream; minus infinity before the first."""
+        return float(self._state[_NEWEST])
+
     def received(self, name: str) -> Received:
         """Return the numbers of a signal's samples so far."""
         return Received(*self._counts[self._places[name]].tolist())

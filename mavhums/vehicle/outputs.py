@@ -2,6 +2,7 @@
 
 Motors, throttle and gimbals, for example, are not control surfaces. Functions: ArduPilot SERVOn_FUNCTION;
 PX4 PWM_MAIN_FUNCn, PWM_AUX_FUNCn or UAVCAN_SV_FUNCn = 201 + k, with the type of surface k in CA_SV_CSk_TYPE.
+Functions that pass a channel through, or leave the output to a script, tell nothing of what it moves.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import NamedTuple
 
 from mavhums.vehicle.parameters import Parameters
 
-__all__ = ["Output", "control_surfaces"]
+__all__ = ["Output", "assigned_outputs", "control_surfaces"]
 
 _ARDUPILOT = {
     2: "flap",
@@ -31,6 +32,17 @@ _ARDUPILOT = {
     86: "left spoiler 2",
     87: "right spoiler 2",
     110: "airbrake",
+}
+_NO_SURFACES = {
+    26: "ground steering",
+    27: "parachute",
+    28: "gripper",
+    29: "landing gear",
+    **{33 + k: f"motor {k + 1}" for k in range(8)},
+    70: "throttle",
+    73: "left throttle",
+    74: "right throttle",
+    **{82 + k: f"motor {k + 9}" for k in range(4)},
 }
 _PX4 = {
     1: "left aileron",
@@ -52,6 +64,7 @@ _PX4 = {
 }
 _PX4_UNTOLD = (0, 12)  # not set, custom
 _PX4_FIRST_SERVO = 201
+_PX4_MOTORS = range(101, 113)
 _CHANNELS = 32
 
 
@@ -74,7 +87,7 @@ _BUSES = (
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A servo output that moves a control surface.
+    """A servo output and what it moves.
 
     Attributes
     ----------
@@ -90,6 +103,11 @@ class Output:
         Source of these pulses.
     is_reversed
         Whether the autopilot reverses the direction; the pulses in the log already include the reversal.
+    is_surface
+        Whether ``surface`` is a control surface; a motor or a throttle is not.
+    ends_by, direction_by
+        The parameters that give the smallest and the largest pulse, an empty text if the log lacks one; and
+        those that give the direction.
     """
 
     servo: int
@@ -98,6 +116,21 @@ class Output:
     pwm_us: tuple[int, int, int]
     calibrated_by: str
     is_reversed: bool
+    is_surface: bool = True
+    ends_by: str = ""
+    direction_by: str = ""
+
+
+def assigned_outputs(parameters: Parameters) -> list[Output]:
+    """Return the outputs whose parameters tell what they move, in the order of their channels.
+
+    Examples
+    --------
+    >>> [output] = assigned_outputs(Parameters(1, False, {"SERVO3_FUNCTION": 70.0}))
+    >>> output.surface, output.is_surface
+    ('throttle', False)
+    """
+    return list(_px4(parameters.values) if parameters.is_px4 else _ardupilot(parameters.values))
 
 
 def control_surfaces(parameters: Parameters) -> list[Output]:
@@ -110,57 +143,76 @@ def control_surfaces(parameters: Parameters) -> list[Output]:
     >>> output.servo, output.surface, output.pwm_us
     (2, 'elevator', (1000, 1480, 2000))
     """
-    return list(_px4(parameters.values) if parameters.is_px4 else _ardupilot(parameters.values))
+    return [output for output in assigned_outputs(parameters) if output.is_surface]
 
 
 def _ardupilot(values: Mapping[str, float]) -> Iterator[Output]:
     for n in range(1, _CHANNELS + 1):
         function = values.get(f"SERVO{n}_FUNCTION")
-        if function in _ARDUPILOT:
-            pwm_us, by = _pulses(
-                values, (f"SERVO{n}_MIN", f"SERVO{n}_TRIM", f"SERVO{n}_MAX"), (1100, 1500, 1900)
-            )
-            yield Output(
-                n,
-                _ARDUPILOT[int(function)],
-                f"SERVO{n}_FUNCTION = {function:g}",
-                pwm_us,
-                by,
-                values.get(f"SERVO{n}_REVERSED") == 1,
-            )
+        if function not in _ARDUPILOT and function not in _NO_SURFACES:
+            continue
+        names = (f"SERVO{n}_MIN", f"SERVO{n}_TRIM", f"SERVO{n}_MAX")
+        pwm_us, by, ends_by = _pulses(values, names, (1100, 1500, 1900))
+        reverse = values.get(f"SERVO{n}_REVERSED") == 1
+        yield Output(
+            n,
+            (_ARDUPILOT | _NO_SURFACES)[int(function)],
+            f"SERVO{n}_FUNCTION = {function:g}",
+            pwm_us,
+            by,
+            reverse,
+            is_surface=function in _ARDUPILOT,
+            ends_by=ends_by,
+            direction_by=f"SERVO{n}_REVERSED = {int(reverse)}",
+        )
 
 
 def _px4(values: Mapping[str, float]) -> Iterator[Output]:
     for prefix, first, usual in _BUSES:
         for n in range(1, _PER_BUS + 1):
             function = values.get(f"{prefix}_FUNC{n}", 0.0)
-            k = int(function) - _PX4_FIRST_SERVO
-            if not 0 <= k < _CHANNELS:
+            because, surface, k = f"{prefix}_FUNC{n} = {function:g}", None, int(function) - _PX4_FIRST_SERVO
+            if function in _PX4_MOTORS:
+                surface = f"motor {int(function) - _PX4_MOTORS.start + 1}"
+            elif 0 <= k < _CHANNELS:
+                kind = values.get(f"CA_SV_CS{k}_TYPE", 0.0)
+                because = f"{because}, CA_SV_CS{k}_TYPE = {kind:g}"
+                surface = f"servo {k + 1}" if kind in _PX4_UNTOLD else _PX4.get(int(kind))
+            if surface is None:
                 continue
-            kind = values.get(f"CA_SV_CS{k}_TYPE", 0.0)
-            surface = f"servo {k + 1}" if kind in _PX4_UNTOLD else _PX4.get(int(kind))
-            if surface is not None:
-                names = (f"{prefix}_MIN{n}", f"{prefix}_CENT{n}", f"{prefix}_MAX{n}")
-                pwm_us, by = _pulses(values, names, usual)
-                if first == _UAVCAN_FIRST:
-                    by = f"CHECK: which instance of actuator_outputs is UAVCAN's; {by}"
-                reverse = int(values.get(f"{prefix}_REV", 0.0)) >> (n - 1) & 1 == 1
-                because = f"{prefix}_FUNC{n} = {function:g}, CA_SV_CS{k}_TYPE = {kind:g}"
-                yield Output(first + n, surface, because, pwm_us, by, reverse)
+            names = (f"{prefix}_MIN{n}", f"{prefix}_CENT{n}", f"{prefix}_MAX{n}")
+            pwm_us, by, ends_by = _pulses(values, names, usual)
+            if first == _UAVCAN_FIRST:
+                by = f"CHECK: which instance of actuator_outputs is UAVCAN's; {by}"
+            reverse = int(values.get(f"{prefix}_REV", 0.0)) >> (n - 1) & 1 == 1
+            yield Output(
+                first + n,
+                surface,
+                because,
+                pwm_us,
+                by,
+                reverse,
+                is_surface=function not in _PX4_MOTORS,
+                ends_by=ends_by,
+                direction_by=f"bit {n - 1} of {prefix}_REV = {int(reverse)}, torque of CA_SV_CS{k}",
+            )
 
 
 def _pulses(
     values: Mapping[str, float], names: tuple[str, str, str], defaults: tuple[int, int, int]
-) -> tuple[tuple[int, int, int], str]:
-    """Return the pulses and their source; a zero outside the range is replaced by the middle."""
+) -> tuple[tuple[int, int, int], str, str]:
+    """Return the pulses, their source, and the parameters of both ends if the log has them.
+
+    A zero outside the range is replaced by the middle.
+    """
     low, zero, high = (round(values.get(name, d)) for name, d in zip(names, defaults, strict=True))
     known = [name for name in (names[0], names[2]) if name in values]
     if not low < high:
-        return defaults, f"CHECK: {names[0]} = {low} is not below {names[2]} = {high}"
+        return defaults, f"CHECK: {names[0]} = {low} is not below {names[2]} = {high}", ""
     if len(known) < 2:
         by = "CHECK: the autopilot's usual pulses, the log does not tell them"
     else:
         by = ", ".join(name for name in names if name in values)
     if names[1] not in values or not low < zero < high:
         zero, by = (low + high) // 2, f"{by}; zero in the middle"
-    return (low, zero, high), by
+    return (low, zero, high), by, ", ".join(known) if len(known) == 2 else ""

@@ -94,8 +94,10 @@ class Speed:
         self._wind = WindTriangle()
         self._check = AirspeedCheck()
 
-    def feed(self, signals: dict[str, Array]) -> tuple[Array, Flags]:
-        """Return the airspeed, m/s, and whether it can be relied on, (n,).
+    def feed(self, signals: dict[str, Array]) -> tuple[Array, Flags, Array]:
+        """Return the airspeed, m/s, whether it can be relied on, and where it comes from, each (n,).
+
+        It comes from the sensor (0), from the wind triangle (1) or is the speed over ground (2).
 
         ``signals`` are whole seconds, shape (k, RATE_HZ, columns).
         """
@@ -105,9 +107,13 @@ class Speed:
             self._check.step(_mean(one), _mean(other), settled=is_settled)
             for one, other, is_settled in zip(sensed, triangle, settled, strict=True)
         ]
-        speed = np.where(sensed > _ALIVE, sensed, triangle)
-        speed = np.where(np.isfinite(speed), speed, ground).ravel()
-        return speed, np.repeat(np.array(trusted, dtype=bool), RATE_HZ)
+        source = np.where(sensed > _ALIVE, 0, np.where(np.isfinite(triangle), 1, 2))
+        speed = np.choose(source, [sensed, triangle, ground])
+        return (
+            speed.ravel(),
+            np.repeat(np.array(trusted, dtype=bool), RATE_HZ),
+            source.ravel().astype(np.float64),
+        )
 
     def _triangle(self, signals: dict[str, Array]) -> tuple[Array, list[bool]]:
         """Return the airspeed without the sensor, shape (k, RATE_HZ), and whether it is settled, of k."""

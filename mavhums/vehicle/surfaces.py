@@ -7,7 +7,7 @@ demand: an output that is stuck while the others move does not show the demand.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,13 +18,16 @@ from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.signals import ALL_OUTPUTS, OUTPUTS
 
-__all__ = ["AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
+__all__ = ["ALIKE_US", "AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
 
 AXES: Final = ("roll", "pitch", "yaw")
 
 KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
 _LIFT: Final = range(33, 41)  # SERVOn_FUNCTION of motors
+_MIXED: Final = ("elevon", "tail")
 _FROZEN_S: Final = 1.0
+ALIKE_US: Final = 3.0
+"""Outputs with the same demand differ by less: they are whole microseconds, and so are their trims."""
 
 Array = NDArray[np.float64]
 
@@ -60,14 +63,26 @@ class Surfaces:
         Source of the outputs: ``parameters``, ``profile`` or ``inferred``.
     lift
         Outputs of lift motors.
+    by_log
+        Axes whose outputs the log's parameters give although ``origin`` is a profile.
+    contradicted
+        What contradicts the profile's outputs, by axis. Such an axis has those of the log's parameters, or
+        none.
+    confirmed
+        Axes for whose outputs the log's parameters say the same as the profile.
     """
 
     moved: tuple[Moved, ...]
     origin: str
     lift: tuple[int, ...] = ()
+    by_log: frozenset[str] = frozenset()
+    contradicted: Mapping[str, str] = field(default_factory=dict)
+    confirmed: frozenset[str] = frozenset()
 
     def of_axis(self, axis: str) -> tuple[Moved, ...]:
-        """Return the outputs that move the aircraft about an axis."""
+        """Return the outputs that move the aircraft about an axis; none if they are contradicted."""
+        if axis in self.contradicted and axis not in self.by_log:
+            return ()
         kinds = {
             "roll": ("aileron", "flaperon", "elevon"),
             "pitch": ("elevator", "elevon", "tail"),
@@ -78,6 +93,24 @@ class Surfaces:
             if found:
                 return found
         return ()
+
+    def same_outputs(self, other: Surfaces) -> bool:
+        """Return whether the same outputs move the same surfaces the same way, by whatever ranges."""
+        own, others = (
+            {(moved.servo, moved.surface, moved.half_us > 0) for moved in each.moved}
+            for each in (self, other)
+        )
+        return own == others and set(self.lift) == set(other.lift)
+
+    def demand(self, axis: str) -> tuple[tuple[object, ...], ...]:
+        """Return what the demand about an axis is made of, whatever the names of the surfaces."""
+        moved = self.of_axis(axis)
+        return tuple((one.kind, one.side * (one.kind in _MIXED), one.servo, *one[2:]) for one in moved)
+
+    @property
+    def demands(self) -> tuple[object, ...]:
+        """What decides the demand of every row and where the vehicle hovers, whatever the surfaces' names."""
+        return self.origin == "inferred", set(self.lift), *(self.demand(axis) for axis in AXES)
 
     def brief(self, axis: str) -> str:
         """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
@@ -129,26 +162,38 @@ def _px4_sign(because: str, surface: str, values: Mapping[str, float]) -> float:
 class Demands:
     """Follows the demand of the outputs about each axis, from one set of grid rows to the next.
 
+    Outputs that were inferred count as one demand only as long as they move as one: where they part, one of
+    them moves something else, and the demand is unknown.
+
     Parameters
     ----------
     surfaces
         The outputs in use.
+
+    Attributes
+    ----------
+    parted
+        Of the last rows, those in which inferred outputs do not move as one, (n,).
     """
 
     def __init__(self, surfaces: Surfaces) -> None:
+        self._inferred = surfaces.origin == "inferred"
+        self.parted = np.zeros(0, dtype=bool)
         self._groups: dict[str, list[Moved]] = {}
         for axis in AXES:
             for moved in surfaces.of_axis(axis):
-                name = f"{moved.side} {moved.kind}" if moved.kind in ("elevon", "tail") else moved.kind
+                name = f"{moved.side} {moved.kind}" if moved.kind in _MIXED else moved.kind
                 members = self._groups.setdefault(name, [])
                 if moved not in members:
                     members.append(moved)
+        self._none = [k for k, axis in enumerate(AXES) if not surfaces.of_axis(axis)]
         self._row = 0
         self._before = {name: np.full(len(group), np.nan) for name, group in self._groups.items()}
         self._changed = {name: np.zeros(len(group), dtype=np.int64) for name, group in self._groups.items()}
 
     def feed(self, pulses: Array) -> Array:
         """Return the demand about roll, pitch and yaw, (n, 3), from all outputs' pulses; NaN if unknown."""
+        self.parted = np.zeros(len(pulses), dtype=bool)
         known = {name: self._demand(name, group, pulses) for name, group in self._groups.items()}
         self._row += len(pulses)
         none = np.full(len(pulses), np.nan)
@@ -158,7 +203,9 @@ class Demands:
         mixed = elevons if any("elevon" in name for name in known) else tails
         pitch = _first(known, "elevator", other=(mixed[0] + mixed[1]) / 2)
         yaw = _first(known, "rudder", other=(tails[0] - tails[1]) / 2)
-        return np.stack([roll, pitch, yaw], axis=1)
+        demand = np.stack([roll, pitch, yaw], axis=1)
+        demand[:, self._none] = np.nan  # mixed outputs may be contradicted about one of their axes
+        return demand
 
     def _demand(self, name: str, group: Sequence[Moved], pulses: Array) -> Array:
         """Return the median of a group's outputs that still change, as a fraction of half the travel."""
@@ -173,7 +220,13 @@ class Demands:
         self._before[name], self._changed[name] = share[-1], changed[-1]
         if "elevon" in name or "tail" in name or len(group) == 1:
             stands[:] = False
-        return _median(np.where(stands, np.nan, share))
+        share = np.where(stands, np.nan, share)
+        demand = _median(share)
+        if self._inferred:
+            apart = np.nan_to_num(np.abs(share - demand[:, None]) * np.abs(half)).max(axis=1) > ALIKE_US
+            self.parted |= apart
+            demand[apart] = np.nan
+        return demand
 
 
 def _median(values: Array) -> Array:

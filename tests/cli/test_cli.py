@@ -269,6 +269,33 @@ def test_interruption_leaves_nothing_half_written(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_no_finding_ends_before_it_begins(run: Run, tmp_path: Path) -> None:
+    """The left aileron's first windows tell nothing, the next are normal, the whole flight is degraded."""
+    log = tmp_path / "turns.tlog"
+    frictions = zip(
+        ("aileron_left", "aileron_right", "elevator", "rudder"), (0.45, 0.4, 0.9, 0.38), strict=True
+    )
+    write_tlog(
+        fly(
+            Flight(
+                seed=2,
+                duration_s=60.0,
+                rate_hz=50.0,
+                cyclogram="turns",
+                individuals=2,
+                friction_nm={surface: (friction, friction) for surface, friction in frictions},
+                tiers=("esc-signed", "pwm"),
+            )
+        ),
+        log,
+    )
+    verdicts = json.loads(run("analyse", log, "--json").out)["verdicts"]
+    evidence = [item for verdict in verdicts for item in verdict["evidence"]]
+    assert evidence
+    assert all(0.0 <= item["start_s"] <= item["end_s"] <= 60.0 for item in evidence)
+    assert "to 0.0s" not in run("analyse", log).out
+
+
 def test_a_reader_that_goes_away_is_no_traceback(growing_log: Path) -> None:
     command = f"{sys.executable} -m mavhums inspect {growing_log} | head -n 1"
     outcome = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)

@@ -74,11 +74,26 @@ def test_inspect_says_why_nothing_can_be_judged(run: Run, tmp_path: Path, kind: 
 def test_the_profile_names_outputs_before_the_parameters(run: Run, log: Path, tmp_path: Path) -> None:
     profile = tmp_path / "own.toml"
     profile.write_text(
+        'name = "own"\n[[actuators]]\nname = "aileron right"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
+    )
+    [usage] = json.loads(run("analyse", log, "--json", "--airframe", profile).out)["usage"]
+    aileron = by_name(usage)["aileron right"]
+    assert (aileron["servo"], aileron["named_by"], aileron["range_us"]) == (1, "profile", [1000, 1500, 2000])
+
+
+def test_a_profile_that_the_parameters_contradict_names_nothing(run: Run, log: Path, tmp_path: Path) -> None:
+    profile = tmp_path / "own.toml"
+    profile.write_text(
         'name = "own"\n[[actuators]]\nname = "flap right"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
     )
     [usage] = json.loads(run("analyse", log, "--json", "--airframe", profile).out)["usage"]
-    flap = by_name(usage)["flap right"]
-    assert (flap["servo"], flap["named_by"], flap["range_us"]) == (1, "profile", [1000, 1500, 2000])
+    assert "flap right" not in by_name(usage)
+    aileron = by_name(usage)["aileron"]
+    assert (aileron["servo"], aileron["named_by"], aileron["range_us"]) == (
+        1,
+        "parameters",
+        [1100, 1500, 1900],
+    )
 
 
 @needs_logs

@@ -39,16 +39,22 @@ def flown(
     gain: float = 2.2,
     trim: float = 0.0,
     lost_s: int = 90,
+    parted_s: int | None = None,
 ) -> bytes:
     """A tlog of ordinary messages at 10 Hz: a roll rate that answers to servo 1, less from ``lost_s`` on.
 
     ``gain`` and ``trim`` are those of the whole flight, which begins ``day`` days later; each day is another
-    flight.
+    flight. With ``parted_s`` the rudder, servo 4, moves half as far as servo 1 until then, and by itself
+    from then on.
     """
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
     demand = excited(seconds, seed=1 + day)[::2]
     rates = np.zeros_like(demand)
     gains = gain * np.where(np.arange(demand.size) < 10 * lost_s, 1.0, left)
+    rudder = np.zeros_like(demand)
+    if parted_s is not None:
+        own = np.roll(demand, 37)
+        rudder = 0.5 * np.where(np.arange(demand.size) < 10 * parted_s, demand, own)
     rates[2:] = (gains * (demand - trim))[:-2]
     rates += 0.02 * np.random.default_rng(3 + day).normal(size=demand.size)
     start_us = START_US + day * 86_400_000_000
@@ -57,6 +63,7 @@ def flown(
     def say(time_s: float, message: v2.MAVLink_message) -> None:
         data.extend(struct.pack(">Q", start_us + round(time_s * 1e6)) + bytes(message.pack(link)))
 
+    say(0.0, v2.MAVLink_heartbeat_message(kind, 3, 128, 10, 4, 3))
     for n, (function, value) in enumerate([(1, 4), (2, 19), (4, 21)] if parameters else []):
         name = f"SERVO{function}_FUNCTION".encode()
         say(0.1 * n, v2.MAVLink_param_value_message(name, value, 6, 3, n))
@@ -65,7 +72,7 @@ def flown(
         boot_ms, boot_us = k * 100, k * 100_000
         if k % 10 == 0:
             say(t, v2.MAVLink_heartbeat_message(kind, 3, 128, 10, 4, 3))
-        pulses = [round(1500 + 400 * wanted), 1500, 1600, 1500, 0, 0, 0, 0]
+        pulses = [round(1500 + 400 * wanted), 1500, 1600, round(1500 + 400 * rudder[k]), 0, 0, 0, 0]
         say(t, v2.MAVLink_servo_output_raw_message(boot_us, 0, *pulses))
         say(t, v2.MAVLink_raw_imu_message(boot_us, 0, 0, -1000, round(1000 * rate), 0, 0, 0, 0, 0))
         say(t, v2.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, rate, 0.0, 0.0))

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import stats
 
 from mavhums.core.conditions import Condition
@@ -350,3 +352,28 @@ def test_a_doubtful_window_counts_where_the_condition_stays() -> None:
     follow(followed, [0.2] * 30 + [0.7] * 2 + [0.2] * 30)
     (normal,) = evidence_of(followed)
     assert normal.value == 0.7
+
+
+def test_what_the_whole_flight_shows_ends_no_episode_of_its_windows() -> None:
+    """The windows tell nothing for six seconds and are normal then; the whole flight is degraded."""
+    followed = tracker(Friction(whole=one(0.7)))
+    follow(followed, [np.nan] * 6 + [0.2] * 30)
+    followed.conclude(NOTHING, 0.0, 46.0)
+    spans = [(e.rule.partition(":")[0], e.start_s, e.end_s) for e in evidence_of(followed)]
+    assert spans == [("normal", 6.0, 45.0), ("degraded", 0.0, 46.0)]
+
+
+@given(
+    runs=st.lists(
+        st.tuples(st.sampled_from([np.nan, 0.2, 0.52, 0.7, 1.2]), st.integers(1, 40)), min_size=1, max_size=12
+    ),
+    whole=st.sampled_from([np.nan, 0.2, 0.7, 1.2]),
+    drifts=st.booleans(),
+)
+def test_no_evidence_ends_before_it_begins(runs: list[tuple[float, int]], whole: float, drifts: bool) -> None:
+    followed = tracker(Friction(whole=one(whole)), BASELINE if drifts else None)
+    values = [value for value, count in runs for _ in range(count)]
+    end_s = 10.0 + len(values)
+    follow(followed, values)
+    followed.conclude(NOTHING, 0.0, end_s)
+    assert all(0.0 <= e.start_s <= e.end_s <= end_s for e in evidence_of(followed))

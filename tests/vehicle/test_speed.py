@@ -30,7 +30,7 @@ def circling(seconds: int, scale: Array, *, turn_s: float = 40.0, noise: float =
 
 def trusted(scale: Array, **how: float) -> list[bool]:
     """Whether the speed is trusted, second by second."""
-    _, flags = Speed().feed(circling(len(scale), scale, **how))
+    _, flags, _ = Speed().feed(circling(len(scale), scale, **how))
     return [bool(flag) for flag in flags[::RATE_HZ]]
 
 
@@ -55,8 +55,9 @@ def test_a_sensor_that_dies_is_doubted_at_once_and_its_return_is_noticed() -> No
 
 
 def test_a_sensor_that_never_worked_takes_nothing_away() -> None:
-    speed, flags = Speed().feed(circling(200, np.zeros(200)))
+    speed, flags, source = Speed().feed(circling(200, np.zeros(200)))
     assert flags.all()
+    assert (source == 1).all()
     assert speed[-20:] == pytest.approx(AIRSPEED, rel=0.05)
 
 
@@ -84,6 +85,7 @@ def test_the_pieces_do_not_matter() -> None:
         pieces.feed({name: values[a:b] for name, values in whole.items()})
         for a, b in ((0, 1), (1, 97), (97, 153), (153, 240))
     ]
-    speed, flags = Speed().feed(whole)
+    speed, flags, source = Speed().feed(whole)
+    assert (source == 0).all()
     assert np.array_equal(np.concatenate([part[0] for part in parts]), speed)
     assert np.array_equal(np.concatenate([part[1] for part in parts]), flags)

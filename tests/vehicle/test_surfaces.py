@@ -51,8 +51,8 @@ def flown(seconds: int = 60) -> tuple[Rows, Array]:
     return rows(flight), sent
 
 
-def answers(axis: str, demand: Array) -> float:
-    return 0.9 if axis == "roll" else 0.0
+def answers(axis: str, demand: Array, others: Array) -> tuple[float, float]:
+    return 0.9 if axis == "roll" else 0.0, 0.0
 
 
 def test_inferred_outputs_give_one_demand_whatever_their_travel() -> None:

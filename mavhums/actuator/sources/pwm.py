@@ -55,7 +55,8 @@ def commands(
     """Yield a reading of V1 for each vehicle; ``pulse_us`` (n,) is the commanded pulse, µs."""
     low_deg, high_deg = actuator.travel_deg or (0.0, 0.0)
     least, most = _PULSES_US if actuator.servo <= _PER_STATUS else _UAVCAN
-    there = (pulse_us >= least) & (pulse_us <= most)
+    least, most = max(least, actuator.range_us[0]), min(most, actuator.range_us[1])
+    there = (pulse_us >= least) & (pulse_us <= most)  # beyond its calibration a pulse tells no angle
     for vehicle, rows in each(table.system, there):
         angle = np.interp(pulse_us[rows], actuator.pwm_us, (low_deg, 0.0, high_deg))
         yield Reading(

@@ -11,9 +11,9 @@ from mavhums.health.axis.filters import Lag, Tail
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["Chain", "Columns", "Form", "Shape", "judgeable"]
+__all__ = ["MEAN_ROWS", "Basis", "Chain", "Columns", "Form", "Shape", "judgeable"]
 
-_MEAN_ROWS: Final = 8
+MEAN_ROWS: Final = 8
 _SLOWEST: Final = 0.85  # of the reference speed: an aircraft below it may be stalling
 _ROLL_RAD: Final = np.radians(60)
 _LONGEST_GAP_S: Final = 0.75  # one lost sample of a stream of 3 Hz
@@ -68,12 +68,32 @@ class Columns(NamedTuple):
     good: Flags
 
 
-def judgeable(rows: Rows, reference_speed: float) -> Flags:
-    """Return the mask of forward flight at a known, sufficient speed, neither inverted nor diving."""
-    slow = rows.speed < _SLOWEST * reference_speed
+class Basis(NamedTuple):
+    """What a reference rests on beside the outputs: the speed that is its unit, m/s, and its sources."""
+
+    speed: float
+    sources: float
+
+    @classmethod
+    def of(cls, rows: Rows) -> Basis:
+        """Return the median speed in forward flight, and the usual sources."""
+        if not rows.flying.any():
+            return cls(0.0, 0.0)
+        sources, counts = np.unique(rows.sources[rows.flying], return_counts=True)
+        usual = float(sources[np.argmax(counts)])
+        return cls(float(np.median(rows.speed[rows.flying & (rows.sources == usual)])), usual)
+
+
+def judgeable(rows: Rows, basis: Basis) -> Flags:
+    """Return the mask of forward flight at a known, sufficient speed, neither inverted nor diving.
+
+    Rates and speeds from other sources than the reference's are no measure of what is left of it.
+    """
+    slow = rows.speed < _SLOWEST * basis.speed
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
     gap = rows.spacing > _LONGEST_GAP_S
     good: Flags = rows.flying & rows.trusted & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
+    good &= rows.sources == basis.sources
     return good
 
 
@@ -84,16 +104,16 @@ class Chain:
     ----------
     form
         The regression.
-    reference_speed
-        Speed that is the unit of relative speeds, m/s.
+    basis
+        Speed that is the unit of relative speeds, and the sources that count.
     shape
         Delay and lag of the answer.
     extra_tau_s
         An additional lag of the demand, as of a slow servo.
     """
 
-    def __init__(self, form: Form, reference_speed: float, shape: Shape, extra_tau_s: float = 0.0) -> None:
-        self._form, self._speed, self._shape = form, reference_speed, shape
+    def __init__(self, form: Form, basis: Basis, shape: Shape, extra_tau_s: float = 0.0) -> None:
+        self._form, self._basis, self._shape = form, basis, shape
         self._extra = extra_tau_s
         self._reset()
 
@@ -102,14 +122,14 @@ class Chain:
         self._lags = {axis: Lag(shape.tau_s) for axis in ("roll", "pitch", "yaw")}
         self._slower = Lag(self._extra)
         self._demands = Tail(3, shape.delay_rows + 1)
-        self._means = Tail(2 + form.nuisances, _MEAN_ROWS + 1)
+        self._means = Tail(2 + form.nuisances, MEAN_ROWS + 1)
 
     def feed(self, rows: Rows) -> Columns:
         """Return the columns of these rows; a gap resets the filters."""
         if rows.fresh:
             self._reset()
         n, form = len(rows), self._form
-        relative = rows.speed / self._speed
+        relative = rows.speed / self._basis.speed
         lagged = np.stack([lag.feed(rows.demand(axis)) for axis, lag in self._lags.items()], axis=1)
         own = ("roll", "pitch", "yaw").index(form.axis)
         if self._extra:
@@ -121,13 +141,13 @@ class Chain:
         known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
         joined = self._means.feed(raw * known[:, None])
         total = joined[1 : n + 2].copy()
-        for k in range(1, _MEAN_ROWS):
+        for k in range(1, MEAN_ROWS):
             total += joined[1 + k : n + 2 + k]
-        means = total / _MEAN_ROWS
+        means = total / MEAN_ROWS
         now, before = means[1:], means[:-1]
         answer = now[:, -1]
         if form.derivative:
             answer = (now[:, -1] - before[:, -1]) * RATE_HZ
             now = (now + before) / 2
-        good = judgeable(rows, self._speed) & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
+        good = judgeable(rows, self._basis) & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
         return Columns(now[:, 0], now[:, 1:-1], answer, good)

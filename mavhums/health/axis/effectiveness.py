@@ -15,7 +15,7 @@ __all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]
 
 _SURE_S: Final = 10
 _LEAST_S: Final = 7
-_SHORT: Final = 2.0  # the gain differs between manoeuvres: a single one needs twice the evidence
+_DOUBTFUL: Final = 2.0  # the gain differs between manoeuvres: a single one needs twice the evidence
 _SHIFTED: Final = 4.0
 SHIFT_FLOOR: Final = 0.045  # rad/s: least deviation of a roll reference
 
@@ -25,10 +25,18 @@ class EffectivenessDetector:
 
     The axis is degraded at once. It is an emergency if the effectiveness over at least ten judged seconds
     is within the limit and no additional lag, as of a slow servo, explains them better.
+
+    Attributes
+    ----------
+    limit
+        Level that makes a loss certain.
+    common
+        Effectiveness down to which healthy flights go for tens of seconds; above it the limit is doubled.
     """
 
     axis: ClassVar[str]
     limit: ClassVar[float]
+    common: ClassVar[float] = 1.0
     axes: ClassVar[tuple[str, ...]]
     inspect: ClassVar[Mapping[str, str]] = {
         "effectiveness": "each surface of the axis, its linkage and its servo, by moving it on the ground",
@@ -45,7 +53,9 @@ class EffectivenessDetector:
     def _certain(self, second: Second, seen: Seen) -> bool:
         """Return whether a loss is certain, and not an artefact of a sudden shift of the trim."""
         reference = seen.gains[self.axis].reference
-        limit = self.limit * (_SHORT if second.lost_s < _LEAST_S else 1.0)
+        left = second.left_over if second.left_over is not None else 1.0
+        doubtful = second.lost_s < _LEAST_S or (left > self.common and not second.later)
+        limit = self.limit * (_DOUBTFUL if doubtful else 1.0)
         if second.level <= limit or reference is None:
             return False
         if second.slow_s is not None and second.slow_s < self._limits.lag_s:

@@ -68,26 +68,48 @@ class Lag:
         return out
 
 
-class Following:
-    """The response of a controlled attitude: second order, ``omega`` rad/s, critically damped."""
+@kernel
+def _slewed(values: Array, step: float, before: float) -> Array:
+    """Return values that change by at most ``step`` from one to the next, after ``before``."""
+    out = np.empty_like(values)
+    for k in range(values.size):
+        before += min(max(values[k] - before, -step), step)
+        out[k] = before
+    return out
 
-    def __init__(self, omega: float) -> None:
+
+class Following:
+    """The response of a controlled attitude: second order, ``omega`` rad/s, critically damped.
+
+    Parameters
+    ----------
+    omega
+        Natural frequency, rad/s.
+    rate
+        Fastest change that is expected of the aircraft, rad/s.
+    """
+
+    def __init__(self, omega: float, rate: float = np.inf) -> None:
+        self._step = rate * _STEP_S
         step = omega * _STEP_S
         e = exp(-step)
         self._coefficients = np.array([1 - e * (1 + step), e**2 + e * (step - 1), -2 * e, e**2])
         self._last: float | None = None
+        self._slewed = 0.0
         self._state = np.zeros(2)
 
     def feed(self, values: Array) -> Array:
         """Return the expected attitude, shape (n,)."""
         if self._last is None:
             finite = values[np.isfinite(values)]
-            self._last = float(finite[0]) if finite.size else 0.0
+            self._last = self._slewed = float(finite[0]) if finite.size else 0.0
             _, b2, _, a2 = self._coefficients
             self._state = np.array([1.0, b2 - a2]) * self._last
         filled = held(values, self._last)
         self._last = float(filled[-1])
-        return _followed(filled, self._coefficients, self._state)
+        slewed = _slewed(filled, self._step, self._slewed)
+        self._slewed = float(slewed[-1])
+        return _followed(slewed, self._coefficients, self._state)
 
 
 class HighPass:

@@ -22,7 +22,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.axis.chain import Chain, Columns, Form, Shape, judgeable
+from mavhums.health.axis.chain import MEAN_ROWS, Basis, Chain, Columns, Form, Shape, judgeable
+from mavhums.health.axis.filters import Lag
 from mavhums.health.axis.reference import REFERENCE_S, Reference, Second, Standards
 from mavhums.health.axis.scores import Scores, Sums
 from mavhums.health.axis.slowness import EXTRA_S, Slowness
@@ -30,7 +31,7 @@ from mavhums.health.axis.standing import Constant, constants
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["FULL_S", "JUDGED_ERROR", "Gain"]
+__all__ = ["FULL_S", "JUDGED_ERROR", "Gain", "explained"]
 
 JUDGED_ERROR: Final = 0.2
 FULL_S: Final = 20
@@ -114,15 +115,14 @@ class Gain:
 
     def _refer(self, rows: Rows) -> None:
         """Use the buffered rows as the reference if they meet the requirements."""
-        speed = float(np.median(rows.speed[rows.flying])) if rows.flying.any() else 0.0
+        basis = Basis.of(rows)
         self.spacing_s = _median(rows.spacing[rows.flying])
         if self.too_slow:
             return
-        if judgeable(rows, speed).sum() < REFERENCE_S * _LEAST_ROWS:
+        if judgeable(rows, basis).sum() < REFERENCE_S * _LEAST_ROWS:
             return
         wanted = self._standards
-        shapes = [Shape(round(delay * RATE_HZ), tau) for delay in wanted.delays_s for tau in wanted.taus_s]
-        fits = [fit for shape in shapes if (fit := self._fit(rows, speed, shape)) is not None]
+        fits = [fit for shape in wanted.shapes() if (fit := self._fit(rows, basis, shape)) is not None]
         possible = [fit for fit in fits if self._form.possible(fit.others)]
         found = max(possible, key=lambda fit: fit.explained, default=None)
         if found is None:
@@ -133,7 +133,7 @@ class Gain:
             self._begin(rows)
 
     def _constants(self, rows: Rows, found: Reference) -> Mapping[str, Constant]:
-        design, answer, _ = self._design(Chain(self._form, found.speed, found.shape).feed(rows))
+        design, answer, _ = self._design(Chain(self._form, found.basis, found.shape).feed(rows))
         return constants(self._form, found.speed, design, answer)
 
     def _design(self, columns: Columns) -> tuple[Array, Array, NDArray[np.intp]]:
@@ -141,8 +141,8 @@ class Gain:
         at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
         return np.column_stack([columns.drive, columns.others])[at], columns.answer[at], at
 
-    def _fit(self, rows: Rows, speed: float, shape: Shape) -> Reference | None:
-        columns = Chain(self._form, speed, shape).feed(rows)
+    def _fit(self, rows: Rows, basis: Basis, shape: Shape) -> Reference | None:
+        columns = Chain(self._form, basis, shape).feed(rows)
         design, answer, at = self._design(columns)
         if at.size < REFERENCE_S * _LEAST_ROWS or design[:, 0].std() < 1e-4:
             return None
@@ -163,14 +163,14 @@ class Gain:
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
         variance, deviation = max(variance, least), float(np.sqrt(left))
         return Reference(
-            speed, shape, gain, beta[1:], variance, error, explained, deviation, power, first, last
+            basis, shape, gain, beta[1:], variance, error, explained, deviation, power, first, last
         )
 
     def _begin(self, rows: Rows) -> None:
         reference = self.reference
         assert reference is not None
         extras = (0.0, *EXTRA_S)
-        self._chains = [Chain(self._form, reference.speed, reference.shape, extra) for extra in extras]
+        self._chains = [Chain(self._form, reference.basis, reference.shape, extra) for extra in extras]
         self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
         self._level, self._full, self._strongest = 0.0, 0, 0.0
         self._since = reference.end_s
@@ -262,6 +262,54 @@ class Gain:
         driven = drive2 > 0
         unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]
         return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
+
+
+def explained(form: Form, standards: Standards, rows: Rows, others: Array) -> tuple[float, float]:
+    """Return how much of the response about an axis a demand explains, and how much of the rest others do.
+
+    Unlike in a reference, all usable rows count.
+
+    Parameters
+    ----------
+    form, standards
+        The regression of the axis, and the delays and lags to try.
+    rows
+        The rows, with the demand in question about the axis.
+    others
+        Other demands, shape (n, k).
+
+    Returns
+    -------
+    tuple
+        Of the response that is left without any demand, the share that the demand explains; of what it
+        leaves, the share that the others explain. Zero if the rows do not suffice.
+    """
+    basis = Basis.of(rows)
+    best = 0.0, 0.0
+    for shape in standards.shapes():
+        columns = Chain(form, basis, shape).feed(rows)
+        late = _late(others, shape) * (rows.speed / basis.speed)[:, None]
+        good = columns.good & np.isfinite(late).all(axis=1)
+        if good.sum() < REFERENCE_S * _LEAST_ROWS:
+            continue
+        nuisances, answer = columns.others[good], columns.answer[good]
+        own = np.column_stack([columns.drive[good], nuisances])
+        beta, left = _least_squares(own, answer)
+        _, without = _least_squares(nuisances, answer)
+        if not left < without * (1.0 - best[0]) or not form.possible(beta[1:]):
+            continue
+        _, both = _least_squares(np.column_stack([own, late[good]]), answer)
+        best = 1.0 - left / without, 1.0 - both / left
+    return best
+
+
+def _late(demands: Array, shape: Shape) -> Array:
+    """Return demands with the delay and the lag of a response, and half of the mean of its columns."""
+    late = shape.delay_rows + MEAN_ROWS // 2
+    out = np.full_like(demands, np.nan)
+    for k, demand in enumerate(demands.T):
+        out[late:, k] = Lag(shape.tau_s).feed(demand)[: len(demand) - late]
+    return out
 
 
 def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float | None, float]:

@@ -7,21 +7,26 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.chain import Form
 from mavhums.health.axis.detector import Seen, Shown, detectors
 from mavhums.health.axis.forms import PitchForm, RollForm, YawForm
-from mavhums.health.axis.gain import FULL_S, JUDGED_ERROR, Gain
+from mavhums.health.axis.gain import FULL_S, JUDGED_ERROR, Gain, explained
 from mavhums.health.axis.reference import Reference, Second, Standards
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
 
-__all__ = ["AxisFindings", "AxisMonitor", "new_gain"]
+__all__ = ["AxisFindings", "AxisMonitor", "explained_by", "new_gain"]
 
+Array = NDArray[np.float64]
+
+_WAITS_S: Final = 10  # a log that begins in flight is known to within seconds
 _NORMAL_S: Final = 30
 _WINDOW_S: Final = 10
 _MASKED_S: Final = 20
@@ -35,6 +40,7 @@ _GUSTY: Final = 0.1  # beyond it, gusts alone make the gain of ten healthy secon
 _MEMORY_S: Final = 8.0
 _SHORT_PERIOD_S: Final = 2.0  # a step of thrust or speed changes the elevator's trim for good
 
+_FORMS: Final[dict[str, Form]] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
 _STANDARDS: Final = {
     "roll": Standards(
         explained=0.75,
@@ -72,8 +78,24 @@ _STANDARDS: Final = {
 def new_gain(axis: str, limits: AxisLimits | None = None) -> Gain:
     """Return the tracker of the effectiveness of an axis."""
     loss = round(2.0 * (1.0 - (limits or AxisLimits()).effectiveness_degraded), 9)
-    forms: dict[str, Form] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
-    return Gain(forms[axis], replace(_STANDARDS[axis], loss=loss))
+    return Gain(_FORMS[axis], replace(_STANDARDS[axis], loss=loss))
+
+
+def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:
+    """Return how much of the response about an axis a demand explains, and how much of the rest others do.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    rows
+        The flight.
+    demand, others
+        The demand in question, shape (n,), and others, shape (n, k).
+    """
+    outputs = np.full((len(rows), len(AXES)), np.nan)
+    outputs[:, AXES.index(axis)] = demand
+    return explained(_FORMS[axis], _STANDARDS[axis], replace(rows, outputs=outputs), others)
 
 
 @dataclass(slots=True)
@@ -125,6 +147,8 @@ class AxisFindings:
         is sufficient.
     limits
         Limits by which the axis was judged.
+    from_take_off
+        Whether the flight is known from its take-off on.
     """
 
     axis: str
@@ -142,6 +166,7 @@ class AxisFindings:
     spacing_s: float
     slowest_s: float
     limits: AxisLimits
+    from_take_off: bool
 
 
 class AxisMonitor:
@@ -165,9 +190,11 @@ class AxisMonitor:
         self._detectors = detectors(self.limits)
         self._axes = {axis: _Axis() for axis in AXES}
         self._skidded_s = -(1 << 30)
+        self._flew, self._waited_rows = False, 0
 
     def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
+        self._look_back(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
         seen = Seen(rows, seconds, self._gains)
         yield from self._indications(seconds)
@@ -185,6 +212,13 @@ class AxisMonitor:
                 second = judged[axis].get(end_s)
                 if found or second is not None:
                     yield from self._take(axis, second, found, end_s)
+
+    def _look_back(self, rows: Rows) -> None:
+        """Count the seconds before the first one of flight."""
+        if not self._flew:
+            self._flew = bool(rows.flying.any())
+            before = rows.speed[: int(np.argmax(rows.flying))] if self._flew else rows.speed
+            self._waited_rows += int(np.isfinite(before).sum())
 
     def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
         for axis, found in seconds.items():
@@ -338,4 +372,5 @@ class AxisMonitor:
             spacing_s=gain.spacing_s,
             slowest_s=_STANDARDS[axis].spacing_s,
             limits=self.limits,
+            from_take_off=self._waited_rows >= _WAITS_S * RATE_HZ,
         )

@@ -118,7 +118,14 @@ def against_flights(
     tail = min(tail_of(false_alarms) * seconds / _WINDOW_S, _MOST_TAIL) / _TESTS
     seen = {item.kind for item in verdict.evidence}
     found = [one for one in _found(compared, verdict.limits or AxisLimits(), tail) if one.fault not in seen]
-    return _judged(verdict, found, start_utc, end_s) if found else verdict
+    if found:
+        return _judged(verdict, found, start_utc, end_s)
+    # Earlier flights tell what the log of a flight that begins in the air does not.
+    return (
+        verdict.model_copy(update={"reason": None, "remedy": None})
+        if verdict.condition == "normal"
+        else verdict
+    )
 
 
 def _beside(shown: Indicator, baseline: Baseline | None) -> Indicator:

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.health.axis.chain import Shape
+from mavhums.health.axis.chain import Basis, Shape
 from mavhums.health.axis.standing import Constant
+from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = ["REFERENCE_S", "Reference", "Second", "Standards"]
 
@@ -55,6 +56,10 @@ class Standards:
     memory_s: float
     loss: float = 0.4
 
+    def shapes(self) -> list[Shape]:
+        """Return the candidates for the axis's own response."""
+        return [Shape(round(delay * RATE_HZ), tau) for delay in self.delays_s for tau in self.taus_s]
+
     @property
     def full(self) -> float:
         """Effectiveness above which the axis has not lost any: halfway to the loss to detect."""
@@ -77,7 +82,7 @@ class Reference:
         What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
     """
 
-    speed: float
+    basis: Basis
     shape: Shape
     gain: float
     others: Array
@@ -89,6 +94,11 @@ class Reference:
     start_s: int
     end_s: int
     constants: Mapping[str, Constant] = field(default_factory=dict)
+
+    @property
+    def speed(self) -> float:
+        """Speed that is the unit of relative speeds, m/s."""
+        return self.basis.speed
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,10 @@ from mavhums.vehicle.grid import RATE_HZ
 __all__ = ["PitchTracking", "RollTracking", "SideForce"]
 
 _FREE: Final = 1e9
+_ROLLS_RAD_S: Final = float(np.radians(45))
 _PITCH_DELAY_S: Final = 0.6
 _NOSE_LOW_RAD: Final = float(np.radians(3))
-_SLOW: Final = 0.85
+_SLOW: Final = 0.95
 _SPEED_S: Final = 60
 
 Array = NDArray[np.float64]
@@ -27,22 +28,28 @@ Flags = NDArray[np.bool_]
 
 
 class RollTracking:
-    """``φ − (demanded φ through a second order of 2.5 rad/s)``, with a learned offset."""
+    """``φ − (demanded φ through a second order of 2.5 rad/s)``, with a learned offset.
+
+    A reversal of 110° takes an aircraft seconds, and a calm beginning does not tell how many: it may follow
+    at 45°/s as well.
+    """
 
     kind: Literal["mean", "rms"] = "rms"
     floor = 0.033  # rad
     spreads: tuple[float, ...] = (0.1,)
 
     def __init__(self) -> None:
-        self._demand = Following(2.5)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._responses = Following(2.5), Following(2.5, _ROLLS_RAD_S)
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the offset's regressor, the roll residual, and the mask of flight rows with both."""
         if rows.fresh:
-            self._demand = Following(2.5)
-        expected = self._demand.feed(rows.roll_demand)
-        low, high = np.fmin(expected, rows.roll_demand), np.fmax(expected, rows.roll_demand)
-        answer = rows.roll - np.clip(rows.roll, low, high)
+            self._begin()
+        expected = [rows.roll_demand, *(response.feed(rows.roll_demand) for response in self._responses)]
+        answer = rows.roll - np.clip(rows.roll, np.fmin.reduce(expected), np.fmax.reduce(expected))
         good = rows.flying & np.isfinite(rows.roll_demand) & np.isfinite(answer)
         return np.ones((len(rows), 1)), answer, good
 

@@ -40,9 +40,17 @@ _RECORD_STREAMS: Final = (
 )
 _IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
 _MUCH: Final = 0.2  # of a stream: below, its verdicts hardly change
+_BEGINS_IN_FLIGHT: Final = (
+    "the log begins in flight: normal is what it was then, and nothing tells whether that was healthy",
+    "record from before take-off, or compare with earlier flights (--history)",
+)
 PROFILE_LINE: Final = (
     "let the ground station download the parameters while it records, or name the outputs in an airframe "
     'file: [[actuators]] with name = "aileron_left", servo = 1, pwm_us = [1100, 1500, 1900], and so on'
+)
+_CORRECT: Final = (
+    "correct these outputs in the profile, draft one from the log's parameters "
+    "(`mavhums profile new LOG -o mine.toml`), or leave out --airframe"
 )
 
 
@@ -125,7 +133,11 @@ def judged_axis(
         reason, remedy = _why_undecided(findings, surfaces, flight)
         if disorder := _disorder(received):
             reason = f"{reason}; {disorder}"
-    origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces)}"}
+    elif findings.condition == "normal" and not findings.from_take_off:
+        reason, remedy = _BEGINS_IN_FLIGHT
+    axis = findings.axis
+    refused = surfaces is not None and axis in surfaces.contradicted
+    origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}
     coverage = findings.coverage
     late = sum(counts.late for counts in received.values())
     rounded = coverage.model_copy(
@@ -144,15 +156,21 @@ def judged_axis(
         evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
         effectiveness=_rounded(findings.effectiveness),
         limits=findings.limits,
-        indicators=tuple(indicators(findings)) if surfaces and surfaces.origin != "inferred" else (),
+        # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
+        indicators=tuple(indicators(findings))
+        if surfaces and surfaces.origin != "inferred" and not refused
+        else (),
         provenance=origin,
         reason=reason,
         remedy=remedy,
     )
 
 
-def _origin(surfaces: Surfaces) -> str:
+def _origin(surfaces: Surfaces, axis: str) -> str:
     words = {"parameters": "the log's parameters", "profile": "the airframe profile"}
+    if axis in surfaces.by_log:
+        contradicts = axis in surfaces.contradicted
+        return f"{words['parameters']}{', which contradict the airframe profile' if contradicts else ''}"
     return words.get(surfaces.origin, "inference from the flight's beginning")
 
 
@@ -161,6 +179,10 @@ def _why_undecided(findings: AxisFindings, surfaces: Surfaces | None, flight: Fl
     if surfaces is None:
         reason = "which outputs move the surfaces is told neither by parameters nor by a profile"
         return f"{reason}, and the flight's beginning does not tell it clearly", PROFILE_LINE
+    late = findings.reference is None and findings.usable_s < _REFERENCE_S
+    against = surfaces.contradicted.get(axis) or (axis == "yaw" and surfaces.contradicted.get("roll"))
+    if against and (late or not surfaces.of_axis(axis)):
+        return against, _CORRECT
     if not surfaces.of_axis(axis):
         return f"no output of this vehicle is known to move it in {axis}", PROFILE_LINE
     if flight.doubted_s >= _DOUBTED_S:

@@ -36,6 +36,7 @@ def steady(seconds: int) -> dict[str, Array]:
         "roll_demand": zero.copy(),
         "pitch_demand": zero.copy(),
         "speed": zero + SPEED,
+        "sources": zero.copy(),
         "spacing": zero + 0.1,
         "outputs": np.zeros((n, 3)),
     }

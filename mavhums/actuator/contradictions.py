@@ -1,0 +1,208 @@
+"""Where an airframe profile says otherwise than the log's own parameters, and which outputs then count.
+
+A profile for another aircraft mixes outputs that do not belong together, and the aircraft then seems not to
+answer them. So each axis takes its outputs from the profile only while the log's parameters do not contradict
+them, and else from these parameters: they are what the autopilot itself acts on. An actuator whose function
+is contradicted is not judged at all, since the telemetry is that of another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+from mavhums.actuator.profile import Actuator, Airframe
+from mavhums.actuator.surfaces import named_surface, of_airframe
+from mavhums.vehicle.outputs import Output, assigned_outputs
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.surfaces import AXES, Moved, Surfaces, of_parameters
+
+__all__ = ["Contradiction", "against_log", "contradictions", "reconciled", "remedy"]
+
+_ALIKE: Final = {
+    "aileron": ("aileron", "flaperon", "spoiler"),
+    "flaperon": ("flaperon", "aileron"),
+    "elevon": ("elevon", "spoiler"),
+    "elevator": ("elevator",),
+    "rudder": ("rudder",),
+    "tail": ("tail",),
+    "spoiler": ("spoiler", "airbrake"),
+    "flap": ("flap", "spoiler"),
+    "airbrake": ("airbrake", "spoiler"),
+}
+"""The functions in a log that a profile's surface may have: both move the same axes, or the function moves
+none for certain, as a spoiler's."""
+
+
+class Contradiction(NamedTuple):
+    """One statement of a profile that the log's parameters contradict.
+
+    Attributes
+    ----------
+    servo, actuator
+        The output and its name in the profile.
+    key
+        The line of the profile: ``servo``, ``pwm_us`` or ``travel_deg``.
+    text
+        Both values, as a clause.
+    """
+
+    servo: int
+    actuator: str
+    key: str
+    text: str
+
+
+def contradictions(airframe: Airframe, parameters: Parameters) -> tuple[Contradiction, ...]:
+    """Return where the log's parameters contradict a profile, in the order of the profile.
+
+    Examples
+    --------
+    >>> from mavhums.actuator.profile import load_airframe
+    >>> told = Parameters(1, False, {"SERVO3_FUNCTION": 70.0})
+    >>> contradictions(load_airframe("paper"), told)[0].text
+    'servo 3 is elevator in the profile and throttle in the log (SERVO3_FUNCTION = 70)'
+    """
+    told = {output.servo: output for output in assigned_outputs(parameters)}
+    turned = dict(_turned(airframe, parameters, told))
+    found = []
+    for actuator in airframe.actuators:
+        output = told.get(actuator.servo)
+        if output is None:
+            continue
+        kind = named_surface(actuator)
+        if kind is not None and not _agrees(kind, output):
+            found.append(_of_function(actuator, output))
+        elif output.is_surface and _exceeds(actuator, output):
+            found.append(_of_range(actuator, output))
+        elif actuator.servo in turned:
+            found.append(turned[actuator.servo])
+    return tuple(found)
+
+
+def against_log(found: Sequence[Contradiction]) -> str:
+    """Return contradictions as the reason of a verdict."""
+    return f"the profile contradicts the log: {'; '.join(one.text for one in found)}"
+
+
+def remedy(found: Sequence[Contradiction]) -> str:
+    """Return what to do about contradictions."""
+    names = {"servo": "servo or surface"}
+    lines = dict.fromkeys(f"{names.get(one.key, one.key)} of {one.actuator}" for one in found)
+    return (
+        f"correct {', '.join(lines)} in the profile, or draft one from the log's parameters: "
+        "`mavhums profile new LOG -o mine.toml`"
+    )
+
+
+def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | None:
+    """Return the outputs of each axis: the profile's, where the log's parameters do not contradict them.
+
+    An axis whose outputs are contradicted, or not named by the profile, has those of the parameters. None
+    if neither names any.
+    """
+    own = of_airframe(airframe)
+    told = None if parameters is None else of_parameters(parameters)
+    if own is None or parameters is None:
+        return own or told
+    found = contradictions(airframe, parameters)
+    logged = {} if told is None else {moved.servo: moved for moved in told.moved}
+    unturned = {actuator.servo for actuator in airframe.actuators if actuator.travel_deg is None}
+    moved: dict[int, Moved] = {}
+    by_log, contradicted, confirmed = set(), {}, set()
+    for axis in AXES:
+        outputs = own.of_axis(axis)
+        servos = {one.servo for one in outputs}
+        against = [one for one in found if one.servo in servos]
+        if against:
+            contradicted[axis] = against_log(against)
+        if against or not outputs:
+            outputs = told.of_axis(axis) if told else ()
+            by_log |= {axis} if outputs else set()
+        elif servos <= logged.keys():
+            confirmed.add(axis)
+            outputs = _directed(outputs, unturned, logged)
+        moved |= {one.servo: one for one in outputs}
+    lift = told.lift if told else ()
+    return Surfaces(
+        tuple(moved.values()), "profile", lift, frozenset(by_log), contradicted, frozenset(confirmed)
+    )
+
+
+def _agrees(kind: str, output: Output) -> bool:
+    if not output.is_surface:
+        return False
+    tells = any(name in output.surface for name in _ALIKE)  # PX4's custom surfaces tell nothing
+    return not tells or any(name in output.surface for name in _ALIKE[kind])
+
+
+def _of_function(actuator: Actuator, output: Output) -> Contradiction:
+    name = _named(actuator)
+    text = f"servo {actuator.servo} is {name} in the profile and {output.surface} in the log"
+    return Contradiction(actuator.servo, actuator.name, "servo", f"{text} ({output.because})")
+
+
+def _exceeds(actuator: Actuator, output: Output) -> bool:
+    """Return whether the log lets the output leave the range that the profile calibrates.
+
+    A narrower range is no contradiction: a profile may calibrate more than the autopilot uses.
+    """
+    least, most = actuator.range_us
+    return bool(output.ends_by) and (output.pwm_us[0] < least or output.pwm_us[2] > most)
+
+
+def _of_range(actuator: Actuator, output: Output) -> Contradiction:
+    (low, _, high), (least, _, most) = actuator.pwm_us, output.pwm_us
+    text = (
+        f"servo {actuator.servo} ({_named(actuator)}) has {low} to {high} µs in the profile and "
+        f"{least} to {most} µs in the log ({output.ends_by})"
+    )
+    return Contradiction(actuator.servo, actuator.name, "pwm_us", text)
+
+
+def _turned(
+    airframe: Airframe, parameters: Parameters, told: dict[int, Output]
+) -> Iterator[tuple[int, Contradiction]]:
+    """Yield the outputs whose direction beside the first of their axis is another one in the log.
+
+    The direction of the whole axis does not count: a profile may call either way positive.
+    """
+    own, logged = of_airframe(airframe), of_parameters(parameters)
+    if own is None or logged is None:
+        return
+    sides = {moved.servo: moved for moved in logged.moved}
+    actuators = {actuator.servo: actuator for actuator in airframe.actuators if actuator.travel_deg}
+    for axis in AXES:
+        known = [one for one in own.of_axis(axis) if one.servo in sides and one.servo in actuators]
+        for one in known[1:]:
+            first = known[0]
+            alike = first.half_us * one.half_us > 0
+            if alike == (sides[first.servo].half_us * sides[one.servo].half_us > 0):
+                continue
+            ways = ("the same way", "opposite ways")[:: 1 if alike else -1]
+            by = "; ".join(told[servo].direction_by for servo in (first.servo, one.servo))
+            text = (
+                f"servos {first.servo} and {one.servo} ({_named(actuators[one.servo])}) deflect {ways[0]} in "
+                f"the profile and {ways[1]} in the log ({by})"
+            )
+            yield one.servo, Contradiction(one.servo, actuators[one.servo].name, "travel_deg", text)
+
+
+def _directed(outputs: tuple[Moved, ...], unturned: set[int], logged: dict[int, Moved]) -> tuple[Moved, ...]:
+    """Return the outputs with the log's directions beside the first, where the profile has no ``travel_deg``.
+
+    The first keeps its direction, so that the axis has one sign with and without parameters.
+    """
+    first = outputs[0]
+
+    def directed(one: Moved) -> Moved:
+        alike = logged[first.servo].half_us * logged[one.servo].half_us > 0
+        if one.servo not in unturned or alike == (first.half_us * one.half_us > 0):
+            return one
+        return one._replace(half_us=-one.half_us)
+
+    return (first, *map(directed, outputs[1:]))
+
+
+def _named(actuator: Actuator) -> str:
+    return actuator.surface or actuator.name

@@ -1,0 +1,159 @@
+"""Whether the aircraft answers to the outputs that a profile names for an axis, where no parameter tells.
+
+A wrong profile looks like a lost surface: the demand that its outputs give is not the one that moves the
+aircraft. So in the first minutes each output that moves is tried as the demand of the axis. An output that
+explains the motion much worse than another one does not move the axis. Outputs that move together, as rudder
+and aileron do in coordinated flight, cannot be told apart then. So an alarm is held against other outputs,
+too: where one of them explains the same seconds without any loss, the surface is not lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, NamedTuple, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.conditions import SEVERITY
+from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.health.events import ConditionChanged
+from mavhums.report.axis_limits import AxisLimits
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.surfaces import AXES, Moved
+
+__all__ = ["TRIED_AXES", "contradiction", "refutation", "rests_on_outputs"]
+
+TRIED_AXES: Final = ("roll", "pitch")  # a rudder mostly moves with the ailerons
+
+_CLEAR: Final = {"roll": 0.6, "pitch": 0.35}
+"""Share of the motion that some output must explain before anything is said: that of the inference."""
+
+_WORSE: Final = 0.75
+"""Part of the best output's share below which another one does not move the axis. In 49 flights of ArduPlane
+in software-in-the-loop an aileron had 0.98 of it or more, an elevator at most 0.6 in roll, a rudder any."""
+
+_ALIKE: Final = 0.97  # correlation of outputs that move together
+_MOVES_US: Final = 10.0  # standard deviation
+_HALF_US: Final = 400.0
+
+Array = NDArray[np.float64]
+
+
+def _explained(rows: Rows, axis: str, demand: Array) -> float:
+    """Return how much of the motion about an axis a demand, shape (n,), explains: a share from 0 to 1."""
+    outputs = np.full_like(rows.outputs, np.nan)
+    outputs[:, AXES.index(axis)] = demand
+    gain = new_gain(axis)
+    gain.feed(replace(rows, outputs=outputs))
+    found = gain.reference or gain.best
+    return 0.0 if found is None else found.explained
+
+
+def contradiction(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]) -> str | None:
+    """Return which of a profile's outputs do not move an axis; an empty text if all do, None if not clear.
+
+    Parameters
+    ----------
+    rows
+        Rows of forward flight, with the demand that the profile's outputs make.
+    pulses
+        Pulses of all outputs over the same rows, µs, shape (n, outputs).
+    axis
+        ``roll`` or ``pitch``.
+    outputs
+        The profile's outputs of the axis.
+    """
+    moving = [k for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])]
+    shares = {k + 1: _explained(rows, axis, _alone(pulses, k, outputs)) for k in moving}
+    best = max(shares, key=shares.__getitem__, default=None)
+    if best is None or shares[best] < _CLEAR[axis]:
+        return None
+    named = [one.servo for one in outputs if one.servo in shares]
+    own = max(named, key=shares.__getitem__, default=None)
+    together = _explained(rows, axis, rows.demand(axis))  # of elevons, each alone explains less
+    if own is None or max(shares[own], together) < _WORSE * shares[best]:
+        wrong, movers = [one.servo for one in outputs], [k for k in shares if _alike(rows, pulses, k, best)]
+    else:
+        worse = [servo for servo in named if shares[servo] < _WORSE * shares[own]]
+        wrong = [servo for servo in worse if not _alike(rows, pulses, servo, own)]
+        movers = [servo for servo in named if servo not in wrong]
+    return _told(axis, wrong, sorted(movers)) if wrong else ""
+
+
+def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], limits: AxisLimits) -> str:
+    """Return which outputs move an axis by which the profile's raise an alarm; an empty text if none does.
+
+    The alarm must come from these very rows, the last ones before it: only then does it say anything that
+    another output raises none. Parameters are those of :func:`contradiction`.
+    """
+    if not _judged(rows, axis, rows.demand(axis), limits).alarmed:
+        return ""
+    moving = [k for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])]
+    tried = {k + 1: _judged(rows, axis, _alone(pulses, k, outputs), limits) for k in moving}
+    movers = [servo for servo, found in tried.items() if found.referred and not found.alarmed]
+    wrong = [one.servo for one in outputs if one.servo not in movers]
+    return _told(axis, wrong, movers) if wrong and movers else ""
+
+
+class _Judged(NamedTuple):
+    """Whether a demand was enough for a reference, and whether it raised an alarm."""
+
+    referred: bool
+    alarmed: bool
+
+
+def _judged(rows: Rows, axis: str, demand: Array, limits: AxisLimits) -> _Judged:
+    outputs = np.full_like(rows.outputs, np.nan)
+    outputs[:, AXES.index(axis)] = demand
+    monitor = AxisMonitor(0, limits)
+    alarmed = any(rests_on_outputs(event) for event in monitor.feed(replace(rows, outputs=outputs)))
+    return _Judged(monitor.findings(axis).reference is not None, alarmed)
+
+
+def rests_on_outputs(event: object) -> TypeGuard[ConditionChanged]:
+    """Return whether an event is an alarm that the outputs' demand brought about, not the attitude alone."""
+    if not isinstance(event, ConditionChanged) or event.fault == "tracking":
+        return False
+    return SEVERITY[event.after] > SEVERITY["normal"]
+
+
+def _moves(pulses: Array) -> bool:
+    return bool(pulses.size and np.isfinite(pulses).mean() > 0.9) and float(np.nanstd(pulses)) > _MOVES_US
+
+
+def _alone(pulses: Array, k: int, outputs: Sequence[Moved]) -> Array:
+    """Return an output alone as a demand; NaN while it stands and another one of its group moves.
+
+    An output that is overridden no longer shows the demand, and it may be its surface that has failed.
+    """
+    demand: Array = (pulses[:, k] - float(np.nanmedian(pulses[:, k]))) / _HALF_US
+    columns = [one.servo - 1 for one in outputs]
+    if k not in columns:
+        return demand
+    steps = np.diff(pulses[:, columns], axis=0, prepend=pulses[:1, columns])
+    at = np.where(np.isfinite(steps) & (steps != 0.0), np.arange(len(pulses))[:, None], 0)
+    changed = np.maximum.accumulate(at, axis=0)
+    stands = changed.max(axis=1) - changed[:, columns.index(k)] >= RATE_HZ
+    return np.where(stands, np.nan, demand)
+
+
+def _alike(rows: Rows, pulses: Array, one: int, other: int) -> bool:
+    """Return whether two outputs always move together, in either direction."""
+    both = pulses[rows.flying][:, [one - 1, other - 1]]
+    both = both[np.isfinite(both).all(axis=1)]
+    return one == other or abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) >= _ALIKE
+
+
+def _told(axis: str, wrong: Sequence[int], movers: Sequence[int]) -> str:
+    """Return a contradiction in the motion as a clause."""
+    first, but = ("servo", "does") if len(wrong) == 1 else ("servos", "do")
+    then = f"servo {movers[0]} does" if len(movers) == 1 else f"servos {_listed(movers)} do"
+    return f"{first} {_listed(wrong)} {but} not move {axis}, {then}: the profile may name the wrong output"
+
+
+def _listed(servos: Sequence[int]) -> str:
+    *most, last = map(str, servos)
+    return f"{', '.join(most)} and {last}" if most else last

@@ -1,0 +1,138 @@
+"""The airframe profile and the parameters of a vehicle, each from the flight second at which it applies."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.contradictions import (
+    Contradiction,
+    against_log,
+    contradictions,
+    reconciled,
+    remedy,
+)
+from mavhums.actuator.profile import Airframe
+from mavhums.vehicle.outputs import assigned_outputs
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.surfaces import Surfaces, of_parameters
+
+__all__ = ["Known", "Told", "notices"]
+
+_APPLIES_S: Final = 10
+"""A fact applies this long after it was heard, together with what comes until then: most lists of parameters
+come within, and one that takes longer is applied in parts."""
+
+_SETTLED_S: Final = 3  # the samples of earlier seconds are settled no later than this after a fact was heard
+
+_MOST: Final = 64  # changes that are remembered, so that memory does not grow with the flight
+
+
+class Known(NamedTuple):
+    """What is known of a vehicle's outputs: its profile, its parameters, and where the two contradict."""
+
+    airframe: Airframe | None = None
+    parameters: Parameters | None = None
+    found: tuple[Contradiction, ...] = ()
+
+    @property
+    def surfaces(self) -> Surfaces | None:
+        """The outputs of each axis; None if they are not known."""
+        if self.airframe is not None:
+            return reconciled(self.airframe, self.parameters)
+        return None if self.parameters is None else of_parameters(self.parameters)
+
+    def against(self, actuator: str) -> tuple[Contradiction, ...]:
+        """Return why an actuator cannot be judged by the profile: its output moves something else."""
+        return tuple(one for one in self.found if one.actuator == actuator and one.key == "servo")
+
+    def after(self, fact: Airframe | Parameters) -> Known:
+        """Return what is known with one more fact."""
+        airframe, parameters = self.airframe, self.parameters
+        if isinstance(fact, Airframe):
+            airframe = fact
+        else:
+            parameters = fact
+        found = contradictions(airframe, parameters) if airframe and parameters else ()
+        return Known(airframe, parameters, found)
+
+
+def notices(known: Known, surfaces: Surfaces | None) -> Iterator[str]:
+    """Yield what contradicts the profile, as far as no actuator's verdict tells it."""
+    others = [one for one in known.found if one.key != "servo"]
+    if others:
+        yield f"{against_log(others)}; {remedy(others)}"
+    contradicted = surfaces.contradicted if surfaces else {}
+    by_log = [axis for axis in contradicted if surfaces and axis in surfaces.by_log]
+    if by_log:
+        yield f"{', '.join(by_log)}: judged by the log's parameters, which contradict the profile"
+
+
+class Told:
+    """Keeps what is known from when on, in whatever order one block of the log brings it.
+
+    Parameters
+    ----------
+    airframe
+        The profile that was given; None if the vehicle may name one.
+    """
+
+    def __init__(self, airframe: Airframe | None = None) -> None:
+        self._keys: list[tuple[int, str]] = []
+        self._facts: list[Airframe | Parameters] = []
+        self._states = [Known(airframe)]  # before the first fact, and after each
+        self._heard: object = None
+
+    @property
+    def last(self) -> Known:
+        """All that is known."""
+        return self._states[-1]
+
+    def hear(self, second: int, parameters: Parameters) -> None:
+        """Take the parameters as they are after a flight second."""
+        said = assigned_outputs(parameters), of_parameters(parameters)
+        if said != self._heard:
+            self._heard = said
+            self._add(second, "parameters", parameters)
+
+    def name(self, second: int, airframe: Airframe) -> None:
+        """Take the profile that the vehicle names in a flight second."""
+        self._add(second, "airframe", airframe)
+
+    def at(self, second: float) -> Known:
+        """Return what applies in a flight second."""
+        return self._states[bisect_right(self._times, second)]
+
+    def next_s(self, second: int) -> int | None:
+        """Return the first flight second after this one from which something else applies."""
+        k = bisect_right(self._times, second)
+        return self._keys[k][0] if k < len(self._keys) else None
+
+    def refused(self, actuator: str, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return at which flight times an actuator cannot be judged by the profile, shape (n,)."""
+        against = np.array([bool(known.against(actuator)) for known in self._states])
+        refused: NDArray[np.bool_] = against[np.searchsorted(self._times, time_s, side="right")]
+        return refused
+
+    @property
+    def _times(self) -> list[int]:
+        return [from_s for from_s, _ in self._keys]
+
+    def _add(self, second: int, kind: str, fact: Airframe | Parameters) -> None:
+        last = max((from_s for from_s, told in self._keys if told == kind), default=-1)
+        key = (last if second + _SETTLED_S <= last else second + _APPLIES_S), kind
+        k = bisect_left(self._keys, key)
+        if k < len(self._keys) and self._keys[k] == key:
+            self._facts[k] = fact
+        else:
+            self._keys.insert(k, key)
+            self._facts.insert(k, fact)
+        del self._states[k + 1 :]
+        for later in self._facts[k:]:
+            self._states.append(self._states[-1].after(later))
+        if len(self._keys) > _MOST:
+            del self._keys[0], self._facts[0], self._states[0]

@@ -1,0 +1,383 @@
+"""A profile that the log contradicts: never an emergency, from no format, however late the log tells it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mavhums
+from mavhums import Engine
+from mavhums.actuator.profile import Actuator, Airframe, load_airframe
+from mavhums.core.errors import ExitCode
+from mavhums.engine.events import ConditionChanged, Event, Notice
+from mavhums.engine.motion import contradiction
+from mavhums.engine.options import EngineOptions
+from mavhums.log.mavlink.stamping import Piece
+from mavhums.report.assessment import Assessment, Verdict
+from mavhums.vehicle.signals import ALL_OUTPUTS
+from mavhums.vehicle.surfaces import Moved
+from mavhums_sim import Flight, fly, write_dataflash, write_tlog
+from tests.conftest import REAL_LOGS, Run
+from tests.engine.test_events import canonical
+from tests.engine.wired import PLANE, PX4_PLANE, START_US, Wired
+from tests.fleet_logs import moved
+from tests.health.axis.flights import excited, rows, steady
+from tests.live.conftest import Rig
+from tests.strategies import blocks, cuts
+
+PAPER = load_airframe("paper")
+NAMED = (b"mavhums airframe=paper",)
+PARAM_VALUE = 22
+FORMATS: dict[str, Callable[[Wired], bytes]] = {
+    "tlog": Wired.tlog,
+    "BIN": Wired.dataflash,
+    "ulg": lambda flight: replace(flight, parameters=PX4_PLANE if flight.parameters else {}).ulog(),
+}
+WRONG = "servo 2 is right aileron in the profile and elevator in the log"
+
+
+def judged(
+    parts: Iterable[bytes], airframe: Airframe | None = PAPER
+) -> tuple[dict[str, Verdict], list[Event], Assessment]:
+    engine = Engine(EngineOptions(airframe=airframe))
+    events = [*(event for part in parts for event in engine.feed(part)), *engine.finish()]
+    assessment = engine.assessment()
+    return {verdict.actuator: verdict for verdict in assessment.verdicts}, events, assessment
+
+
+def alarms(events: Iterable[Event]) -> list[ConditionChanged]:
+    return [e for e in events if isinstance(e, ConditionChanged) and e.after in ("degraded", "emergency")]
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
+    verdicts, events, assessment = judged([FORMATS[kind](Wired())])
+    assert not alarms(events)
+    wrong = verdicts["aileron_right"]
+    assert (wrong.condition, wrong.worst) == ("undecided", "undecided")
+    assert WRONG in str(wrong.reason)
+    assert str(wrong.remedy).startswith("correct servo or surface of aileron_right in the profile")
+    roll = verdicts["roll"]
+    assert (roll.condition, roll.surfaces) == ("normal", ("aileron (servo 1)",))
+    assert "the log's parameters, which contradict the airframe profile" in roll.provenance["V1"]
+    assert roll.indicators == (), "its scale is not that of the profile's flights"
+    assert verdicts["aileron_left"].condition == "unmonitored"
+    assert assessment.log.notices == (
+        "roll, pitch: judged by the log's parameters, which contradict the profile",
+    )
+    assert assessment.exit_code is ExitCode.UNDECIDED
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("told_s", [30.0, 80.0, 130.0, 168.0])
+def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float) -> None:
+    verdicts, events, _ = judged([FORMATS[kind](Wired(told_s=told_s))])
+    assert not alarms(events)
+    assert {verdict.worst for verdict in verdicts.values()} <= {"undecided", "unmonitored", "normal"}
+    assert WRONG in str(verdicts["aileron_right"].reason)
+    assert verdicts["roll"].condition == "normal", "the whole flight is judged anew by the log's parameters"
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_without_parameters_the_motion_contradicts(kind: str) -> None:
+    verdicts, events, _ = judged([FORMATS[kind](Wired(parameters={}))])
+    assert not alarms(events)
+    said = "servo 2 does not move roll, servo 1 does: the profile may name the wrong output"
+    assert verdicts["roll"].reason == said
+    assert verdicts["yaw"].reason == said, "the side force of the ailerons is not known"
+    assert "mavhums profile new" in str(verdicts["roll"].remedy)
+    assert [event.text for event in events if isinstance(event, Notice)][-1:] == [said]
+
+
+def named(**servos: int) -> Airframe:
+    return Airframe(
+        name="mine",
+        actuators=tuple(
+            Actuator(name=name, servo=n, pwm_us=(1100, 1500, 1900)) for name, n in servos.items()
+        ),
+    )
+
+
+SWAPPED = named(aileron=4, elevator=2, rudder=1)
+
+
+def records(tlog: bytes) -> Iterator[bytes]:
+    at = 0
+    while at < len(tlog):
+        size = 8 + 12 + tlog[at + 9]
+        yield tlog[at : at + size]
+        at += size
+
+
+def corrected(flight: Wired, first: dict[str, float]) -> bytes:
+    """A log that begins with other parameters than those that the flight tells."""
+    early = records(replace(flight, parameters=first, told_s=0.0).tlog())
+    late = [record for record in records(flight.tlog()) if record[8 + 7] == PARAM_VALUE]
+    both: list[bytes] = sorted([*early, *late], key=lambda record: record[:8])
+    return b"".join(both)
+
+
+@pytest.mark.parametrize("airframe", [None, SWAPPED], ids=["parameters", "profile"])
+def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airframe: Airframe | None) -> None:
+    """Until 100 s rudder and aileron move together, so that nothing tells which of them the log names."""
+    wrong = {**PLANE, "SERVO1_FUNCTION": 21.0, "SERVO4_FUNCTION": 4.0}
+    verdicts, events, _ = judged([corrected(Wired(coordinated_s=100.0, told_s=140.0), wrong)], airframe)
+    changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
+    assert [change.after for change in changes][-2:] == ["emergency", "normal"]
+    assert changes[-1].time_s == 150.0
+    told = (
+        "servo 4 is aileron in the profile and rudder in the log" if airframe else "its parameters name other"
+    )
+    assert told in changes[-1].rule
+    roll = verdicts["roll"]
+    assert (roll.condition, roll.worst, roll.evidence) == ("normal", "normal", ())
+
+
+def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
+    flight = Wired(coordinated_s=100.0, told_s=140.0)
+    verdicts, events, _ = judged([flight.tlog()], SWAPPED)
+    assert not alarms(events)
+    changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
+    assert [change.after for change in changes] == ["normal", "undecided", "normal"]
+    assert "servo 4 does not move roll, servo 1 does" in changes[1].rule
+    assert verdicts["roll"].worst == "normal"
+
+
+def test_a_wrong_profile_that_is_named_late_raises_no_alarm_of_the_past() -> None:
+    """What was flown before the vehicle names its profile is judged by it, and the motion is asked."""
+    flight = Wired(parameters={}, texts=NAMED, named_s=150.0)
+    verdicts, events, _ = judged([flight.tlog()], None)
+    assert not alarms(events)
+    assert "servo 2 does not move roll" in str(verdicts["roll"].reason)
+
+
+def test_a_real_loss_is_found_whether_the_profile_is_right_or_not() -> None:
+    right, lost = named(aileron=1, elevator=2, rudder=4), Wired(left=0.4)
+    for airframe, parameters in ((right, lost.parameters), (right, {}), (PAPER, lost.parameters), (None, {})):
+        verdicts, _, _ = judged([replace(lost, parameters=parameters).tlog()], airframe)
+        assert verdicts["roll"].condition == "emergency", airframe
+    verdicts, _, _ = judged([replace(lost, parameters={}).tlog()], PAPER)
+    assert "the profile may name the wrong output" in str(verdicts["roll"].reason)
+
+
+def test_a_surface_lost_before_take_off_is_not_laid_on_a_profile_that_the_parameters_confirm() -> None:
+    """The aircraft answers to the rudder alone: nothing but the parameters can tell the two cases apart."""
+    flight = Wired(left=0.0, lost_s=0)
+    confirmed, _, _ = judged([flight.tlog()], named(aileron=1, elevator=2, rudder=4))
+    assert "explain" in str(confirmed["roll"].reason)
+    assert "profile" not in str(confirmed["roll"].reason)
+
+
+@given(data=st.data())
+@settings(max_examples=6, deadline=None)
+@pytest.mark.parametrize(
+    "flight",
+    [
+        Wired(seconds=130, told_s=97.3, texts=NAMED),
+        Wired(seconds=130, parameters={}),
+        Wired(seconds=150, coordinated_s=100.0, told_s=120.4),
+    ],
+    ids=["late", "motion", "withdrawn"],
+)
+def test_no_event_depends_on_the_blocks(flight: Wired, data: st.DataObject) -> None:
+    content = flight.tlog()
+    airframe = None if flight.texts else SWAPPED if flight.coordinated_s else PAPER
+    whole, cut = (
+        judged(parts, airframe) for parts in ([content], blocks(content, data.draw(cuts(len(content)))))
+    )
+    assert canonical(cut[1]) == canonical(whole[1])
+    assert cut[2].to_json() == whole[2].to_json()
+
+
+def swapped(**moved: int) -> Airframe:
+    """The paper's profile with other outputs, and their ESCs."""
+    return PAPER.model_copy(
+        update={
+            "actuators": tuple(
+                one.model_copy(update={"servo": moved[one.name], "esc": moved[one.name] - 1})
+                if one.name in moved
+                else one
+                for one in PAPER.actuators
+            )
+        }
+    )
+
+
+@pytest.mark.parametrize("kind", ["tlog", "BIN"])
+def test_the_telemetry_of_another_surface_is_no_verdict(run: Run, tmp_path: Path, kind: str) -> None:
+    """The elevator's friction is an emergency; the profile takes its output for the left aileron's."""
+    tier = "esc-signed" if kind == "tlog" else "named"
+    record = fly(Flight(seed=11, duration_s=40.0, friction_nm={"elevator": (1.2, 1.2)}, tiers=(tier, "pwm")))
+    log, profile = tmp_path / f"flight.{kind}", tmp_path / "swapped.toml"
+    (write_tlog if kind == "tlog" else write_dataflash)(record, log)
+    airframe = swapped(aileron_left=3, elevator=1)
+    lines = ['name = "swapped"']
+    for one in airframe.actuators:
+        lines += ["[[actuators]]", f'name = "{one.name}"', f"servo = {one.servo}", f"esc = {one.esc}"]
+        lines += ["travel_deg = [-60.0, 60.0]", "pwm_us = [1000, 1500, 2000]"]
+        for section in ("ema", "limits"):
+            lines.append(f"[actuators.{section}]")
+            values = getattr(one, section).model_dump(exclude_none=True)
+            lines += [f"{key} = {value!r}" for key, value in values.items()]
+    profile.write_text("\n".join(lines))
+    right = json.loads(run("analyse", log, "--airframe", "paper", "--json").out)["verdicts"]
+    assert {v["actuator"] for v in right if v["worst"] == "emergency"} == {"elevator"}
+    outcome = run("analyse", log, "--airframe", profile, "--json")
+    verdicts = {v["actuator"]: v for v in json.loads(outcome.out)["verdicts"]}
+    assert outcome.code == ExitCode.UNDECIDED
+    for name, why in (
+        (
+            "aileron_left",
+            "servo 3 is aileron_left in the profile and elevator in the log (SERVO3_FUNCTION = 19)",
+        ),
+        ("elevator", "servo 1 is elevator in the profile and aileron in the log (SERVO1_FUNCTION = 4)"),
+    ):
+        assert verdicts[name]["condition"] == verdicts[name]["worst"] == "undecided"
+        assert verdicts[name]["reason"] == f"the profile contradicts the log: {why}"
+        assert not verdicts[name]["evidence"]
+    assert verdicts["aileron_right"]["condition"] == verdicts["rudder"]["condition"] == "normal"
+    inspected = json.loads(run("inspect", log, "--airframe", profile, "--json").out)
+    told = {subject["name"]: subject for subject in inspected["vehicles"][0]["subjects"]}
+    assert told["elevator"]["reason"] == verdicts["elevator"]["reason"]
+
+
+def test_a_live_session_says_no_alarm_and_agrees_with_its_recording(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    content, sent, at = Wired(texts=NAMED, told_s=60.0).tlog(), [], 0
+    while at < len(content):
+        size = 12 + content[at + 9]
+        time_us = int.from_bytes(content[at : at + 8], "big") - START_US + rig.now_us
+        sent.append(Piece("vehicle", time_us, content[at + 8 : at + 8 + size]))
+        at += 8 + size
+    rig.hear(sent)
+    assessment = rig.end()
+    assert not rig.shown.alerts
+    assert not alarms(rig.shown.events)
+    verdicts = {verdict.actuator: verdict for verdict in assessment.verdicts}
+    assert WRONG in str(verdicts["aileron_right"].reason)
+    assert verdicts["roll"].condition == "normal"
+    [status] = [one for one in rig.shown.statuses[-1].actuators if one.actuator == "aileron_right"]
+    assert WRONG in str(status.reason)
+
+
+def test_a_fleet_keeps_no_alarm_of_a_contradicted_profile(run: Run, tmp_path: Path) -> None:
+    pytest.importorskip("deltalake")
+    pytest.importorskip("duckdb")
+    for day, flight in enumerate((Wired(parameters={}), Wired(seed=5, told_s=80.0), Wired(seed=9))):
+        path = tmp_path / "logs" / "D-A" / f"{day}.tlog"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(moved(flight.tlog(), 86_400.0 * day))
+    store = tmp_path / "store"
+    options = ("--airframe", "paper", "--aircraft", "folder", "--workers", "0")
+    assert run("fleet", "scan", tmp_path / "logs", "--to", store, *options).code == 0
+    worst = json.loads(run("fleet", "worst", store, "--json").out)
+    conditions = {one["verdict"][key] for one in worst for key in ("condition", "worst")}
+    assert conditions <= {"normal", "undecided", "unmonitored"}
+    assert WRONG in json.dumps(worst)
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_the_command_says_both_values_and_what_to_do(run: Run, tmp_path: Path, kind: str) -> None:
+    log = tmp_path / f"flight.{kind}"
+    log.write_bytes(FORMATS[kind](Wired()))
+    outcome = run("analyse", log, "--airframe", "paper")
+    text = " ".join(outcome.out.split())
+    assert outcome.code == ExitCode.UNDECIDED
+    assert "EMERGENCY" not in text
+    assert "do not fly" not in text
+    assert f"aileron_right: undecided why: the profile contradicts the log: {WRONG}" in text
+    assert "what to do: correct servo or surface of aileron_right in the profile" in text
+    assert "Roll, pitch: judged by the log's parameters, which contradict the profile." in text
+    inspected = " ".join(run("inspect", log, "--airframe", "paper").out.split())
+    assert WRONG in inspected
+
+
+def test_a_range_and_a_direction_are_said_and_the_axis_is_judged_by_the_log(run: Run, tmp_path: Path) -> None:
+    log, profile = tmp_path / "flight.tlog", tmp_path / "mine.toml"
+    ends = {"SERVO1_MIN": 1000.0, "SERVO1_MAX": 2000.0, "SERVO5_FUNCTION": 4.0, "SERVO5_REVERSED": 1.0}
+    log.write_bytes(Wired(parameters={**PLANE, **ends}).tlog())
+    block = (
+        '[[actuators]]\nname = "{}"\nservo = {}\npwm_us = [1300, 1500, 1700]\ntravel_deg = [-20.0, 20.0]\n'
+    )
+    profile.write_text('name = "mine"\n' + block.format("aileron_left", 1) + block.format("aileron_right", 5))
+    outcome = run("analyse", log, "--airframe", profile, "--json")
+    told = json.loads(outcome.out)
+    [notice, axes] = told["log"]["notices"]
+    assert (
+        "servo 1 (aileron_left) has 1300 to 1700 µs in the profile and 1000 to 2000 µs in the log" in notice
+    )
+    assert "servos 1 and 5 (aileron_right) deflect the same way in the profile and opposite ways" in notice
+    assert "correct pwm_us of aileron_left, travel_deg of aileron_right in the profile" in notice
+    assert axes == "roll: judged by the log's parameters, which contradict the profile"
+    verdicts = {v["actuator"]: v for v in told["verdicts"]}
+    assert verdicts["roll"]["condition"] == "normal"
+    assert verdicts["aileron_left"]["condition"] == "unmonitored"
+    [usage] = told["usage"]
+    ranges = {output["servo"]: output["range_us"] for output in usage["outputs"]}
+    assert ranges[1] == [1000, 1500, 2000]
+
+
+def test_no_log_is_offered_a_packaged_profile_that_it_does_not_name(run: Run, tmp_path: Path) -> None:
+    """An ESC reports, so that a profile is what is missing; the paper's is another aircraft's."""
+    log = tmp_path / "esc.tlog"
+    write_tlog(fly(Flight(seed=3, duration_s=12.0, tiers=("esc-unsigned",))), log)
+    log.write_bytes(log.read_bytes().replace(b"mavhums airframe=paper", b"mavhums nothing=here  "))
+    for command in ("analyse", "inspect"):
+        text = " ".join(run(command, log).out.split())
+        assert "mavhums profile new" in text
+        assert "one of: paper" not in text
+
+
+def trial(demand: dict[int, np.ndarray], rate: np.ndarray, *servos: int) -> str | None:
+    """What the motion says of a profile whose ailerons are these servos."""
+    flight = steady(90)
+    flight["roll_rate"] = rate
+    flight["outputs"][:, 0] = np.mean([demand[servo] for servo in servos], axis=0)
+    sent = np.full((len(rate), ALL_OUTPUTS), np.nan)
+    for servo, share in demand.items():
+        sent[:, servo - 1] = 1500 + 400 * share
+    return contradiction(rows(flight), sent, "roll", [Moved(n, "aileron", 1500.0, 400.0) for n in servos])
+
+
+@given(seed=st.integers(0, 10_000), noise=st.floats(0.0, 0.05))
+@settings(max_examples=20, deadline=None)
+def test_the_motion_contradicts_wrong_outputs_alone(seed: int, noise: float) -> None:
+    aileron, elevator, other = (excited(90, seed=seed + k) for k in range(3))
+    rate = 2.2 * aileron + noise * np.random.default_rng(seed).normal(size=aileron.size)
+    demand = {1: aileron, 2: elevator, 3: 0.3 * other, 5: 0.8 * aileron}
+    assert trial(demand, rate, 1) == trial(demand, rate, 5) == trial(demand, rate, 1, 5) == ""
+    assert trial(demand, rate, 2) == (
+        "servo 2 does not move roll, servos 1 and 5 do: the profile may name the wrong output"
+    )
+    assert str(trial(demand, rate, 1, 2)).startswith("servo 2 does not move roll, servo 1 does")
+    assert str(trial(demand, rate, 2, 3)).startswith("servos 2 and 3 do not move roll, servos 1 and 5 do")
+    assert trial({2: elevator, 3: other}, rate, 2) is None, "no output moves it: a surface may be lost"
+    still = aileron.copy()
+    still[len(still) // 2 :] = 0.1  # overridden: its surface failed, and the profile is right
+    assert trial({**demand, 5: still}, rate, 1, 5) == ""
+
+
+@pytest.mark.skipif(not (REAL_LOGS / "sitl" / "control").is_dir(), reason="the real logs are absent")
+@pytest.mark.parametrize("name", ["h02_light_mixed.tlog", "h20_wind6.tlog"])
+def test_healthy_flights_by_another_aircrafts_profile(run: Run, name: str) -> None:
+    outcome = run("analyse", REAL_LOGS / "sitl" / "control" / name, "--airframe", "paper", "--json")
+    assert outcome.code == ExitCode.UNDECIDED
+    verdicts = {v["actuator"]: v for v in json.loads(outcome.out)["verdicts"]}
+    assert {v["worst"] for v in verdicts.values()} <= {"normal", "undecided", "unmonitored"}
+    assert verdicts["roll"]["condition"] == "normal"
+    assert WRONG in verdicts["aileron_right"]["reason"]
+
+
+@pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
+def test_a_flight_without_parameters_by_another_aircrafts_profile() -> None:
+    log = REAL_LOGS / "alfa" / "2018-07-18-15-53-31_1_engine_failure.tlog"
+    verdicts = {v.actuator: v for v in mavhums.analyse(log, mavhums.Options(airframe="paper")).verdicts}
+    said = "servos 1 and 2 do not move roll, servos 4, 5 and 6 do: the profile may name the wrong output"
+    assert verdicts["roll"].reason == said
