@@ -140,7 +140,7 @@ def test_other_outputs_late_in_a_long_flight_say_from_when_on_it_is_judged() -> 
     flight = renamed(flown(300, left=1.0, parted_s=0), 200.0, SERVO4_FUNCTION=4, SERVO1_FUNCTION=21)
     _, events = judged(flight)
     [notice] = [e for e in events if isinstance(e, Notice)]
-    assert "judged anew from 150 s on" in notice.text
+    assert "judged anew from 149 s on" in notice.text
     assert changes(events)[:2] == [("undecided", "normal"), ("normal", "undecided")]
 
 
