@@ -38,6 +38,7 @@ in software-in-the-loop an aileron had 0.98 of it or more, an elevator at most 0
 _ALIKE: Final = 0.97  # correlation of outputs that move together
 _MOVES_US: Final = 10.0  # standard deviation
 _HALF_US: Final = 400.0
+_SHOWN_ROWS: Final = 10 * RATE_HZ  # before an alarm: the windows in which a loss is certain
 
 Array = NDArray[np.float64]
 
@@ -91,8 +92,13 @@ def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], l
     """
     if not _judged(rows, axis, rows.demand(axis), limits).alarmed:
         return ""
-    moving = [k for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])]
-    tried = {k + 1: _judged(rows, axis, _alone(pulses, k, outputs), limits) for k in moving}
+    alone = {
+        k + 1: _alone(pulses, k, outputs) for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])
+    }
+    # An output that stands while the loss is seen raises no alarm because it says nothing: its own surface
+    # may be the lost one (an ALFA flight whose right aileron stops).
+    telling = {servo: demand for servo, demand in alone.items() if np.isfinite(demand[-_SHOWN_ROWS:]).all()}
+    tried = {servo: _judged(rows, axis, demand, limits) for servo, demand in telling.items()}
     movers = [servo for servo, found in tried.items() if found.referred and not found.alarmed]
     wrong = [one.servo for one in outputs if one.servo not in movers]
     return _told(axis, wrong, movers) if wrong and movers else ""

@@ -207,7 +207,7 @@ def _pulses(
     """
     low, zero, high = (round(values.get(name, d)) for name, d in zip(names, defaults, strict=True))
     known = [name for name in (names[0], names[2]) if name in values]
-    if not low < high:
+    if high - low < 2:  # no pulse lies between them: such a range has no zero
         return defaults, f"CHECK: {names[0]} = {low} is not below {names[2]} = {high}", ""
     if len(known) < 2:
         by = "CHECK: the autopilot's usual pulses, the log does not tell them"

@@ -278,7 +278,8 @@ def test_the_times_of_a_jam_agree_in_event_and_evidence() -> None:
     )
     [jam] = next(v for v in assessment.verdicts if v.actuator == "aileron_1").evidence
     own = [event for event in events if event.actuator == "aileron_1"]
-    assert [event.since_s for event in own] == [jam.start_s, jam.end_s] == [90.0, 127.0]
+    assert [event.since_s for event in own] == [jam.start_s, jam.end_s]
+    assert [jam.start_s, jam.end_s] == pytest.approx([90.0, 130.0], abs=2.0)  # 60 to 100 s in the air
 
 
 PLANES = [path for path in real_logs() if path.name.startswith(("plane_", "Jordinaa", "EAICS__flight.tlog"))]
