@@ -45,7 +45,7 @@ def test_nothing_is_left_to_compile_after_a_warm_up(tmp_path: Path, growing_log:
     """A first log of any format, with actuators and with axes, is judged at once."""
     axes, on_board, px4 = tmp_path / "axes.tlog", tmp_path / "on_board.BIN", tmp_path / "px4.ulg"
     write_loop(fly_closed_loop(ClosedLoop(seed=3, duration_s=60.0)), axes)
-    write_dataflash(fly(Flight(seed=4, duration_s=20.0, rate_hz=20.0)), on_board)
+    write_dataflash(fly(Flight(seed=4, duration_s=20.0, rate_hz=20.0, tiers=("csrv", "pwm"))), on_board)
     px4.write_bytes(ulog_flight(30.0))
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
 

@@ -76,13 +76,6 @@ def test_a_worse_fault_is_never_a_milder_verdict(fault: str) -> None:
     held(fault, severities, 941, "gusts")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", ENDS)
-@pytest.mark.parametrize(("seed", "cyclogram"), [(942, "takeoff"), (943, "turns"), (944, "gusts")])
-def test_it_holds_in_ten_steps(fault: str, seed: int, cyclogram: str) -> None:
-    held(fault, np.linspace(0.0, ENDS[fault], 11).tolist(), seed, cyclogram)
-
-
 @pytest.mark.parametrize("fault", ["friction", "resistance", "torque_constant", "supply_sag", "jam"])
 def test_an_actuator_that_cannot_move_its_surface_is_an_emergency(fault: str) -> None:
     """Nine times the winding's resistance leaves a ninth of the torque; a sensor at the shaft shows it."""
