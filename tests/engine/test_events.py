@@ -57,7 +57,10 @@ def content() -> bytes:
 
 
 def canonical(events: Iterable[Event]) -> dict[Any, Any]:
-    """Return what is told of each subject in its order; rows that blocks cut are joined."""
+    """Return what is told of each subject in its order; rows that blocks cut are joined.
+
+    Notices have no order: each block's come after what it judged, so two of them may swap.
+    """
     told: dict[Any, list[Any]] = {}
     for event in events:
         whose = tuple(getattr(event, name, None) for name in ("vehicle", "actuator", "fault"))
@@ -74,7 +77,8 @@ def _joined(events: list[Any]) -> Any:
         Position: ("time_s", "latitude_longitude_deg", "altitude_m"),
     }.get(type(events[0]))
     if fields is None:
-        return [repr(event) for event in events]
+        lines = [repr(event) for event in events]
+        return sorted(lines) if type(events[0]) is Notice else lines
     return [np.concatenate([getattr(event, name) for event in events]).tobytes() for name in fields]
 
 
