@@ -161,44 +161,47 @@ def limits(
     first_frame: Integers,
     rank: Integers,
     gives: Flags,
-    settle_us: int,
-    keep_us: int,
+    horizon_us: int,
     known_from_us: int,
     final: bool,
 ) -> Integers:
     """Return, for each sample that is final, the first frame that it no longer uses.
 
     Pending samples, (n, 3), become final in order, all of them if ``final``. The frame is 0 for a
-    sample that arrived more than ``keep_us`` behind a source; it then uses no values at all.
+    sample that arrived more than ``horizon_us`` behind a source; it then uses no values at all.
     """
     time, frame, values = rows
     count = len(due)
     out = np.empty(count, dtype=np.int64)
-    settler = 0
-    ahead, own, beside = bounds[:-1].copy(), 0, bounds[:-1].copy()
+    ahead, own, beside, heard = bounds[:-1].copy(), 0, bounds[:-1].copy(), bounds[:-1].copy()
+    opened = NEVER
+    for k in range(rank.size):
+        row = _first(time, bounds[k], bounds[k + 1], known_from_us)
+        opened = min(opened, frame[row] if row < bounds[k + 1] else NEVER)
     for i in range(count):
         at_us, own_frame, clock = due[i]
-        while settler < count and due[settler, 0] < at_us + settle_us:
-            settler += 1
-        limit = due[settler, 1] if settler < count else NEVER
+        limit = NEVER
         for k in range(rank.size):
-            row = ahead[k] = _near(time, bounds[k], bounds[k + 1], at_us + keep_us, ahead[k])
+            row = ahead[k] = _near(time, bounds[k], bounds[k + 1], at_us + horizon_us, ahead[k])
             limit = min(limit, frame[row] if row < bounds[k + 1] else NEVER)
         if limit < own_frame:
             limit = 0
-        if at_us >= known_from_us:
-            own = _near(time, bounds[clock], bounds[clock + 1], at_us, own)
-            complete = own_frame
-            for k in range(rank.size):
-                if k == clock or own_frame <= first_frame[k]:
-                    continue
-                adds = rank[k] < rank[clock]
-                for column in range(values.shape[1]):
-                    adds = adds or (gives[k, column] and np.isnan(values[own, column]))
-                if adds:
-                    row = beside[k] = _near(time, bounds[k], bounds[k + 1], at_us, beside[k])
-                    complete = max(complete, frame[row] if row < bounds[k + 1] else NEVER)
-            limit = min(limit, complete + 1)
+        # Which sources there are is known once they have had the time to be heard.
+        asked = own_frame if at_us >= known_from_us else max(own_frame, opened)
+        complete = asked
+        own = _near(time, bounds[clock], bounds[clock + 1], at_us, own)
+        for k in range(rank.size):
+            if asked == NEVER or k == clock or asked <= first_frame[k]:
+                continue
+            adds = rank[k] < rank[clock]
+            for column in range(values.shape[1]):
+                adds = adds or (gives[k, column] and np.isnan(values[own, column]))
+            last = heard[k] = _near(frame, bounds[k], bounds[k + 1], asked + 1, heard[k])
+            silent = last > bounds[k] and time[last - 1] < at_us - horizon_us
+            if adds and not silent:  # nothing waits for a source that has died
+                row = beside[k] = _near(time, bounds[k], bounds[k + 1], at_us, beside[k])
+                complete = max(complete, frame[row] if row < bounds[k + 1] else NEVER)
+        limit = min(limit, complete + 1)
         if limit >= NEVER and not final:
             return out[:i]
         out[i] = min(limit, NEVER)

@@ -3,10 +3,11 @@
 The clock is given by the times of the source that carries V5, else V7, else V3, else V1; the other
 quantities are interpolated to it. Samples depend only on the order of messages in the log, not on
 its division into blocks. A sample becomes final when every source that could contribute to it has
-reached its time, at the latest with the first clock sample ``SETTLE_S`` later or, if the clock
-stops, with any message three seconds later. Later messages do not change it. A sample that arrives
-more than three seconds behind another source becomes final without values. In the first three
-seconds, when the sources are not yet known, every sample waits for ``SETTLE_S``.
+reached its time, at the latest with any message :data:`~mavhums.vehicle.order.HORIZON_S` later: a late
+message is not a lost one.
+Later messages do not change it. A source that has been silent for as long is not waited for, and a sample
+that arrives as far behind another source becomes final without values. In the first ten seconds every
+sample waits until all sources have had the time to be heard.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ from numpy.typing import NDArray
 from mavhums.actuator._align import NEVER, Rows, combine, limits, take
 from mavhums.actuator.readings import Reading
 from mavhums.core.quantities import KEYS, column
+from mavhums.vehicle.order import HORIZON_S
 
-__all__ = ["SETTLE_S", "Aligned", "Aligner", "Origin"]
+__all__ = ["Aligned", "Aligner", "Origin"]
 
-SETTLE_S = 0.25
-_SETTLE_US = round(SETTLE_S * 1e6)
+_HORIZON_US = round(HORIZON_S * 1e6)
+_OPENING_US = 10_000_000  # in which each type is heard once, whatever its latency or the backlog of the link
 _MAX_SPAN_US = 2_000_000
-_KEEP_US = 3_000_000
 _SLOPE_US = 80_000
 _CLOCK_ORDER = tuple(column(key) for key in ("V5", "V7", "V3", "V1"))
 
@@ -101,6 +102,7 @@ class Aligner:
         self._by_trust = {signed: np.empty(0, dtype=np.int64) for signed in (True, False)}
         self._due = np.empty((0, 3), dtype=np.int64)  # time, frame, source
         self._latest_due_us = -NEVER
+        self._loose = np.empty(0, dtype=np.int64)  # frames
 
     @property
     def late(self) -> int:
@@ -112,22 +114,33 @@ class Aligner:
         """Number of buffered values of all sources."""
         return self._rows[0].size
 
-    def feed(self, readings: Sequence[Reading], *, final: bool = False) -> list[Aligned]:
+    def feed(
+        self,
+        readings: Sequence[Reading],
+        *,
+        loose: NDArray[np.int64] | None = None,
+        final: bool = False,
+    ) -> list[Aligned]:
         """Add new readings, at most one per source, and return the samples that become final.
 
-        With ``final``, all remaining samples become final.
+        ``loose`` are the frames of messages whose time the latency of the link blurs: their values hold, but
+        are not combined with those of other sources. With ``final``, all remaining samples become final.
         """
         if readings:
+            if loose is not None and loose.size:
+                self._loose = np.concatenate([self._loose, loose])
             self._take(readings)
         limit = limits(
             self._due, self._rows, self._bounds, self._first_frame, self._rank, self._gives,
-            _SETTLE_US, _KEEP_US, self._known_from_us, final,
+            _HORIZON_US, self._known_from_us, final,
         )  # fmt: skip
-        time_us, clock = self._due[: limit.size, 0].copy(), self._due[: limit.size, 2]
+        time_us, frame, clock = self._due[: limit.size].copy().T
+        alone = np.isin(frame, self._loose)
         self._due = self._due[limit.size :]
+        self._loose = self._loose[self._loose >= self._due[:1, 1].min(initial=NEVER)]
         starts = [0, *((clock[1:] != clock[:-1]).nonzero()[0] + 1).tolist()] if clock.size else []
         return [
-            self._align(time_us[a:b], limit[a:b], self.sources[clock[a]])
+            self._align(time_us[a:b], limit[a:b], alone[a:b], int(clock[a]))
             for a, b in pairwise([*starts, clock.size])
         ]
 
@@ -142,6 +155,9 @@ class Aligner:
                 if k == self._clock:
                     reigns.append((k, int(reading.frame[0])))
             new[k] = reading
+            blurred = np.isin(reading.frame, self._loose)
+            if k != self._clock and blurred.any():
+                new[k] = reading._replace(values=np.where(blurred[:, None], np.nan, reading.values))
         places = sorted(new)
         rows = (
             np.concatenate([new[k].utc_us for k in places]),
@@ -152,7 +168,7 @@ class Aligner:
         bounds = np.array([0, *accumulate(sizes)])
         self._rows, self._bounds, self._due = take(
             self._rows, self._bounds, self._due, rows, bounds, np.array(reigns), self._latest_us, self._late,
-            self._latest_due_us, self._lag_us + _SLOPE_US // 2, _KEEP_US + _MAX_SPAN_US,
+            self._latest_due_us, self._lag_us + _SLOPE_US // 2, _HORIZON_US + _MAX_SPAN_US,
         )  # fmt: skip
         if len(self._due):
             self._latest_due_us = int(self._due[-1, 0])
@@ -161,7 +177,7 @@ class Aligner:
         """Add a source, and return its index; it becomes the clock if it is better than the current one."""
         k = self._places[reading.source] = len(self.sources)
         if k == 0:
-            self._known_from_us = int(reading.utc_us[0]) + _KEEP_US
+            self._known_from_us = int(reading.utc_us[0]) + _OPENING_US
         self.sources.append(Origin(reading.source, reading.tier, reading.fields, reading.signed))
         given = np.isfinite(reading.values[0])
         first = next((rank for rank, c in enumerate(_CLOCK_ORDER) if given[c]), len(_CLOCK_ORDER))
@@ -178,14 +194,19 @@ class Aligner:
         self._by_trust = {True: by_trust[signed[by_trust]], False: by_trust}
         return k
 
-    def _align(self, time_us: NDArray[np.int64], limit: NDArray[np.int64], clock: Origin) -> Aligned:
+    def _align(
+        self, time_us: NDArray[np.int64], limit: NDArray[np.int64], alone: NDArray[np.bool_], place: int
+    ) -> Aligned:
+        clock = self.sources[place]
         values, origin = self._combine(time_us, limit, signed=clock.signed)
+        foreign = alone[:, None] & (origin != place)
+        values[foreign], origin[foreign] = np.nan, -1
         rate = np.full(time_us.size, np.nan)
         if not clock.signed:
             middle = time_us - self._lag_us
             after = self._combine(middle + _SLOPE_US // 2, limit, signed=True)[0][:, 0]
             before = self._combine(middle - _SLOPE_US // 2, limit, signed=True)[0][:, 0]
-            rate = (after - before) / (_SLOPE_US * 1e-6)
+            rate = np.where(alone, np.nan, (after - before) / (_SLOPE_US * 1e-6))
         return Aligned(time_us, values, origin, rate, clock.tier, clock.signed)
 
     def _combine(
@@ -196,4 +217,4 @@ class Aligner:
         Magnitudes and signed values are not mixed.
         """
         by_trust = self._by_trust[signed]
-        return combine(time_us, limit, by_trust, self._rows, self._bounds, _KEEP_US, _MAX_SPAN_US)
+        return combine(time_us, limit, by_trust, self._rows, self._bounds, _HORIZON_US, _MAX_SPAN_US)

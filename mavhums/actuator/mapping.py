@@ -22,6 +22,7 @@ from mavhums.actuator.sources import SOURCES
 from mavhums.actuator.tiers import TIERS
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
+from mavhums.log.flags import LOOSE_TIME
 
 __all__ = ["Mapped", "Mapper", "messages_for"]
 
@@ -112,6 +113,8 @@ class Mapper:
         marks the end of the log.
         """
         tables = {name: self._ours(table) for name, table in tables.items()}
+        frames = [table.frame[(table.flags & LOOSE_TIME) > 0] for table in tables.values()]
+        loose = np.concatenate(frames) if frames else None
         by_track: dict[tuple[int, str], list[Reading]] = {key: [] for key in self._tracks}
         for source in SOURCES:
             for reading in source.read(tables, self.airframe.actuators):
@@ -126,7 +129,7 @@ class Mapper:
                 self._tracks[key] = _Track(key[0], actuator, aligner, Deriver(actuator), Gate(actuator))
             track = self._tracks[key]
             admitted = [reading._replace(values=track.gate.admit(reading.values)) for reading in readings]
-            for aligned in track.aligner.feed(admitted, final=final):
+            for aligned in track.aligner.feed(admitted, loose=loose, final=final):
                 track.note(aligned)
                 values = track.deriver.complete(aligned)
                 measured = aligned.origin >= 0

@@ -31,8 +31,9 @@ _CONFIRM: Final = 3  # stamps in a row: one or two are damage
 _LAP_US: Final = 2**32  # SERVO_OUTPUT_RAW's 32 bits of microseconds start anew after 71.6 min
 _NEIGHBOURS_US: Final = 100_000  # stamps of both counters received within this time tell their offset
 _OPENING_US: Final = 6_000_000  # before, types with a great latency have not yet been heard
-_LEAST_PAIRS: Final = 20  # 5 s at 4 Hz; the median of fewer moves with single delays
-_MOST_PAIRS: Final = 60
+_PERIOD_US: Final = 500_000  # in which every type that tells is heard, however often others come
+_LEAST_PERIODS: Final = 10  # 5 s; the median of fewer moves with single delays
+_MOST_PERIODS: Final = 30
 _OFFSET_US: Final = 300_000  # types of message differ by tens of ms on real links, two counters by 2.5 s
 _SCATTER_US: Final = 600_000  # 10–90 %: an offset is constant, latencies are not
 _SPREAD_US: Final = 500_000  # what a comparison of a demand with its answer stands
@@ -40,9 +41,10 @@ _FORGET_US: Final = 10_000_000.0  # time constant with which a greater spread is
 
 _SENDERS: Final = 256
 _NEVER_US: Final = 2**62
-_SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PAIRS, _SPREAD, _SINCE = range(10)
+_SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PERIODS, _SPREAD, _SINCE = range(10)
 _DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 10, 12, 14, 16, 18, 20  # two columns each, one per counter
-_COLUMNS: Final = 22
+_PERIOD: Final = 22
+_COLUMNS: Final = 23
 
 Integers = NDArray[np.int64]
 
@@ -84,7 +86,7 @@ class VehicleClock:
 
     def __init__(self) -> None:
         self._senders = np.zeros((_SENDERS, _COLUMNS), dtype=np.int64)
-        self._pairs = np.zeros((_SENDERS, _MOST_PAIRS), dtype=np.int64)
+        self._pairs = np.zeros((_SENDERS, _MOST_PERIODS, 2), dtype=np.int64)
         self._main = np.full(1, -1, dtype=np.int64)
 
     def map(
@@ -201,27 +203,35 @@ def _begin(sender: Integers, kind: int, stamp: int, received: int, offset: int) 
 def _compare(sender: Integers, pairs: Integers, kind: int, stamp: int, received: int) -> None:
     """Learn the offset between the counters from neighbours in the order of arrival, once.
 
-    Every message is held against the last one of the other counter, so that each type has its say: where only
-    some types of a counter lag, it is latency, and the scatter shows it.
+    Every message is held against the last one of the other counter, and the least and the greatest
+    difference of each period are kept, so that each type has its say, however rarely it comes. Where only
+    some types of a counter lag, these two lie apart: that is latency.
     """
-    count = sender[_PAIRS]
+    count = sender[_PERIODS]
     sender[_STAMP + kind], sender[_AT + kind] = stamp, received
     apart = received - sender[_AT + 1 - kind]
     heard = sender[_KNOWN + 1 - kind] == 1 and received - sender[_SINCE] > _OPENING_US
-    if count == _MOST_PAIRS or not heard or not 0 <= apart < _NEIGHBOURS_US:
+    if count > _MOST_PERIODS or not heard or not 0 <= apart < _NEIGHBOURS_US:
         return
     other = sender[_STAMP + 1 - kind]
     now = stamp - apart
-    pairs[count] = now - other if kind == sender[_PRIMARY] else other - now
-    sender[_PAIRS] = count = count + 1
-    if count < _LEAST_PAIRS:
-        return
     first = sender[_PRIMARY]
     second = 1 - first
-    ordered = np.sort(pairs[:count])
-    scatter = ordered[(9 * count) // 10] - ordered[count // 10]
-    change = ordered[count // 2] - (sender[_DELTA + second] - sender[_DELTA + first])
-    if abs(change) > _OFFSET_US and scatter < _SCATTER_US:
-        behind = second if change > 0 else first  # moved ahead: what goes back comes late
-        sender[_DELTA + behind] += abs(change)
-        sender[_PAIRS] = _MOST_PAIRS
+    pair = now - other if kind == first else other - now
+    period = (received - sender[_SINCE]) // _PERIOD_US
+    if count > 0 and period == sender[_PERIOD]:
+        pairs[count - 1, 0] = min(pairs[count - 1, 0], pair)
+        pairs[count - 1, 1] = max(pairs[count - 1, 1], pair)
+        return
+    if _LEAST_PERIODS <= count <= _MOST_PERIODS:
+        ordered = np.sort(pairs[:count].ravel())
+        scatter = ordered[(9 * 2 * count) // 10] - ordered[2 * count // 10]
+        change = ordered[count] - (sender[_DELTA + second] - sender[_DELTA + first])
+        if abs(change) > _OFFSET_US and scatter < _SCATTER_US:
+            behind = second if change > 0 else first  # moved ahead: what goes back comes late
+            sender[_DELTA + behind] += abs(change)
+            count = _MOST_PERIODS
+    if count < _MOST_PERIODS:
+        pairs[count] = pair
+    sender[_PERIOD] = period
+    sender[_PERIODS] = min(count + 1, _MOST_PERIODS + 1)
