@@ -134,7 +134,7 @@ class Aligner:
             self._due, self._rows, self._bounds, self._first_frame, self._rank, self._gives,
             _HORIZON_US, self._known_from_us, final,
         )  # fmt: skip
-        time_us, frame, clock = self._due[: limit.size].copy().T
+        time_us, frame, clock = np.ascontiguousarray(self._due[: limit.size].T)
         alone = np.isin(frame, self._loose)
         self._due = self._due[limit.size :]
         self._loose = self._loose[self._loose >= self._due[:1, 1].min(initial=NEVER)]
