@@ -39,7 +39,7 @@ _SCATTER_US: Final = 600_000  # 10–90 %: an offset is constant, latencies are 
 _SPREAD_US: Final = 500_000  # what a comparison of a demand with its answer stands
 _FORGET_US: Final = 10_000_000.0  # time constant with which a greater spread is forgotten
 
-_SENDERS: Final = 256
+_SENDERS: Final = 16  # components with clocks of their own; only a forger has more, and each costs memory
 _NEVER_US: Final = 2**62
 _SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PERIODS, _SPREAD, _SINCE = range(10)
 _DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 10, 12, 14, 16, 18, 20  # two columns each, one per counter
@@ -85,8 +85,9 @@ class VehicleClock:
     """
 
     def __init__(self) -> None:
-        self._senders = np.zeros((_SENDERS, _COLUMNS), dtype=np.int64)
-        self._pairs = np.zeros((_SENDERS, _MOST_PERIODS, 2), dtype=np.int64)
+        self._slots: dict[int, int] = {}
+        self._senders = np.zeros((_SENDERS + 1, _COLUMNS), dtype=np.int64)
+        self._pairs = np.zeros((_SENDERS + 1, _MOST_PERIODS, 2), dtype=np.int64)
         self._main = np.full(1, -1, dtype=np.int64)
 
     def map(
@@ -94,8 +95,19 @@ class VehicleClock:
     ) -> Mapped:
         """Return the times of messages in the order of the log; all arrays have shape (n,)."""
         mapped = Mapped(*(np.zeros(component.size, dtype=np.int64) for _ in range(3)))
-        _follow(component, counter, stamp_us, received_us, self._senders, self._pairs, self._main, *mapped)
+        slot = self._slots_of(component)
+        counter = np.where(slot == _SENDERS, UNSTAMPED, counter)
+        _follow(slot, counter, stamp_us, received_us, self._senders, self._pairs, self._main, *mapped)
         return mapped
+
+    def _slots_of(self, component: Integers) -> Integers:
+        """Return the row of each message's component, the last one for those beyond the first sixteen."""
+        found, first, back = np.unique(component, return_index=True, return_inverse=True)
+        for k in np.argsort(first).tolist():
+            if len(self._slots) < _SENDERS:
+                self._slots.setdefault(int(found[k]), len(self._slots))
+        slots = np.array([self._slots.get(one, _SENDERS) for one in found.tolist()], dtype=np.int64)
+        return slots[back]
 
     def at_us(self, received_us: int) -> int:
         """Return what the vehicle's clock shows at a time of reception, now or later, microseconds of UTC.

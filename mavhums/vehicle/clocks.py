@@ -25,6 +25,7 @@ _OF_OTHERS: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS_IN
 """Messages whose stamp may be the satellites' time, or that of the last fix: they tell no clock."""
 
 _REMEMBERED: Final = 4096  # messages of one type and sender: 40 s at 100 Hz
+_STREAMS: Final = 1024  # streams whose messages are remembered, those heard last; forged senders are no more
 _WEIGHTS: Final = np.random.default_rng(0).integers(2**62, size=64, dtype=np.uint64) * np.uint64(
     2
 ) + np.uint64(1)
@@ -139,11 +140,13 @@ class Clocks:
         codes = _codes(table)
         for sender, rows in each(table.system.astype(np.int64) * 256 + table.component, sound):
             time_us, new = table.time_us[rows], codes[rows]
-            latest_us, before = self._seen.get((table.name, sender), (int(time_us[0]) - 1, codes[:0]))
+            latest_us, before = self._seen.pop((table.name, sender), (int(time_us[0]) - 1, codes[:0]))
             known = np.concatenate([before, new])
             if time_us[0] <= latest_us or (np.diff(time_us) <= 0).any():
                 copied[rows] = _repeated(known)[before.size :]
-            self._seen[table.name, sender] = max(latest_us, int(time_us.max())), known[-_REMEMBERED:]
+            self._seen[table.name, sender] = max(latest_us, int(time_us.max())), known[-_REMEMBERED:].copy()
+            if len(self._seen) > _STREAMS:
+                del self._seen[next(iter(self._seen))]
         return copied
 
 

@@ -87,7 +87,7 @@ class Usage:
     """
 
     def __init__(self) -> None:
-        self._held = np.zeros((OUTPUTS, _GREATEST_US - _LEAST_US + 1), dtype=np.int64)
+        self._held = np.zeros((OUTPUTS, 0), dtype=np.int64)  # made with the first output: it is 170 kB
         self._least = np.full(OUTPUTS, np.iinfo(np.int64).max)
         self._greatest = np.full(OUTPUTS, _OFF)
         self._travelled, self._reversals = np.zeros((2, OUTPUTS), dtype=np.int64)
@@ -141,6 +141,8 @@ class Usage:
     def _follow(self, signal: Signal, counts: NDArray[np.bool_]) -> None:
         if not len(signal.values):
             return
+        if not self._held.size:
+            self._held = np.zeros((OUTPUTS, _GREATEST_US - _LEAST_US + 1), dtype=np.int64)
         known = np.isfinite(signal.values)
         pulses = np.where(known, np.clip(np.rint(signal.values), _LEAST_US, _GREATEST_US), _OFF)
         pulses = pulses.astype(np.int64)
