@@ -5,7 +5,9 @@ from __future__ import annotations
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.vehicle.identity import Identity
 
-__all__ = ["obstacle"]
+__all__ = ["WEAR_UNSEEN", "obstacle"]
+
+WEAR_UNSEEN = "no servo current or speed in the log, so wear cannot be seen"
 
 _DRAFT = (
     "name one with --airframe: `mavhums profile new LOG -o mine.toml` drafts it from the log's parameters"
@@ -32,10 +34,7 @@ def obstacle(tier: Tier | None, identity: Identity | None = None) -> tuple[str, 
     if tier is None:
         return f"{who}the log carries nothing of the actuators", TO_BE_JUDGED
     if not tier.judged:
-        return (
-            f"{who}the log carries {tier.gives} ({tier.name}), which does not show the friction",
-            TO_BE_JUDGED,
-        )
+        return f"{who}{WEAR_UNSEEN}", TO_BE_JUDGED
     reason = "no airframe profile: one actuator's limits say nothing about another's"
     if tier.from_esc:
         reason += ", and an ESC may drive a propeller: only a profile tells which drives a servo"

@@ -352,7 +352,7 @@ class AxisMonitor:
             axis=axis,
             condition=held.condition,
             worst=held.worst,
-            since_s=None if held.since_s is None else float(held.since_s),
+            since_s=_since_s(held),
             coverage=Coverage(moving_fraction=fraction, windows=held.seconds, decidable=held.judged),
             suspects=tuple(
                 Suspect(fault=fault, confidence=confidence)
@@ -374,3 +374,13 @@ class AxisMonitor:
             limits=self.limits,
             from_take_off=self._waited_rows >= _WAITS_S * RATE_HZ,
         )
+
+
+def _since_s(held: _Axis) -> float | None:
+    """Return the onset of the present condition: the earliest one that its evidence shows.
+
+    A fault that takes longer to prove than the one that raised the alarm may have begun before it.
+    """
+    if held.since_s is None or SEVERITY[held.condition] <= SEVERITY["normal"]:
+        return None if held.since_s is None else float(held.since_s)
+    return float(min([held.since_s, *(e.start_s for e in held.episodes if e.end_s > held.since_s)]))
