@@ -23,6 +23,7 @@ from mavhums.cli.options import (
 )
 from mavhums.cli.output import say, say_json
 from mavhums.core.errors import ExitCode
+from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.fleet import Repair
@@ -39,7 +40,7 @@ def fleet() -> None:
     """Judge many aircraft's logs into one store, and ask it."""
 
 
-@fleet.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@fleet.command(epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
 @click.option(
     "--to",

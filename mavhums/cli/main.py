@@ -39,6 +39,7 @@ from mavhums.cli.trend import indexed_history, trend
 from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.collecting import collect_seldom
 from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.core.notice import EPILOG
 from mavhums.core.version import __version__
 
 __all__ = ["main"]
@@ -62,7 +63,7 @@ def cli() -> None:
     """
 
 
-@cli.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@cli.command(epilog=EPILOG)
 @LOGS
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")

@@ -5,9 +5,13 @@ from __future__ import annotations
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.vehicle.identity import Identity
 
-__all__ = ["WEAR_UNSEEN", "obstacle"]
+__all__ = ["PROPELLERS_ONLY", "WEAR_UNSEEN", "obstacle"]
+
+PROPELLERS_ONLY = "if it moves a surface by a servo after all, name its profile with --airframe"
+"""Remedy for a vehicle that flies by its propellers alone."""
 
 WEAR_UNSEEN = "no servo current or speed in the log, so wear cannot be seen"
+"""Reason for a servo without telemetry."""
 
 _DRAFT = (
     "name one with --airframe: `mavhums profile new LOG -o mine.toml` drafts it from the log's parameters"
@@ -30,7 +34,7 @@ def obstacle(tier: Tier | None, identity: Identity | None = None) -> tuple[str, 
         reason = "a multirotor has no control surfaces whose servos could be judged"
         if tier is not None and tier.from_esc:
             reason += "; its ESC telemetry is that of the propellers"
-        return who + reason, "if it moves a surface by a servo after all, name its profile with --airframe"
+        return who + reason, PROPELLERS_ONLY
     if tier is None:
         return f"{who}the log carries nothing of the actuators", TO_BE_JUDGED
     if not tier.judged:
