@@ -12,6 +12,8 @@ from mavhums.show._words import join, name
 
 __all__ = ["heading", "listed", "together", "without_wingless"]
 
+_NAMED = 3  # more names than that push the other columns of a table out of sight
+
 
 def listed(assessment: Assessment) -> list[Verdict]:
     """Return the verdicts worst first; where nothing is wrong, what is well comes first.
@@ -37,7 +39,8 @@ def together(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:
 
 def heading(alike: Sequence[Verdict], assessment: Assessment) -> str:
     """Return what verdicts that are told as one are on: of a servo without telemetry it is the wear alone."""
-    names = join(name(verdict, assessment) for verdict in alike)
+    many = len(alike) > _NAMED
+    names = f"{len(alike)} servos" if many else join(name(verdict, assessment) for verdict in alike)
     unseen = alike[0].gravest == "unmonitored" and alike[0].actuator != ALL
     return f"wear of {names}" if unseen else names
 

@@ -38,7 +38,6 @@ from mavhums.show._words import (
 __all__ = ["render"]
 
 _SHOWN_EVIDENCE = 5
-_NAMED = 3
 
 
 def render(assessment: Assessment, console: Console) -> None:
@@ -157,6 +156,5 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
 def _unmonitored(assessment: Assessment) -> Iterator[str]:
     """Yield a line for all servos that nothing monitors for the same reason."""
     for (reason, remedy), verdicts in unmonitored(assessment).items():
-        told = heading(verdicts, assessment) if len(verdicts) <= _NAMED else f"wear of {len(verdicts)} servos"
         more = "mavhums inspect LOG tells what to record" if remedy == TO_BE_JUDGED else remedy
-        yield f"Unmonitored: {told}: {reason} ({more})."
+        yield f"Unmonitored: {heading(verdicts, assessment)}: {reason} ({more})."

@@ -133,7 +133,8 @@ def test_six_servos_without_telemetry_are_one_line(new_assessment: Assess) -> No
     assert lines[1:] == [f"Unmonitored: wear of 6 servos: {WEAR_UNSEEN} (record its current)."]
     html = page(assessment, Gathered())
     assert html.count(WEAR_UNSEEN) == 1
-    assert markdown(assessment).count("wear of aileron (servo 1), aileron (servo 2)") == 1
+    assert markdown(assessment).count("wear of 6 servos") == 1
+    assert markdown(assessment).count("## aileron (servo 1), aileron (servo 2)") == 1
 
 
 def test_the_picture_says_of_what_a_colour_is(new_assessment: Assess) -> None:
