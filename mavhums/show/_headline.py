@@ -31,10 +31,11 @@ def headline(assessment: Assessment) -> str:
         flights = [why for condition, why, _ in explained(assessment) if condition == word]
         return f"{_all(worst, ranked)} learning" + (f": {flights[0]}" if len(flights) == 1 else "")
     if word == "undecided":
-        reasons = list(undecided(assessment))
+        why = list(undecided(assessment))
         if ranked[0].actuator == ALL:
-            return f"Undecided: {reasons[0][0]}"
-        return f"{_all(worst, ranked)} undecided" + (f": {reasons[0][0]}" if len(reasons) == 1 else "")
+            return f"Undecided: {why[0][0]}"
+        told = f": {why[0][0]}" if len(why) == 1 else ""
+        return f"{_all(worst, ranked)} undecided{told}"
     text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
     if len(worst) > 1:
         return text
@@ -56,8 +57,8 @@ def _what_could_be_judged(assessment: Assessment) -> str:
     silent = sum(v.gravest == "unmonitored" for v in ranked)
     parts = [f"{join(well)} normal"] if well else []
     if open_:
-        reasons = list(dict.fromkeys(v.reason or "" for v in open_))
-        why = f" ({reasons[0]})" if len(reasons) == 1 and not well else ""
+        told = list(dict.fromkeys(v.reason or "" for v in open_))
+        why = f" ({told[0]})" if len(told) == 1 and not well else ""
         parts.append(f"{join(name(v, assessment) for v in open_)} not judged{why}")
     if silent:
         parts.append("servos unmonitored" if silent > 1 else "the servos are unmonitored")

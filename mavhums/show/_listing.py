@@ -10,7 +10,10 @@ from mavhums.health.obstacles import PROPELLERS_ONLY
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.show._words import join, name
 
-__all__ = ["heading", "listed", "together", "without_wingless"]
+__all__ = ["NOT_JUDGED", "heading", "listed", "together", "without_wingless"]
+
+NOT_JUDGED = "not judged (mavhums judges fixed wings, and servos with telemetry)"
+"""What is said of a vehicle without wings, after its kind."""
 
 _NAMED = 3  # more names than that push the other columns of a table out of sight
 
@@ -76,7 +79,7 @@ def _wingless(own: Sequence[Verdict]) -> str | None:
     if axes is None or any(v.actuator != ALL or not _reports_nothing(v) for v in servos):
         return None
     kind = (axes.reason or "").partition(":")[0]
-    return f"{kind}: not judged (mavhums judges fixed wings, and servos with telemetry)"
+    return f"{kind}: {NOT_JUDGED}"
 
 
 def _reports_nothing(verdict: Verdict) -> bool:

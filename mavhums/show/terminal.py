@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from rich import box
 from rich.console import Console
@@ -35,7 +35,7 @@ from mavhums.show._words import (
     whose,
 )
 
-__all__ = ["render"]
+__all__ = ["render", "render_findings"]
 
 _SHOWN_EVIDENCE = 5
 
@@ -54,10 +54,7 @@ def render(assessment: Assessment, console: Console) -> None:
     rest, wingless = without_wingless(assessment)
     if any(verdict.gravest != "unmonitored" for verdict in rest.verdicts):
         console.print(_table(rest, console.width))
-    for title, lines in _paragraphs(rest):
-        console.print(Text(title, style="bold"))
-        for line in lines:
-            console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+    _print((*_findings(rest), *_remarks(rest)), console)
     for line in wingless if rest.verdicts else ():
         console.print(Text(printable(f"{line}.")))
     for line in _unmonitored(rest):
@@ -66,6 +63,22 @@ def render(assessment: Assessment, console: Console) -> None:
         console.print(Text(printable(f"{said}.")))
     console.print(Text(printable(f"Log losses: {losses(assessment.log.losses)}."), style="dim"))
     console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
+
+
+def render_findings(assessment: Assessment, console: Console, title: str) -> None:
+    """Print of an assessment what is not normal, under a title; nothing if there is no such thing."""
+    rest, _ = without_wingless(assessment)
+    found = list(_findings(rest))
+    if found:
+        console.print(Text(printable(title)), soft_wrap=True)
+        _print(found, console)
+
+
+def _print(paragraphs: Iterable[tuple[str, list[str]]], console: Console) -> None:
+    for title, lines in paragraphs:
+        console.print(Text(title, style="bold"))
+        for line in lines:
+            console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
 
 
 _COLUMNS = ("subject", "condition", "control left", "friction, N·m", "network", "since", "moving", "judged")
@@ -128,7 +141,8 @@ def _word(condition: Condition) -> Text:
     return Text(word(condition), style=f"bold rgb({red},{green},{blue})")
 
 
-def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
+def _findings(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
+    """Yield a title and lines on what is not normal."""
     for verdict in assessment.ranked():
         if verdict.worst in ("degraded", "emergency"):
             shown = verdict.evidence[:_SHOWN_EVIDENCE]
@@ -146,6 +160,10 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     for (reason, remedy), verdicts in undecided(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])
+
+
+def _remarks(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
+    """Yield a title and lines on what else the log tells."""
     left = list(_reserve.lines(assessment))
     if left:
         yield (_reserve.TITLE, left)
