@@ -34,7 +34,8 @@ def export(log: Path, output: Path, messages: str | None, airframe: str | None) 
     """Write V1–V12 of every actuator of LOG, or its messages, as a table.
 
     V1–V12 are one row per sample: vehicle, actuator, time (UTC), flight_time_s, V1 to V12; rows of one
-    actuator are in the order of time. Parquet needs the extra mavhums[arrow].
+    actuator are in the order of time. Without a profile the second column is output: an ESC may drive a
+    propeller. Parquet needs the extra mavhums[arrow].
     """
     from mavhums.app.export import export_messages, export_quantities
 

@@ -62,7 +62,9 @@ class Address(NamedTuple):
                 return cls("udpin", host or _LOOPBACK, port)
             if host and 0 < port <= 65_535:
                 return cls("tcp" if kind == "tcp" else "udpout", host, port)
-        raise AddressError(f"{url!r} is no address of a link", f"it must be {FORMS}")
+        meant = f"udpin:{url.removeprefix('udp:').removeprefix(':')}"
+        remedy = f"did you mean {meant}?" if _NETWORK.fullmatch(meant) else f"it must be {FORMS}"
+        raise AddressError(f"{url!r} is no address of a link", remedy)
 
     @property
     def exposed(self) -> bool:

@@ -60,7 +60,7 @@ def test_commands_alone_are_no_case_for_a_profile(run: Run, tmp_path: Path) -> N
     assert vehicle["tier"] == verdict["tier"] == "pwm"
     assert not vehicle["judged"]
     assert "ArduPlane V4.5.7" in verdict["reason"]
-    assert "V1, the command, alone" in verdict["reason"]
+    assert "no servo current or speed in the log, so wear cannot be seen" in verdict["reason"]
     assert "profile" not in verdict["reason"] + verdict["remedy"]
 
 
