@@ -46,7 +46,7 @@ _PATIENCE_S, _RECORDING_S = 0.5, 10.0  # for readers that stall, and for finishi
 _LEVELS = ("debug", "info", "warning", "error")
 
 
-@click.command(epilog=EPILOG)
+@click.command(short_help="Judge every actuator while it flies.", epilog=EPILOG)
 @click.argument("urls", nargs=-1, metavar="URL...")
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")

@@ -10,6 +10,7 @@ import click
 
 from mavhums.cli.ending import heed_signals, interrupts_end_silently
 from mavhums.cli.fleet import fleet
+from mavhums.cli.groups import Grouped
 from mavhums.cli.judging import TellsJson, TellsTables, Told, open_recordings, recordings_of
 from mavhums.cli.keeping import divided, hold_dates, judged_in_store
 from mavhums.cli.learn import precedents, study, train
@@ -45,7 +46,17 @@ from mavhums.core.version import __version__
 __all__ = ["main"]
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=Grouped,
+    headings={
+        "Judge": ("analyse", "report", "serve", "live"),
+        "Look": ("inspect", "export"),
+        "Over flights": ("trend", "fleet"),
+        "Set up": ("profile", "warm-up"),
+        "Models": ("model", "train", "precedents", "study"),
+    },
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(__version__, prog_name="mavhums")
 def cli() -> None:
     """Health of a UAV's servos and control surfaces from the log it already records.
@@ -63,7 +74,7 @@ def cli() -> None:
     """
 
 
-@cli.command(epilog=EPILOG)
+@cli.command(short_help="Judge every actuator and control axis in logs.", epilog=EPILOG)
 @LOGS
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
@@ -172,7 +183,7 @@ def analyse(
     raise SystemExit(told.exit_code(losses=unread))
 
 
-@cli.command()
+@cli.command(short_help="Tell what a log allows to judge, and what it lacks.")
 @LOG
 @AIRFRAME
 @DIALECT

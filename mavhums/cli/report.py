@@ -28,7 +28,7 @@ from mavhums.core.notice import EPILOG
 __all__ = ["report"]
 
 
-@click.command(epilog=EPILOG)
+@click.command(short_help="Write the verdicts on a log as one HTML file.", epilog=EPILOG)
 @LOG
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
 @AIRFRAME

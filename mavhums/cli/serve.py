@@ -31,7 +31,7 @@ LEAST_MEMORY_MB = 512
 """Judging and recording a log of 4 MB beside a store takes 330 to 470 MB; with 256 MB nothing starts."""
 
 
-@click.command(epilog=EPILOG)
+@click.command(short_help="Open a page in the browser: drop logs, see verdicts.", epilog=EPILOG)
 @click.argument("store", required=False, metavar="[STORE]", type=PATH)
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="0 takes a free port."

@@ -25,7 +25,7 @@ __all__ = ["indexed_history", "trend"]
 _SHOWN_NOTICES = 5
 
 
-@click.command(epilog=EPILOG)
+@click.command(short_help="Show each actuator over its flights.", epilog=EPILOG)
 @click.argument("folder", metavar="DIR", type=PATH)
 @click.option(
     "--actuator", "actuators", multiple=True, metavar="NAME", help="Only this one; can be repeated."
