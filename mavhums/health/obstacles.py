@@ -5,7 +5,10 @@ from __future__ import annotations
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.vehicle.identity import Identity
 
-__all__ = ["PROPELLERS_ONLY", "WEAR_UNSEEN", "obstacle"]
+__all__ = ["NO_WINGS", "PROPELLERS_ONLY", "WEAR_UNSEEN", "obstacle"]
+
+NO_WINGS = "its servos can be judged if they report current or speed: name a profile with --airframe"
+"""Remedy for a vehicle that no control surface turns in flight."""
 
 PROPELLERS_ONLY = "if it moves a surface by a servo after all, name its profile with --airframe"
 """Remedy for a vehicle that flies by its propellers alone."""

@@ -8,8 +8,7 @@ from collections.abc import Callable
 import pytest
 from rich.console import Console
 
-from mavhums.health.axis.verdict import NO_WINGS
-from mavhums.health.obstacles import PROPELLERS_ONLY, WEAR_UNSEEN
+from mavhums.health.obstacles import NO_WINGS, PROPELLERS_ONLY, WEAR_UNSEEN
 from mavhums.report.assessment import Assessment, Coverage, Evidence, Interval, Verdict
 from mavhums.show import markdown, render
 from mavhums.show._certainty import certainty

@@ -9,15 +9,13 @@ from typing import Final
 
 from mavhums.health.axis.indicators import indicators
 from mavhums.health.axis.monitor import AxisFindings
+from mavhums.health.obstacles import NO_WINGS
 from mavhums.report.assessment import Interval, Since, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.order import Received
 from mavhums.vehicle.surfaces import Surfaces
 
-__all__ = ["NO_WINGS", "judged_axis", "unjudged_axes", "why_not_at_all"]
-
-NO_WINGS: Final = "its servos can be judged if they report current or speed: name a profile with --airframe"
-"""Remedy for a vehicle that no control surface turns in flight."""
+__all__ = ["judged_axis", "unjudged_axes", "why_not_at_all"]
 
 _REFERENCE_S: Final = 45
 _DOUBTED_S: Final = 10
