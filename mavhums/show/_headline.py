@@ -10,6 +10,8 @@ from mavhums.show._words import clock, explained, join, name, undecided
 
 __all__ = ["headline"]
 
+_SHORT = 60  # a longer reason is told below, with its remedy
+
 
 def headline(assessment: Assessment) -> str:
     """Return the result in one line: what has failed and since when, or that no failure is known."""
@@ -58,7 +60,7 @@ def _what_could_be_judged(assessment: Assessment) -> str:
     parts = [f"{join(well)} normal"] if well else []
     if open_:
         told = list(dict.fromkeys(v.reason or "" for v in open_))
-        why = f" ({told[0]})" if len(told) == 1 and not well else ""
+        why = f" ({told[0]})" if len(told) == 1 and not well and len(told[0]) <= _SHORT else ""
         parts.append(f"{join(name(v, assessment) for v in open_)} not judged{why}")
     if silent:
         parts.append("servos unmonitored" if silent > 1 else "the servos are unmonitored")

@@ -52,7 +52,10 @@ def render(assessment: Assessment, console: Console) -> None:
     """
     console.print(Text(printable(headline(assessment)), style="bold"))
     rest, wingless = without_wingless(assessment)
-    if any(verdict.gravest != "unmonitored" for verdict in rest.verdicts):
+    if any(
+        verdict.gravest not in ("undecided", "unmonitored") or verdict.coverage.windows
+        for verdict in rest.verdicts
+    ):
         console.print(_table(rest, console.width))
     _print((*_findings(rest), *_remarks(rest)), console)
     for line in wingless if rest.verdicts else ():
