@@ -63,8 +63,8 @@ class Address(NamedTuple):
             if host and 0 < port <= 65_535:
                 return cls("tcp" if kind == "tcp" else "udpout", host, port)
         meant = f"udpin:{url.removeprefix('udp:').removeprefix(':')}"
-        remedy = f"did you mean {meant}?" if _NETWORK.fullmatch(meant) else f"it must be {FORMS}"
-        raise AddressError(f"{url!r} is no address of a link", remedy)
+        guess = f"did you mean {meant}? " if _NETWORK.fullmatch(meant) else ""
+        raise AddressError(f"{url!r} is no address of a link", f"{guess}it must be {FORMS}")
 
     @property
     def exposed(self) -> bool:
