@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from mavhums import Assessment, Verdict, analyse
+from mavhums import Assessment, MavhumsError, Verdict, analyse
 from mavhums.show import render
 from mavhums.show.viewer_program import viewer_command
 from mavhums_sim.campaign import paper_campaign, run_campaign
@@ -108,4 +108,7 @@ def _write(path: Path, assessments: dict[str, Assessment]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "demo")))
+    try:
+        sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "demo")))
+    except MavhumsError as error:
+        sys.exit(str(error))

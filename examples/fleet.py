@@ -14,7 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from mavhums import fleet
+from mavhums import MavhumsError, fleet
 from mavhums.fleet.queries import Worst
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
@@ -56,4 +56,7 @@ def _fly(folder: Path, number: int) -> None:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit("usage: fleet.py FOLDER [AIRCRAFT]")
-    main(sys.argv[1], *map(int, sys.argv[2:3]))
+    try:
+        main(sys.argv[1], *map(int, sys.argv[2:3]))
+    except MavhumsError as error:
+        sys.exit(str(error))

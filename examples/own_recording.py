@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import sys
 
-import rerun as rr
-
 import mavhums
 
 
 def main(path: str, recording: str, airframe: str | None = None) -> None:
     """Record V1, V3 and their difference of each actuator."""
+    import rerun as rr
+
     histories = mavhums.actuators(mavhums.read_log(path), airframe)
     if not histories:
         raise mavhums.MavhumsError(f"{path}: carries nothing of the actuators", f"mavhums inspect {path}")
@@ -41,5 +41,7 @@ if __name__ == "__main__":
         sys.exit("usage: own_recording.py LOG RECORDING.rrd [AIRFRAME]")
     try:
         main(*sys.argv[1:4])
+    except ImportError as error:
+        sys.exit(f"{error}: pip install 'mavhums[viewer]'")
     except mavhums.MavhumsError as error:
         sys.exit(str(error))

@@ -91,4 +91,7 @@ def save(source: str | Path, picture: Path) -> None:
 if __name__ == "__main__":
     if len(sys.argv) < 3:
         sys.exit("usage: picture.py RECORDING.rrd PICTURE.png")
-    save(sys.argv[1], Path(sys.argv[2]))
+    try:
+        save(sys.argv[1], Path(sys.argv[2]))
+    except ImportError as error:
+        sys.exit(f"{error}: pip install 'mavhums[viewer]' pillow")

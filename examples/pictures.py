@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from examples import readme_picture
 from examples.picture import save
-from mavhums import Engine, EngineOptions, Options, analyse
+from mavhums import Engine, EngineOptions, MavhumsError, Options, analyse
 from mavhums.learn import default_model
 from mavhums.log import read_blocks
 from mavhums.show import LiveViewer
@@ -160,4 +160,7 @@ def _study(demo: Path, picture: Path) -> None:
 if __name__ == "__main__":
     if len(sys.argv) < 3:
         sys.exit("usage: pictures.py FOLDER PICTURES")
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    try:
+        main(Path(sys.argv[1]), Path(sys.argv[2]))
+    except (ImportError, MavhumsError) as error:
+        sys.exit(f"{error}; the pictures need the extra mavhums[viewer] and pillow")

@@ -17,9 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PIL import Image
-
 if TYPE_CHECKING:
+    from PIL import Image
     from rerun.experimental import ViewerClient
 
 __all__ = ["main"]
@@ -66,6 +65,8 @@ def view(recording: Path, title: str, window: str, patience_s: float = 60.0) -> 
 
 def _shots(client: ViewerClient, title: str) -> Iterator[Image.Image]:
     """Yield every visible view of this title; hidden tabs are not visible."""
+    from PIL import Image
+
     for one in client.get_state().views:
         if one.name == title:
             with suppress(ConnectionError):
@@ -74,6 +75,8 @@ def _shots(client: ViewerClient, title: str) -> Iterator[Image.Image]:
 
 def main(recording: Path, picture: Path) -> None:
     """Draw the picture, in 256 colours."""
+    from PIL import Image
+
     shots = [view(recording, title, window) for title, window in VIEWS]
     shots = [shot.resize((WIDTH, round(shot.height * WIDTH / shot.width))) for shot in shots]
     whole = Image.new("RGB", (WIDTH, sum(shot.height for shot in shots)))
@@ -86,4 +89,9 @@ def main(recording: Path, picture: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    if len(sys.argv) < 3:
+        sys.exit("usage: readme_picture.py RECORDING.rrd PICTURE.png")
+    try:
+        main(Path(sys.argv[1]), Path(sys.argv[2]))
+    except ImportError as error:
+        sys.exit(f"{error}: pip install 'mavhums[viewer]' pillow")

@@ -8,22 +8,17 @@ two of our selectors. ``GroupKFold`` never has samples of one flight on both sid
 
 from __future__ import annotations
 
-import numpy as np
-from sklearn.ensemble import HistGradientBoostingClassifier
-from sklearn.feature_selection import SelectorMixin
-from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import GroupKFold, cross_val_score
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
+import sys
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+import mavhums
 from mavhums.core.quantities import KEYS
-from mavhums.learn import (
-    ChiSquareRanking,
-    RegressionRedundancyFilter,
-    TanhNetworkEnsemble,
-    check_command,
-)
 from mavhums_sim import Flight, fly
+
+if TYPE_CHECKING:
+    from sklearn.feature_selection import SelectorMixin
 
 FRICTION_NM = {"normal": 0.225, "emergency": 1.025}
 FLIGHTS = 4
@@ -45,6 +40,19 @@ def flights(seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def main(seconds: float = 60.0) -> dict[str, float]:
     """Print and return the mean accuracy of each pipeline."""
+    from sklearn.ensemble import HistGradientBoostingClassifier
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.model_selection import GroupKFold, cross_val_score
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
+
+    from mavhums.learn import (
+        ChiSquareRanking,
+        RegressionRedundancyFilter,
+        TanhNetworkEnsemble,
+        check_command,
+    )
+
     values, labels, groups = flights(seconds)
     check_command(values[:, 0], labels == "emergency", groups)
     selectors: dict[str, SelectorMixin] = {
@@ -72,4 +80,9 @@ def main(seconds: float = 60.0) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except ImportError as error:
+        sys.exit(f"{error}: pip install 'mavhums[train]'")
+    except mavhums.MavhumsError as error:
+        sys.exit(str(error))

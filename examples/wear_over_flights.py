@@ -45,4 +45,7 @@ def main(folder: str, flights: int = 20) -> TrendReport:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit("usage: wear_over_flights.py FOLDER [FLIGHTS]")
-    main(sys.argv[1], *map(int, sys.argv[2:3]))
+    try:
+        main(sys.argv[1], *map(int, sys.argv[2:3]))
+    except mavhums.MavhumsError as error:
+        sys.exit(str(error))

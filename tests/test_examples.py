@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -199,3 +200,30 @@ def test_the_readme_picture_is_as_wide_as_a_page(tmp_path: Path, monkeypatch: py
     readme_picture.main(tmp_path / "flight.rrd", picture)
     with image.open(picture) as drawn:
         assert drawn.size == (readme_picture.WIDTH, 210 + 300)
+
+
+_WITHOUT = """
+import runpy, sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {"rerun", "rerun_cli", "PIL", "sklearn", "torch", "duckdb", "deltalake"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Missing())
+sys.argv = sys.argv[1:]
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "extra"),
+    [("own_recording", "viewer"), ("picture", "viewer"), ("selectors_in_a_pipeline", "train")],
+)
+def test_a_missing_extra_is_one_line(name: str, extra: str, short_log: Path, tmp_path: Path) -> None:
+    example = Path(__file__).parents[1] / "examples" / f"{name}.py"
+    command = [sys.executable, "-c", _WITHOUT, str(example), str(short_log), str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=example.parents[1])
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert f"mavhums[{extra}]" in done.stderr.splitlines()[-1]

@@ -337,7 +337,11 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
     else:
         try:
             text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+        except UnicodeDecodeError as error:
+            problem = f"{path}: this is no airframe profile but a binary file, as a log is"
+            remedy = "name the profile, a TOML file, with --airframe, and the log by itself"
+            raise ProfileError(problem, remedy) from error
+        except OSError as error:
             known = ", ".join(packaged_airframes())
             problem = f"no airframe profile {str(name_or_path)!r}"
             raise ProfileError(problem, f"name a TOML file, or one of: {known}") from error

@@ -24,6 +24,16 @@ from mavhums.vehicle.texts import TEXT_MESSAGES
 __all__ = ["export_messages", "export_quantities"]
 
 Progress = Callable[[int], None] | None
+_RANGE_US = (1000, 1500, 2000)
+_NAMELESS = Airframe(
+    name="none",
+    actuators=(
+        *(Actuator(name=f"servo_{n}", servo=n, pwm_us=_RANGE_US) for n in range(1, 17)),
+        *(Actuator(name=f"esc_{k}", servo=17 + k, esc=k, pwm_us=_RANGE_US) for k in range(16)),
+    ),
+)
+"""A neutral profile: servos by their channel, ESCs by their number, no angles."""
+
 _PULSES = {"tlog": "SERVO_OUTPUT_RAW", "dataflash": "RCOU", "ulog": "actuator_outputs"}
 
 
@@ -38,7 +48,9 @@ def export_quantities(
 
     The columns are ``vehicle``, ``actuator``, ``time`` (UTC), ``flight_time_s`` (seconds since the
     log's first frame) and ``V1`` … ``V12``, empty where unknown; units in
-    :data:`mavhums.core.quantities.QUANTITIES`. The rows of one actuator are in time order.
+    :data:`mavhums.core.quantities.QUANTITIES`. The rows of one actuator are in time order. Without a
+    profile, the second column is ``output``: an ESC may drive a propeller, and then is no actuator of a
+    surface.
 
     Parameters
     ----------
@@ -75,7 +87,7 @@ def export_quantities(
     if not fleet.airframes:
         if str(path) == "-":
             raise ProfileError("-: the log names no airframe profile", "name one with --airframe")
-        decoder, fleet, rows = _write(path, output, _nameless(), progress)
+        decoder, fleet, rows = _write(path, output, _NAMELESS, progress)
     if not rows:
         raise MavhumsError(*_nothing(path, given, fleet, _PULSES[decoder.format]))
     return {output: rows}
@@ -94,7 +106,7 @@ def _write(
                 pass
             for _, mapped in fleet.feed(timed, final=final):
                 if mapped.utc_us.size:
-                    table.write(_rows(mapped, decoder.first_time_us or 0))
+                    table.write(_rows(mapped, decoder.first_time_us or 0, named=airframe is not _NAMELESS))
             if progress:
                 progress(size)
         if not table.rows:
@@ -104,14 +116,6 @@ def _write(
 
 class _EmptyError(Exception):
     """The table would be empty."""
-
-
-def _nameless() -> Airframe:
-    """Return a neutral profile: servos by their channel, ESCs by their number, no angles."""
-    pulses = (1000, 1500, 2000)
-    servos = [Actuator(name=f"servo_{n}", servo=n, pwm_us=pulses) for n in range(1, 17)]
-    escs = [Actuator(name=f"esc_{k}", servo=17 + k, esc=k, pwm_us=pulses) for k in range(16)]
-    return Airframe(name="none", actuators=(*servos, *escs))
 
 
 def _nothing(
@@ -187,10 +191,10 @@ def export_messages(
     return {files[name.upper()]: writers[name.upper()].rows for name in names}
 
 
-def _rows(mapped: Mapped, first_time_us: int) -> pd.DataFrame:
+def _rows(mapped: Mapped, first_time_us: int, *, named: bool) -> pd.DataFrame:
     frame = pd.DataFrame(mapped.values, columns=list(KEYS))
     frame.insert(0, "vehicle", mapped.vehicle)
-    frame.insert(1, "actuator", mapped.actuator.name)
+    frame.insert(1, "actuator" if named else "output", mapped.actuator.name)
     frame.insert(2, "time", pd.DatetimeIndex(mapped.utc_us.astype("datetime64[us]"), tz="UTC"))
     frame.insert(3, "flight_time_s", (mapped.utc_us - first_time_us) / 1e6)
     return frame

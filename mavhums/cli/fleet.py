@@ -23,6 +23,7 @@ from mavhums.cli.options import (
 )
 from mavhums.cli.output import say, say_json
 from mavhums.core.errors import ExitCode
+from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.fleet import Repair
@@ -34,12 +35,12 @@ _STORE = click.argument("store", metavar="STORE")
 _SHOWN_FAILURES = 20
 
 
-@click.group()
+@click.group(short_help="Judge many aircraft's logs into one store.")
 def fleet() -> None:
     """Judge many aircraft's logs into one store, and ask it."""
 
 
-@fleet.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@fleet.command(short_help="Judge logs that the store does not have yet.", epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
 @click.option(
     "--to",
@@ -110,7 +111,7 @@ def scan(
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
 
 
-@fleet.command()
+@fleet.command(short_help="Tell what the store holds, and what failed.")
 @_STORE
 @JSON
 def status(store: str, as_json: bool) -> None:
@@ -135,7 +136,7 @@ def status(store: str, as_json: bool) -> None:
         say(f"and {len(told.copies) - _SHOWN_FAILURES} more that do not count")
 
 
-@fleet.command()
+@fleet.command(short_help="Show the worst actuators of all aircraft.")
 @_STORE
 @click.option("-n", "most", type=click.IntRange(1), default=20, show_default=True, help="How many.")
 @JSON
@@ -159,7 +160,7 @@ def worst(store: str, most: int, as_json: bool) -> None:
     raise SystemExit(exit_code(store))
 
 
-@fleet.command()
+@fleet.command(short_help="Show the trend of an aircraft's actuators.")
 @_STORE
 @click.argument("aircraft")
 @JSON
@@ -179,7 +180,7 @@ def trend(store: str, aircraft: str, as_json: bool) -> None:
     raise SystemExit(report.exit_code)
 
 
-@fleet.command()
+@fleet.command(short_help="List, add or remove repairs.")
 @_STORE
 @click.option(
     "--add",

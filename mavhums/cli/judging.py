@@ -14,21 +14,15 @@ from typing import TYPE_CHECKING, Self
 import click
 
 from mavhums.cli.output import complain, say, say_json
-from mavhums.core.errors import ExitCode, MavhumsError, MissingExtraError
+from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingExtraError
+from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.app.many import Outcome
     from mavhums.report.assessment import Assessment
+    from mavhums.show.many import Line
 
 __all__ = ["TellsJson", "TellsTables", "Told", "open_recordings", "recordings_of"]
-
-_ORDER = (
-    ExitCode.EMERGENCY,
-    ExitCode.DEGRADED,
-    ExitCode.ERROR,
-    ExitCode.UNDECIDED,
-    ExitCode.READ_WITH_LOSSES,
-)
 
 
 class Told(ABC):
@@ -50,7 +44,7 @@ class Told(ABC):
     def exit_code(self, *, losses: bool) -> ExitCode:
         """Return the gravest of all outcomes; ``losses`` if the history was read with losses."""
         codes = self._codes | ({ExitCode.READ_WITH_LOSSES} if losses else set())
-        return next((code for code in _ORDER if code in codes), ExitCode.OK)
+        return next((code for code in GRAVEST_FIRST if code in codes), ExitCode.OK)
 
     def __enter__(self) -> Self:
         return self
@@ -71,22 +65,41 @@ class Told(ABC):
 
 
 class TellsTables(Told):
-    """Prints a table per log; with several, under the log's name."""
+    """Prints a table per log; of several, what is not normal under each log's name, and one table at the end.
 
-    def __init__(self, recordings: Mapping[Path, Path], *, several: bool) -> None:
+    Parameters
+    ----------
+    recordings
+        Path of each log's recording.
+    several
+        Whether there are several logs.
+    verbose
+        Whether each of several logs has its table too.
+    """
+
+    def __init__(self, recordings: Mapping[Path, Path], *, several: bool, verbose: bool = False) -> None:
         super().__init__()
         self._recordings = recordings
         self._several = several
+        self._whole = verbose or not several
+        self._lines: list[Line] = []
 
     def _judged(self, log: Path, assessment: Assessment) -> None:
         from rich.console import Console
 
         from mavhums.show import render
+        from mavhums.show.many import line_of
+        from mavhums.show.terminal import render_findings
         from mavhums.show.viewer_program import viewer_command
 
-        if self._several:
-            say(f"=== {assessment.log.path} ===")
-        render(assessment, Console())
+        self._lines.append(line_of(log, assessment))
+        title = f"=== {assessment.log.path} ==="
+        if self._several and self._whole:
+            say(title)
+        if self._whole:
+            render(assessment, Console())
+        else:
+            render_findings(assessment, Console(), title)
         recording = self._recordings.get(log)
         if recording is not None:
             say(f"recording: {recording}   open it with: {viewer_command()} {recording}\n")
@@ -94,9 +107,22 @@ class TellsTables(Told):
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
         """Print no more than the error."""
+        from mavhums.show.many import line_of
+
+        self._lines.append(line_of(log, error))
 
     def _end(self) -> None:
-        """Print nothing: every table is complete."""
+        """Print the table of several logs; after an interruption it holds what was judged."""
+        if not self._several or not self._lines:
+            return
+        from rich.console import Console
+
+        from mavhums.show.many import render_many
+
+        render_many(self._lines, Console())
+        if not self._whole:
+            say("--verbose shows all of each log, --json every figure.")
+        say(EPILOG)
 
 
 class TellsJson(Told):

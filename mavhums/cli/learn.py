@@ -29,7 +29,7 @@ _BASE = click.option(
 )
 
 
-@click.command()
+@click.command(short_help="Train a model on simulated flights.")
 @click.option("--airframe", default="paper", show_default=True, metavar="NAME|FILE", help="Airframe profile.")
 @click.option(
     "--tier",
@@ -137,12 +137,12 @@ def train(
         say(f"  {name.replace('_', ' ')}: {value:.4g}")
 
 
-@click.group()
+@click.group(short_help="Keep labelled flights for training.")
 def precedents() -> None:
     """Keep labelled flights that supplement the simulation in training."""
 
 
-@precedents.command("add")
+@precedents.command("add", short_help="Add a log that an inspection has labelled.")
 @LOG
 @click.option("--label", required=True, type=click.Choice(["normal", "emergency"]), help="The condition.")
 @_BASE
@@ -194,12 +194,12 @@ def list_precedents(folder: Path) -> None:
         say(f"{said.label:9}  {said.origin:9}  {whose}  {precedent.samples} samples  {said.log}")
 
 
-@click.group()
+@click.group(short_help="Reproduce published results.")
 def study() -> None:
     """Reproduce published results."""
 
 
-@study.command("paper")
+@study.command("paper", short_help="Set the paper's tables and figures beside ours.")
 @click.option("-o", "--output", required=True, type=PATH, metavar="DIR", help="Folder for the report.")
 @click.option("--quick", is_flag=True, help="Fewer networks and iterations; under a minute.")
 @click.option("--seed", default=1, show_default=True, type=int, help="Of the networks; not of the flights.")

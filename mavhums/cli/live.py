@@ -29,6 +29,7 @@ from mavhums.cli.options import (
     PATH,
 )
 from mavhums.cli.stopping import Stop
+from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,7 +46,7 @@ _PATIENCE_S, _RECORDING_S = 0.5, 10.0  # for readers that stall, and for finishi
 _LEVELS = ("debug", "info", "warning", "error")
 
 
-@click.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@click.command(short_help="Judge every actuator while it flies.", epilog=EPILOG)
 @click.argument("urls", nargs=-1, metavar="URL...")
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")

@@ -10,6 +10,7 @@ import click
 
 from mavhums.cli.ending import heed_signals, interrupts_end_silently
 from mavhums.cli.fleet import fleet
+from mavhums.cli.groups import Grouped
 from mavhums.cli.judging import TellsJson, TellsTables, Told, open_recordings, recordings_of
 from mavhums.cli.keeping import divided, hold_dates, judged_in_store
 from mavhums.cli.learn import precedents, study, train
@@ -39,12 +40,23 @@ from mavhums.cli.trend import indexed_history, trend
 from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.collecting import collect_seldom
 from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.core.notice import EPILOG
 from mavhums.core.version import __version__
 
 __all__ = ["main"]
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=Grouped,
+    headings={
+        "Judge": ("analyse", "report", "serve", "live"),
+        "Look": ("inspect", "export"),
+        "Over flights": ("trend", "fleet"),
+        "Set up": ("profile", "warm-up"),
+        "Models": ("model", "train", "precedents", "study"),
+    },
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(__version__, prog_name="mavhums")
 def cli() -> None:
     """Health of a UAV's servos and control surfaces from the log it already records.
@@ -62,7 +74,7 @@ def cli() -> None:
     """
 
 
-@cli.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@cli.command(short_help="Judge every actuator and control axis in logs.", epilog=EPILOG)
 @LOGS
 @AIRFRAME
 @click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
@@ -83,6 +95,7 @@ def cli() -> None:
 )
 @click.option("--no-position", is_flag=True, help="Leave out of the recording where the aircraft was.")
 @JOBS
+@click.option("--verbose", is_flag=True, help="Show all of each of several logs.")
 @click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
 def analyse(
     logs: tuple[Path, ...],
@@ -100,13 +113,15 @@ def analyse(
     rrd: Path | None,
     no_position: bool,
     jobs: int | None,
+    verbose: bool,
     open_viewer: bool,
 ) -> None:
     """Judge every actuator and control axis in each LOG: .tlog, .BIN or .ulg.
 
     A LOG may be packed as .gz, .xz, .bz2, .zst or .zip.
 
-    Several logs are judged on all cores, and the results come in the order given, each with its log's name.
+    Several logs are judged on all cores. What is not normal comes in the order given, each with its log's
+    name, and at the end a table of all, worst first; --verbose shows all of each log.
     With --history, each actuator is also held against its own first flights; --keep makes this flight one of
     them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
     The flight of another aircraft than those in DIR is refused. A STORE of `mavhums fleet scan` holds many
@@ -149,8 +164,9 @@ def analyse(
         progress=reading,
         prepare=announce_compiling,
     )
+    several = len(logs) > 1
     told: Told = (
-        TellsJson(several=len(logs) > 1) if as_json else TellsTables(recordings, several=len(logs) > 1)
+        TellsJson(several=several) if as_json else TellsTables(recordings, several=several, verbose=verbose)
     )
     with told:
         judged = (
@@ -167,13 +183,17 @@ def analyse(
     raise SystemExit(told.exit_code(losses=unread))
 
 
-@cli.command()
+@cli.command(short_help="Tell what a log allows to judge, and what it lacks.")
 @LOG
 @AIRFRAME
 @DIALECT
+@click.option("--messages", is_flag=True, help="List the messages and named values, with their rates.")
 @JSON
-def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) -> None:
-    """Say what LOG holds: vehicles, messages and rates, losses, telemetry tier, and what is missing.
+def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: bool, as_json: bool) -> None:
+    """Tell what LOG allows to judge, and what it lacks.
+
+    First what can be judged, then each vehicle with its telemetry tier, what is missing and how to record
+    it, and the log's losses.
 
     LOG may be - for the standard input.
     """
@@ -188,7 +208,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, as_json: bool
 
         from mavhums.show.inspection import render_inspection
 
-        render_inspection(inspection, Console())
+        render_inspection(inspection, Console(), messages=messages)
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 

@@ -23,11 +23,12 @@ from mavhums.cli.options import (
 from mavhums.cli.output import say
 from mavhums.cli.progress import reading
 from mavhums.cli.trend import indexed_history
+from mavhums.core.notice import EPILOG
 
 __all__ = ["report"]
 
 
-@click.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@click.command(short_help="Write the verdicts on a log as one HTML file.", epilog=EPILOG)
 @LOG
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
 @AIRFRAME

@@ -15,6 +15,7 @@ import click
 from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, PATH
 from mavhums.cli.output import say
 from mavhums.core.errors import MavhumsError
+from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +31,7 @@ LEAST_MEMORY_MB = 512
 """Judging and recording a log of 4 MB beside a store takes 330 to 470 MB; with 256 MB nothing starts."""
 
 
-@click.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@click.command(short_help="Open a page in the browser: drop logs, see verdicts.", epilog=EPILOG)
 @click.argument("store", required=False, metavar="[STORE]", type=PATH)
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="0 takes a free port."

@@ -16,7 +16,7 @@ __all__ = ["export", "model", "profile"]
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
 
 
-@click.command()
+@click.command(short_help="Write a log as a table: V1–V12, or messages.")
 @LOG
 @click.option(
     "-o",
@@ -34,7 +34,8 @@ def export(log: Path, output: Path, messages: str | None, airframe: str | None) 
     """Write V1–V12 of every actuator of LOG, or its messages, as a table.
 
     V1–V12 are one row per sample: vehicle, actuator, time (UTC), flight_time_s, V1 to V12; rows of one
-    actuator are in the order of time. Parquet needs the extra mavhums[arrow].
+    actuator are in the order of time. Without a profile the second column is output: an ESC may drive a
+    propeller. Parquet needs the extra mavhums[arrow].
     """
     from mavhums.app.export import export_messages, export_quantities
 
@@ -50,12 +51,12 @@ def export(log: Path, output: Path, messages: str | None, airframe: str | None) 
         say(f"{path}: {rows:,} rows")
 
 
-@click.group()
+@click.group(short_help="Show what a model is for and how it came to be.")
 def model() -> None:
     """Show what a model is for and how it came to be."""
 
 
-@model.command("show")
+@model.command("show", short_help="Print the card of a model.")
 @click.argument("file", required=False, metavar="[FILE|NAME]", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def show_model(file: Path | None, as_json: bool) -> None:
@@ -88,12 +89,12 @@ def show_model(file: Path | None, as_json: bool) -> None:
     render_card(network, Console())
 
 
-@click.group()
+@click.group(short_help="Draft an airframe profile, identify its motors.")
 def profile() -> None:
     """Draft an airframe profile: which servo moves which surface, and what EMA it is."""
 
 
-@profile.command("new")
+@profile.command("new", short_help="Draft a profile from a log's parameters.")
 @LOG
 @click.option("-o", "--output", type=PATH, metavar="FILE", help="Default: print it.")
 @click.option("--vehicle", type=click.IntRange(1, 255), metavar="N", help="System id, if there are several.")
@@ -120,7 +121,7 @@ def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str |
         say(f"  fill in: {_TO_FILL_IN}")
 
 
-@profile.command("identify")
+@profile.command("identify", short_help="Identify each actuator's motor from logs.")
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=PATH)
 @click.option("--airframe", required=True, metavar="FILE", type=PATH, help="The profile, as drafted.")
 @click.option("-o", "--output", type=PATH, metavar="FILE", help="The profile filled in. Default: print it.")

@@ -13,6 +13,7 @@ from mavhums.cli.options import AIRCRAFT_TABLE, BASELINE_FROM, JSON, PATH
 from mavhums.cli.output import complain, say, say_json
 from mavhums.cli.progress import steps
 from mavhums.core.errors import MavhumsError
+from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.app.options import History
@@ -24,7 +25,7 @@ __all__ = ["indexed_history", "trend"]
 _SHOWN_NOTICES = 5
 
 
-@click.command(epilog="Not an airworthiness decision; validated in simulation only.")
+@click.command(short_help="Show each actuator over its flights.", epilog=EPILOG)
 @click.argument("folder", metavar="DIR", type=PATH)
 @click.option(
     "--actuator", "actuators", multiple=True, metavar="NAME", help="Only this one; can be repeated."

@@ -13,7 +13,7 @@ from mavhums.core import compiling
 __all__ = ["announce_compiling", "warm_up"]
 
 
-@click.command("warm-up")
+@click.command("warm-up", short_help="Compile the inner loops now, not at the first log.")
 def warm_up() -> None:
     """Compile the inner loops now, so that the first log of any format need not wait for it.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Final
 
-__all__ = ["ExitCode", "MavhumsError", "MissingExtraError", "UnreadableLogError"]
+__all__ = ["GRAVEST_FIRST", "ExitCode", "MavhumsError", "MissingExtraError", "UnreadableLogError"]
 
 
 class ExitCode(IntEnum):
@@ -20,6 +21,17 @@ class ExitCode(IntEnum):
     DEGRADED = 10
     EMERGENCY = 11
     UNDECIDED = 12
+
+
+GRAVEST_FIRST: Final = (
+    ExitCode.EMERGENCY,
+    ExitCode.DEGRADED,
+    ExitCode.ERROR,
+    ExitCode.UNDECIDED,
+    ExitCode.READ_WITH_LOSSES,
+    ExitCode.OK,
+)
+"""Of several exit codes the first one applies."""
 
 
 class MavhumsError(Exception):

@@ -16,7 +16,17 @@ from mavhums.history.aircraft import latest
 from mavhums.history.aircraft_table import AircraftTable
 from mavhums.history.flights import Since
 
-__all__ = ["Repair", "Repairs", "add_repairs", "remove_repairs", "repairs_in", "repairs_of", "since_of"]
+__all__ = [
+    "Repair",
+    "Repairs",
+    "add_repairs",
+    "aircraft_in",
+    "named_in",
+    "remove_repairs",
+    "repairs_in",
+    "repairs_of",
+    "since_of",
+]
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -91,6 +101,17 @@ def repairs_in(store: str | os.PathLike[str]) -> list[Repair]:
     """
     there = _stored(Store(store).opened())
     return sorted(there, key=lambda repair: (repair.aircraft or "", repair.at, repair.actuator or ""))
+
+
+def aircraft_in(store: Store) -> set[str]:
+    """Return the names of the aircraft with flights in a store."""
+    rows = store.query("SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL AND aircraft <> ''")
+    return {name for (name,) in rows.fetchall()}
+
+
+def named_in(store: Store) -> str:
+    """Return which aircraft a store has, in words."""
+    return f"the store has: {', '.join(sorted(aircraft_in(store))) or 'none with a name'}"
 
 
 def repairs_of(store: Store, aircraft: str) -> Repairs:

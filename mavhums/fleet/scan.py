@@ -11,9 +11,10 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.app.options import Options
+from mavhums.core.errors import MavhumsError
 from mavhums.fleet.installed import reassigned
 from mavhums.fleet.naming import held_named, names_of, remember, renamed, whose_in
-from mavhums.fleet.repairs import Repairs, add_repairs
+from mavhums.fleet.repairs import Repairs, add_repairs, aircraft_in, named_in
 from mavhums.fleet.rows import Row, crashed, judge, judge_several, settings_of
 from mavhums.fleet.settling import settle
 from mavhums.fleet.sources import LogFile, logs_in
@@ -137,7 +138,7 @@ def scanned(
         known = kept.known(files)
         new = [file for file in files if known.get(file) != settings]
         touched = reassigned(kept, given.table) | renamed(kept, known, replace(whose, rule=given.rule))
-        commits = _Commits(kept, touched | add_repairs(kept, options.repairs), given if asks else None)
+        commits = _Commits(kept, touched, given if asks else None)
         remember(kept, given)
         engine = ExitStack()
         try:
@@ -153,7 +154,11 @@ def scanned(
             commits.close()
             raise
         with engine:
+            unknown = commits.repair(options.repairs)
             commits.close(client)
+    if unknown:
+        problem = f"{kept.place}: no aircraft {', '.join(unknown)}, whose repairs are not stored"
+        raise MavhumsError(problem, f"the logs are judged; {named_in(kept)}")
     return Scanned(commits.judged, commits.failed, len(files) - len(new)), commits.asked
 
 
@@ -179,6 +184,14 @@ class _Commits:
         self._rows.append(row)
         if len(self._rows) >= _COMMIT_LOGS or monotonic() - self._since_s > _COMMIT_S:
             self._commit()
+
+    def repair(self, repairs: Repairs) -> list[str]:
+        """Store repairs, and return the names that no aircraft has: a first scan knows names at its end."""
+        self._commit()
+        there = aircraft_in(self._store)
+        known = [one for one in repairs if one.aircraft is None or one.aircraft in there]
+        self._aircraft |= add_repairs(self._store, known)
+        return list(dict.fromkeys(one.aircraft for one in repairs if one.aircraft and one not in known))
 
     def close(self, client: Client | None = None) -> None:
         self._commit()

@@ -11,7 +11,7 @@ from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.monitor import WINDOW_S, Findings
-from mavhums.health.obstacles import obstacle
+from mavhums.health.obstacles import WEAR_UNSEEN, obstacle
 from mavhums.report.assessment import (
     ALL,
     Coverage,
@@ -244,7 +244,7 @@ def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[st
         worst="unmonitored",
         tier=tier.name if tier else None,
         provenance=provenance,
-        reason="no servo telemetry: wear cannot be seen",
+        reason=WEAR_UNSEEN,
         remedy=TO_BE_JUDGED,
     )
 

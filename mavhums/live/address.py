@@ -62,7 +62,9 @@ class Address(NamedTuple):
                 return cls("udpin", host or _LOOPBACK, port)
             if host and 0 < port <= 65_535:
                 return cls("tcp" if kind == "tcp" else "udpout", host, port)
-        raise AddressError(f"{url!r} is no address of a link", f"it must be {FORMS}")
+        meant = f"udpin:{url.removeprefix('udp:').removeprefix(':')}"
+        guess = f"did you mean {meant}? " if _NETWORK.fullmatch(meant) else ""
+        raise AddressError(f"{url!r} is no address of a link", f"{guess}it must be {FORMS}")
 
     @property
     def exposed(self) -> bool:

@@ -17,6 +17,7 @@ _SIGNATURES = (
     (b"PK\x03\x04", "a zip archive"),
 )
 _DUMP = re.compile(rb"\s*FMT, *128, *89,")
+_PROFILE = re.compile(rb"^\s*\[\[ *actuators *\]\]", re.MULTILINE)
 _RECORD = "mavhums reads MAVLink telemetry logs (.tlog); record one with the ground station, or with MAVProxy"
 
 
@@ -51,6 +52,9 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         raise UnreadableLogError(
             f"{name}: this is a DataFlash log dumped as text", "download the .BIN itself from the autopilot"
         )
+    if _PROFILE.search(head):
+        problem = f"{name}: this is an airframe profile, not a log"
+        raise UnreadableLogError(problem, "name it with --airframe, and the log in its place")
     if _is_text(head):
         raise UnreadableLogError(f"{name}: this is a text file, not a MAVLink telemetry log", _RECORD)
     raise UnreadableLogError(f"{name}: no MAVLink frame found in the first {len(head)} bytes", _RECORD)

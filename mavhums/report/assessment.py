@@ -16,6 +16,7 @@ from pydantic import Field
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
+from mavhums.core.notice import NOTICE
 from mavhums.core.quantities import KEYS
 from mavhums.log.losses import Losses
 from mavhums.report.axis_limits import AxisLimits
@@ -48,7 +49,6 @@ __all__ = [
 SCHEMA = "mavhums.assessment/2"
 READABLE = ("mavhums.assessment/1", SCHEMA)
 """Versions whose objects are still read: version 2 only adds fields."""
-NOTICE = "not an airworthiness decision; validated in simulation only"
 
 
 ALL = "all"

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.options import Judging, Limits
-from mavhums.serve.uploads import receive, safe_name
+from mavhums.serve.uploads import is_archive, receive, safe_name
 from mavhums.serve.workers import Workers
 
 __all__ = ["Dropped", "Session", "Sessions"]
@@ -33,6 +33,8 @@ class Dropped:
         Whether there is a Rerun recording of it: ``""`` none yet, ``making``, ``ready``, or the problem.
     kept
         What is told of keeping it in the store.
+    note
+        Which archive it came in, and what else that held.
     asked
         Aircraft that are proposed where the user must name its own; None where it is not asked for.
     """
@@ -49,6 +51,7 @@ class Dropped:
     remedy: str = ""
     recording: str = ""
     kept: str = ""
+    note: str = ""
     asked: tuple[str, ...] | None = None
 
     @property
@@ -182,6 +185,8 @@ class Sessions:
         def progress(read: int) -> None:
             log.state, log.read = "judging", read
 
+        if is_archive(log.path) and await self._unpacked(session, log):
+            return
         answer = await self._run(session, log, {"do": "judge", "report": str(log.report)}, progress)
         if session.logs.get(log.id) is not log:
             return
@@ -190,6 +195,39 @@ class Sessions:
             log.state = "done"
         else:
             log.problem, log.remedy, log.state = answer["problem"], answer["remedy"], "failed"
+
+    async def _unpacked(self, session: Session, archive: Dropped) -> bool:
+        """Judge each log of an archive by itself; return False if the archive can be judged as one log."""
+        room = self.limits.logs - len(session.logs) + 1
+        job = {"do": "unpack", "into": str(archive.path.parent / "unpacked")}
+        limits = {"most_bytes": self.limits.log_bytes, "most_logs": room}
+        answer = await self._run(session, archive, job | limits, lambda _: None)
+        if session.logs.get(archive.id) is not archive:
+            return True
+        if "problem" in answer:
+            archive.problem, archive.remedy, archive.state = answer["problem"], answer["remedy"], "failed"
+            return True
+        if answer["logs"] is None:
+            return False
+        others = ", ".join(answer["others"][:_NAMED]) + (", …" if len(answer["others"]) > _NAMED else "")
+        if not answer["logs"]:
+            archive.problem, archive.state = f"no log is in it; it holds {others}", "failed"
+            archive.remedy = "drop the logs themselves, or an archive that holds some"
+            return True
+        note = f"From {archive.name}" + (f"; not judged in it: {others}" if others else "")
+        for path in map(Path, answer["logs"]):
+            self._take(session, path, note)
+        self.remove(session, archive)
+        return True
+
+    def _take(self, session: Session, path: Path, note: str) -> None:
+        """Judge a log that lies on this computer already."""
+        id_ = secrets.token_hex(8)
+        log = Dropped(id_, session.folder / id_ / path.name, "waiting", path.stat().st_size, note=note)
+        log.report.parent.mkdir(parents=True, mode=0o700)
+        path.rename(log.path)
+        session.logs[id_] = log
+        self._begin(session, self._judge(session, log))
 
     async def _record(self, session: Session, log: Dropped) -> None:
         answer = await self._run(session, log, {"do": "record", "recording": str(log.rrd)}, lambda _: None)
@@ -207,4 +245,5 @@ class Sessions:
         task.add_done_callback(session.tasks.discard)
 
 
+_NAMED = 10
 _BRIEF = ("condition", "headline", "todo")

@@ -12,7 +12,7 @@ from typing import Final
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.options import Limits
 
-__all__ = ["hold_size", "receive", "safe_name"]
+__all__ = ["hold_size", "is_archive", "receive", "safe_name"]
 
 _MOST_BYTES: Final = 150
 _SEPARATORS: Final = re.compile(r"[/\\]")
@@ -48,6 +48,15 @@ def hold_size(size: int, folder: Path, limits: Limits) -> None:
         raise MavhumsError(problem, "judge it with `mavhums analyse`, or start `mavhums serve --max-mb`")
     if size + _SPARE > shutil.disk_usage(folder).free:
         raise MavhumsError("no room for it on the disk of the page's computer", "make room and drop it again")
+
+
+def is_archive(path: Path) -> bool:
+    """Return whether a file begins as a zip archive does; one that its user has removed does not."""
+    try:
+        with path.open("rb") as file:
+            return file.read(4) == b"PK\x03\x04"
+    except OSError:
+        return False
 
 
 async def receive(stream: AsyncIterator[bytes], target: Path, limits: Limits) -> int:

@@ -86,6 +86,8 @@ def _prepare() -> None:
 def _done(job: Job, tell: Tell, among: Among) -> Job:
     """Return the answer to a job, whatever happens."""
     try:
+        if job["do"] == "unpack":
+            return _unpack(job)
         options = among(job["log"], _options(job))
         return _record(job, options) if job["do"] == "record" else _judge(job, options, tell)
     except ArchiveError as error:
@@ -127,6 +129,13 @@ def _judge(job: Job, options: Options, tell: Tell) -> Job:
 
     assessment = write_report(job["log"], job["report"], options, progress=progress)
     return {"brief": in_brief(assessment)._asdict()}
+
+
+def _unpack(job: Job) -> Job:
+    from mavhums.serve.archives import take_logs
+
+    taken = take_logs(Path(job["log"]), Path(job["into"]), job["most_bytes"], job["most_logs"])
+    return {"logs": None} if taken is None else {"logs": list(map(str, taken.logs)), "others": taken.others}
 
 
 def _record(job: Job, options: Options) -> Job:

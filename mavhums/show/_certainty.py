@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from mavhums.report.assessment import Evidence, Verdict
-from mavhums.show._words import effectiveness, friction, percent
+from mavhums.show._standing import control_left, effectiveness
+from mavhums.show._words import friction, percent
 
 __all__ = ["certainty"]
 
@@ -25,7 +26,7 @@ def certainty(verdict: Verdict) -> str:
     '0 of 0 windows are decidable'
     """
     sure = []
-    if verdict.effectiveness:
+    if verdict.effectiveness and not (control_left(verdict) or "").startswith("not reliable"):
         left = effectiveness(verdict.effectiveness)
         sure.append(f"{left} of the reference's control effectiveness with its 95 % interval")
     if verdict.friction_nm:

@@ -27,10 +27,11 @@ from mavhums.engine.events import (
 from mavhums.health.detector import detectors_for
 from mavhums.report.assessment import Assessment, Verdict
 from mavhums.show._craft import Surface, craft_path
+from mavhums.show._listing import without_wingless
 from mavhums.show._stream import send
-from mavhums.show._tracks import Track
+from mavhums.show._tracks import Track, path_part
 from mavhums.show._vehicle import Vehicle
-from mavhums.show._words import clock
+from mavhums.show._words import clock, name
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.report import markdown, so_far
 
@@ -111,7 +112,7 @@ class Scene:
         for track in self._tracks.values():
             track.now(assessment.log.duration_s)
         for verdict in assessment.verdicts:
-            self._track(verdict.vehicle, verdict.actuator).conclude(verdict.condition)
+            self._track(verdict.vehicle, verdict.actuator).conclude(verdict)
             if verdict.subject == "axis":
                 self._track(verdict.vehicle, verdict.actuator).moved = list(self._moved(verdict))
         for track in sorted(self._tracks.values(), key=lambda track: bool(track.moved)):
@@ -121,11 +122,22 @@ class Scene:
         self._flush_texts()
         report = rr.TextDocument(markdown(assessment), media_type=rr.MediaType.MARKDOWN)
         self._stream.log("/report", report, static=True)
-        lanes = []
-        for verdict in assessment.ranked():
+        return layout(list(self._lanes(assessment)), self._surroundings())
+
+    def _lanes(self, assessment: Assessment) -> Iterator[Lane]:
+        """Yield the lanes, worst first and axes before servos; none for what nothing reports on.
+
+        The viewer sorts lanes by their paths, so each is drawn once more under a path that begins with its
+        rank, which is not known before the end.
+        """
+        rest, _ = without_wingless(assessment)
+        told = [verdict for verdict in rest.verdicts if verdict.gravest != "unmonitored"]
+        told.sort(key=lambda verdict: (-URGENCY[verdict.gravest], verdict.subject != "axis"))
+        for rank, verdict in enumerate(told, 1):
             track = self._track(verdict.vehicle, verdict.actuator)
-            lanes.append(self._lane(track, verdict.condition, verdict.worst))
-        return layout(lanes, self._surroundings())
+            path = f"/condition/{rank}_{path_part(name(verdict, assessment))}"
+            track.lane(path)
+            yield self._lane(track, verdict.condition, verdict.worst)._replace(states=path)
 
     def report_so_far(self) -> None:
         """Write the report so far; not as static data, so that a viewer may drop older ones."""
@@ -193,7 +205,13 @@ class Scene:
     def _track(self, vehicle: int | None, actuator: str) -> Track:
         key = (vehicle, actuator)
         if key not in self._tracks:
-            self._tracks[key] = Track(self._stream, vehicle, actuator, live=self._live)
+            self._tracks[key] = Track(
+                self._stream,
+                vehicle,
+                actuator,
+                live=self._live,
+                taken={track.root for track in self._tracks.values()},
+            )
             self._equip(self._tracks[key])
         return self._tracks[key]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections import deque
+from collections.abc import Container, Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -12,13 +14,14 @@ from numpy.typing import NDArray
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import ConditionChanged, Followed, Indication, Samples, Window
 from mavhums.health.detector import Detector
+from mavhums.report.assessment import Verdict
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
 from mavhums.show._words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
 
-__all__ = ["STALE_S", "Track", "actuator_path"]
+__all__ = ["STALE_S", "Track", "actuator_path", "path_part"]
 
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
@@ -36,7 +39,18 @@ _NETWORK_STYLE: Final = rr.SeriesLines(names="probability of emergency", colors=
 
 def actuator_path(vehicle: int | None, actuator: str) -> str:
     """Return the root entity path of an actuator."""
-    return rr.new_entity_path(["no_vehicle" if vehicle is None else f"vehicle_{vehicle}", actuator])
+    return f"/{'no_vehicle' if vehicle is None else f'vehicle_{vehicle}'}/{path_part(actuator)}"
+
+
+def path_part(name: str) -> str:
+    """Return a name as part of an entity path: the viewer shows what it must escape with backslashes.
+
+    Examples
+    --------
+    >>> path_part("aileron (servo 4)")
+    'aileron_servo_4'
+    """
+    return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "unnamed"
 
 
 class Track:
@@ -50,6 +64,8 @@ class Track:
         Whose track it is; the entities lie under :func:`actuator_path`.
     live
         Whether a viewer follows.
+    taken
+        Root paths of other tracks: names that differ in signs alone would share one.
 
     Attributes
     ----------
@@ -83,9 +99,19 @@ class Track:
         Flight time of the latest data.
     """
 
-    def __init__(self, stream: rr.RecordingStream, vehicle: int | None, actuator: str, *, live: bool) -> None:
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        vehicle: int | None,
+        actuator: str,
+        *,
+        live: bool,
+        taken: Container[str] = (),
+    ) -> None:
         self.vehicle, self.actuator = vehicle, actuator
         self.root = actuator_path(vehicle, actuator)
+        while self.root in taken:
+            self.root += "_"
         self.surface: Surface | None = None
         self.moved: list[Surface] = []
         self.detectors: Mapping[str, Detector] = {}
@@ -105,15 +131,11 @@ class Track:
         self._drawn: set[str] = set()
         self._windows: list[Window] = []
         self._states: list[tuple[float, str]] = []
+        self._written: deque[tuple[float, str]] = deque(maxlen=_ROWS_PER_CHUNK)
         self._first_s = self._heard_s = np.inf
         self._state_s: float | None = None
         self._limits_s: dict[str, float] = {}
-        states = rr.StateConfiguration(
-            values=list(_STATES),
-            labels=[*COLOURS, "stale: no data"],
-            colors=[(*rgb, 255) for rgb in _STATES.values()],
-        )
-        stream.log(self.root, states, static=True)
+        stream.log(self.root, _state_style(), static=True)
 
     @property
     def present(self) -> frozenset[str]:
@@ -191,8 +213,9 @@ class Track:
             self.cause = event.fault
         self.worst = max(self.worst, event.after, key=SEVERITY.__getitem__)
 
-    def conclude(self, condition: Condition) -> None:
+    def conclude(self, verdict: Verdict) -> None:
         """Show over the whole flight what only its comparison with the flights before told."""
+        condition = verdict.condition
         if condition == "unmonitored":
             self.held = self.worst = condition
             self._states.clear()
@@ -203,6 +226,11 @@ class Track:
             self._state_s = None
             self.held = self.worst = condition
             self._state(min(self._first_s, self.last_s), condition)
+        if condition in _FAULTY and verdict.since and self._states and self._states[-1][1] == condition:
+            # The verdict knows the earliest evidence, the alarm only that which raised it.
+            before_s = self._states[-2][0] if len(self._states) > 1 else 0.0
+            since_s = min(self._states[-1][0], max(verdict.since.flight_time_s, before_s + 1e-6))
+            self._states[-1] = since_s, condition
         if condition not in _COMPARED or self._first_s == np.inf:
             return
         self._states = [(at_s, condition if state == self.held else state) for at_s, state in self._states]
@@ -230,6 +258,14 @@ class Track:
             self._state(self._first_s if self._first_s < np.inf else 0.0, self.held)
         self._signals.finish()
         self.flush()
+
+    def lane(self, path: str) -> None:
+        """Write the states once more under ``path``; of a flight with thousands of changes, the last ones."""
+        if self._written:
+            self._stream.log(path, _state_style(), static=True)
+            time = [time_s for time_s, _ in self._written]
+            states = rr.StateChange.columns(state=[state for _, state in self._written])
+            send(self._stream, path, time, states)
 
     def _seen(self, first_s: float, last_s: float) -> None:
         self._first_s, self.last_s = min(self._first_s, first_s), max(self.last_s, last_s)
@@ -274,6 +310,7 @@ class Track:
 
     def _flush_states(self) -> None:
         states, self._states = self._states, []
+        self._written.extend(states)
         if states:
             time = [time_s for time_s, _ in states]
             self._send("", time, rr.StateChange.columns(state=[state for _, state in states]))
@@ -303,6 +340,14 @@ class Track:
 
     def _send(self, leaf: str, time_s: Times, content: rr.ComponentColumnList) -> None:
         send(self._stream, f"{self.root}/{leaf}" if leaf else self.root, time_s, content)
+
+
+def _state_style() -> rr.StateConfiguration:
+    return rr.StateConfiguration(
+        values=list(_STATES),
+        labels=[*COLOURS, "stale: no data"],
+        colors=[(*rgb, 255) for rgb in _STATES.values()],
+    )
 
 
 def _interval_style(name: str) -> rr.SeriesLines:

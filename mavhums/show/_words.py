@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.conditions import Condition
 from mavhums.core.text import printable
 from mavhums.health.axis.detector import to_inspect as axis_to_inspect
 from mavhums.health.detector import to_inspect
@@ -23,11 +23,9 @@ __all__ = [
     "YELLOW",
     "advice",
     "clock",
-    "effectiveness",
     "explained",
     "finding",
     "friction",
-    "headline",
     "implausible",
     "join",
     "link_loss",
@@ -151,76 +149,9 @@ def join(items: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-def headline(assessment: Assessment) -> str:
-    """Return the result in one line: what has failed and since when, or that no failure is known."""
-    ranked = assessment.ranked()
-    if not ranked:
-        return "No actuator was found in this log"
-    word = ranked[0].gravest
-    worst = [verdict for verdict in ranked if verdict.gravest == word]
-    if SEVERITY[word] <= SEVERITY["normal"] and any(verdict.subject == "axis" for verdict in ranked):
-        return _what_could_be_judged(assessment)
-    if word == "unmonitored":
-        worst = [verdict for verdict in ranked if verdict.gravest == "normal"]
-        none = f"{_all(ranked, ranked)} unmonitored: {ranked[0].reason}"
-        return f"{_all(worst, ranked)} normal, the others unmonitored" if worst else none
-    if word in ("normal", "unchanged"):
-        return f"{_all(worst, ranked)} {word}"
-    if word == "learning":
-        flights = [why for condition, why, _ in explained(assessment) if condition == word]
-        return f"{_all(worst, ranked)} learning" + (f": {flights[0]}" if len(flights) == 1 else "")
-    if word == "undecided":
-        reasons = list(undecided(assessment))
-        if ranked[0].actuator == ALL:
-            return f"Undecided: {reasons[0][0]}"
-        return f"{_all(worst, ranked)} undecided" + (f": {reasons[0][0]}" if len(reasons) == 1 else "")
-    text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
-    if len(worst) > 1:
-        return text
-    if worst[0].surfaces:
-        text = f"{text}, {' or '.join(worst[0].surfaces)}"
-    if worst[0].condition != word:
-        return f"{text} during the flight, {worst[0].condition} at its end"
-    return f"{text} since {clock(worst[0].since.flight_time_s)}" if worst[0].since else text
-
-
-def _what_could_be_judged(assessment: Assessment) -> str:
-    """Return what was judged and found well, then what was not judged and why, then what nothing monitors."""
-    ranked = assessment.ranked()
-    well = [name(v, assessment) for v in assessment.verdicts if v.gravest == "normal"]
-    open_ = [v for v in assessment.verdicts if v.gravest == "undecided"]
-    silent = sum(v.gravest == "unmonitored" for v in ranked)
-    parts = [f"{join(well)} normal"] if well else []
-    if open_:
-        reasons = list(dict.fromkeys(v.reason or "" for v in open_))
-        why = f" ({reasons[0]})" if len(reasons) == 1 else ""
-        parts.append(f"{join(name(v, assessment) for v in open_)} not judged{why}")
-    if silent:
-        parts.append("servos unmonitored" if silent > 1 else "the servos are unmonitored")
-    text = "; ".join(parts)
-    return f"{text[:1].upper()}{text[1:]}"
-
-
-def effectiveness(interval: Interval) -> str:
-    """Return what is left of the control effectiveness, with its interval.
-
-    Examples
-    --------
-    >>> effectiveness(Interval(estimate=0.52, low=0.31, high=0.73))
-    '52 % (31–73)'
-    """
-    return f"{100 * interval.estimate:.0f} % ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
-
-
 def unmonitored(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
     """Return the unmonitored actuators by reason and remedy."""
     return _by_reason(assessment, "unmonitored")
-
-
-def _all(part: list[Verdict], whole: list[Verdict]) -> str:
-    if len(part) < len(whole):
-        return f"{len(part)} of {len(whole)} actuators"
-    return "The only actuator is" if len(whole) == 1 else f"All {len(whole)} actuators"
 
 
 def advice(verdict: Verdict) -> str:

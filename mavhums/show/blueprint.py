@@ -63,6 +63,8 @@ class Lane(NamedTuple):
         The fault that caused the worst condition; its plot is in front.
     angles
         Entity path of an axis's demanded and flown angles.
+    states
+        Entity path of its conditions; the root if empty.
     """
 
     root: str
@@ -73,6 +75,7 @@ class Lane(NamedTuple):
     faults: tuple[Fault, ...] = ()
     cause: str = "friction"
     angles: str | None = None
+    states: str = ""
 
 
 class _Axes(NamedTuple):
@@ -126,7 +129,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     share = min(0.08 + 0.042 * rows, 0.5)
     conditions = rrb.StateTimelineView(
         origin="/",
-        contents=[*around.modes, *(lane.root for lane in lanes)],
+        contents=[*around.modes, *(lane.states or lane.root for lane in lanes)],
         name="Condition of every axis and actuator",
         time_view=whole_flight(),
     )

@@ -14,13 +14,14 @@ from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.show import _reserve, _usage
 from mavhums.show._certainty import certainty
+from mavhums.show._headline import headline
+from mavhums.show._listing import heading, listed, together, without_wingless
+from mavhums.show._standing import control_left, course
 from mavhums.show._words import (
     advice,
     clock,
-    effectiveness,
     finding,
     friction,
-    headline,
     implausible,
     join,
     losses,
@@ -45,6 +46,7 @@ class _Answer(NamedTuple):
 
     title: str
     verdict: Verdict
+    past: str
     since: str
     why: Sequence[str]
     sure: str
@@ -92,10 +94,9 @@ def in_brief(assessment: Assessment) -> Brief:
     >>> in_brief(mavhums.analyse("flight.tlog")).condition
     'emergency'
     """
-    ranked = assessment.ranked()
-    first = _first([_answer(verdict, assessment) for verdict in ranked[:_ROWS]])
-    condition: Condition = ranked[0].gravest if ranked else "undecided"
-    return Brief(condition, headline(assessment), first.todo if first else "")
+    rest, _ = without_wingless(assessment)
+    first = _first([_answer(alike, rest) for alike in [*together(listed(rest))][:_ROWS]])
+    return Brief(_gravest(assessment), headline(assessment), first.todo if first else "")
 
 
 def page(assessment: Assessment, gathered: Gathered) -> str:
@@ -118,9 +119,11 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     >>> "<h1" in text, "<script" in text
     (True, False)
     """
-    ranked = assessment.ranked()
+    result, gravest = headline(assessment), _gravest(assessment)
+    assessment, wingless = without_wingless(assessment)
+    shown = [*together(listed(assessment))]
     log = assessment.log
-    answers = [_answer(verdict, assessment) for verdict in ranked[:_ROWS]]
+    answers = [_answer(alike, assessment) for alike in shown[:_ROWS]]
     return (
         environment("mavhums.show")
         .get_template("report.html")
@@ -128,8 +131,10 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
             assessment=assessment,
             answers=answers,
             first=_first(answers),
-            left_out=max(len(ranked) - _ROWS, 0),
-            headline=headline(assessment),
+            gravest=gravest,
+            wingless=wingless if answers else (),
+            left_out=max(len(shown) - _ROWS, 0),
+            headline=result,
             file=PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
             losses=losses(log.losses),
             whose=whose(log),
@@ -143,17 +148,27 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     )
 
 
-def _answer(verdict: Verdict, assessment: Assessment) -> _Answer:
+def _gravest(assessment: Assessment) -> Condition:
+    """Return the gravest condition, which the exit code follows too."""
+    ranked = assessment.ranked()
+    return ranked[0].gravest if ranked else "undecided"
+
+
+def _answer(alike: Sequence[Verdict], assessment: Assessment) -> _Answer:
+    """Return the answer about one verdict, or about several that differ in nothing but the name."""
+    verdict = alike[0]
     since, value = verdict.since, ""
     told = SEVERITY[verdict.gravest] > SEVERITY["normal"]
-    if verdict.effectiveness:
-        value = f"control effectiveness {effectiveness(verdict.effectiveness)}"
+    left, past = control_left(verdict), course(verdict)
+    if left:
+        value = f"control left: {left}"
     elif verdict.friction_nm:
         value = f"friction {friction(verdict.friction_nm)} N·m"
     todo = verdict.remedy or advice(verdict)
     return _Answer(
-        title=name(verdict, assessment),
+        title=heading(alike, assessment),
         verdict=verdict,
+        past=past[1] if past else "",
         since=f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since and told else "",
         why=[*_why(verdict)],
         sure=certainty(verdict) if verdict.coverage.windows or verdict.evidence else "",
@@ -182,8 +197,9 @@ def _first(answers: Sequence[_Answer]) -> _Answer | None:
 
 def _why(verdict: Verdict) -> Iterator[str]:
     """Yield the reasons, the latest finding first, the network's vote after the physics."""
-    if verdict.worst != verdict.condition and SEVERITY[verdict.worst] > SEVERITY["normal"]:
-        yield f"{verdict.worst} during the flight, {verdict.condition} at its end; the earlier finding stands"
+    past = course(verdict)
+    if past is not None and past[1]:
+        yield f"{past[0]} {past[1]}, then {verdict.condition}; the earlier finding stands"
     if verdict.reason:
         yield verdict.reason
     latest = sorted(verdict.evidence[-_FINDINGS:], key=lambda item: (item.kind == "network", -item.end_s))

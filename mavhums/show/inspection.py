@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 from rich.markup import escape
@@ -10,28 +10,104 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from mavhums.actuator.tiers import TO_BE_JUDGED
 from mavhums.core.text import printable
-from mavhums.report.inspection import Inspection, VehicleTelemetry
+from mavhums.health.obstacles import NO_WINGS, PROPELLERS_ONLY
+from mavhums.report.inspection import Inspection, Judgeable, VehicleTelemetry
 from mavhums.show import _usage
+from mavhums.show._listing import NOT_JUDGED
 from mavhums.show._words import join
 from mavhums.show._words import losses as told_losses
 
 __all__ = ["render_inspection"]
 
 _MOST_NAMED = 100
+_NAMED_SUBJECTS = 3
+_NOTHING_REPORTED = (PROPELLERS_ONLY, TO_BE_JUDGED)
 
 
-def render_inspection(inspection: Inspection, console: Console) -> None:
-    """Print an inspection: the vehicles' actuators first, then messages, then losses."""
+def render_inspection(inspection: Inspection, console: Console, *, messages: bool = False) -> None:
+    """Print an inspection: what can be judged, the vehicles' actuators, then losses.
+
+    Parameters
+    ----------
+    inspection
+        The contents of a log.
+    console
+        Where to print.
+    messages
+        Whether to list the messages and the named values.
+    """
+    console.print(Text(printable(_verdict(inspection)), style="bold"))
     size = f"{inspection.size_bytes / 1e6:.2f} MB"
     start = inspection.start_utc
     when = f"from {start[:19].replace('T', ' ')} UTC" if start else "without a date"
     header = f"{inspection.path}  {size}, {inspection.duration_s:.1f} s {when}"
     console.print(printable(header), markup=False, highlight=False, soft_wrap=True)
-    if not inspection.vehicles:
-        console.print("\nNo vehicle speaks in this log: ground station or other traffic only.")
     for vehicle in inspection.vehicles:
         _vehicle(vehicle, console)
+    if messages:
+        _messages(inspection, console)
+        if inspection.named:
+            _named(inspection, console)
+    else:
+        console.print(f"\n{_counted(inspection)}; --messages lists them", highlight=False)
+    if inspection.unknown_ids:
+        frames = sum(inspection.unknown_ids.values())
+        ids = ", ".join(str(number) for number in sorted(inspection.unknown_ids)[:8])
+        console.print(f"\n{frames} frames of messages that the dialect does not define: ids {ids}")
+    _losses(inspection, console)
+
+
+def _verdict(inspection: Inspection) -> str:
+    """Return in one line what the log allows to judge."""
+    if not inspection.vehicles:
+        return "Nothing can be judged: no vehicle speaks in this log, ground station or other traffic only"
+    several = len(inspection.vehicles) > 1
+    told = []
+    for vehicle in inspection.vehicles:
+        text = _wingless(vehicle) or _what(vehicle.subjects)
+        told.append(f"vehicle {vehicle.vehicle}: {text}" if several else f"{text[:1].upper()}{text[1:]}")
+    return "; ".join(told)
+
+
+def _what(subjects: Sequence[Judgeable]) -> str:
+    good = _titles([one for one in subjects if one.judgeable])
+    bad = _titles([one for one in subjects if not one.judgeable])
+    if not good:
+        return "nothing can be judged"
+    return f"{join(good)} can be judged" + (f"; {join(bad)} cannot" if bad else "")
+
+
+def _titles(subjects: Sequence[Judgeable]) -> list[str]:
+    """Return the axes, and the wear of the servos as one."""
+    servos = [one.name for one in subjects if one.subject == "actuator"]
+    named = join(servos) if servos and len(servos) <= _NAMED_SUBJECTS else f"{len(servos)} servos"
+    axes = [_title(one) for one in subjects if one.subject == "axis"]
+    return [*axes, *([f"wear of {named}"] if servos else [])]
+
+
+def _wingless(vehicle: VehicleTelemetry) -> str | None:
+    """Return what is said of a vehicle without wings and servos that report; None of any other."""
+    axes = next((one for one in vehicle.subjects if one.remedy == NO_WINGS), None)
+    servos = [one for one in vehicle.subjects if one is not axes]
+    if axes is None or any(one.judgeable or one.remedy not in _NOTHING_REPORTED for one in servos):
+        return None
+    return f"{(axes.reason or '').partition(':')[0]}: {NOT_JUDGED}"
+
+
+def _title(one: Judgeable) -> str:
+    return f"{'roll, pitch and yaw' if one.name == 'axes' else one.name} control"
+
+
+def _counted(inspection: Inspection) -> str:
+    kinds, senders = len(inspection.messages), {(row.system, row.component) for row in inspection.messages}
+    count = sum(row.count for row in inspection.messages)
+    by = f"{len(senders)} {'sender' if len(senders) == 1 else 'senders'}"
+    return f"{count:,} messages of {kinds} {'kind' if kinds == 1 else 'kinds'} by {by}"
+
+
+def _messages(inspection: Inspection, console: Console) -> None:
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("sender")
     table.add_column("message")
@@ -41,13 +117,6 @@ def render_inspection(inspection: Inspection, console: Console) -> None:
         table.add_row(f"{row.system}/{row.component}", row.name, f"{row.count:,}", f"{row.rate_hz:.2f}")
     console.print()
     console.print(table)
-    if inspection.named:
-        _named(inspection, console)
-    if inspection.unknown_ids:
-        frames = sum(inspection.unknown_ids.values())
-        ids = ", ".join(str(number) for number in sorted(inspection.unknown_ids)[:8])
-        console.print(f"\n{frames} frames of messages that the dialect does not define: ids {ids}")
-    _losses(inspection, console)
 
 
 def _named(inspection: Inspection, console: Console) -> None:
@@ -74,8 +143,9 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
         highlight=False,
     )
     for line in _lines(vehicle):
-        console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
-    if vehicle.usage:
+        indent = 2 + len(line) - len(line.lstrip())
+        console.print(Padding(Text(printable(line.lstrip())), (0, 0, 0, indent), expand=False))
+    if vehicle.usage and not _wingless(vehicle):
         console.print(Padding(Text(_usage.title(vehicle.usage, several=False)), (0, 0, 0, 2), expand=False))
         for line in _usage.lines(vehicle.usage):
             console.print(Padding(Text(printable(line)), (0, 0, 0, 4), expand=False))
@@ -83,22 +153,19 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
 
 def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
     """Yield what can be judged, then once for each reason what cannot, then the sources by actuator."""
-    refused: dict[tuple[str, str], list[str]] = {}
-    for one in vehicle.subjects:
-        moved = "roll, pitch and yaw" if one.name == "axes" else one.name
-        title = f"{moved} control" if one.subject == "axis" else one.name
-        if one.judgeable:
+    refused: dict[tuple[str, str], list[Judgeable]] = {}
+    for one in () if _wingless(vehicle) else vehicle.subjects:
+        if one.judgeable and one.subject == "axis":
             by = f", moved by {join(one.surfaces)}" if one.surfaces else ""
-            what = "control effectiveness" if one.subject == "axis" else "wear"
-            yield f"{title}: {what} can be judged{by}"
-        elif one.subject == "axis":
-            refused.setdefault((one.reason or "", one.remedy or ""), []).append(title)
-    for (reason, remedy), titles in refused.items():
-        yield f"{join(titles)}: cannot be judged: {reason}; remedy: {remedy}"
-    if not vehicle.judged:
-        yield ": ".join(filter(None, ("wear of the servos", "cannot be judged", vehicle.remedy)))
-    elif vehicle.remedy:
-        yield f"remedy: {vehicle.remedy}"
+            yield f"{_title(one)}: control effectiveness can be judged{by}"
+        elif not one.judgeable:
+            refused.setdefault((one.reason or "", one.remedy or ""), []).append(one)
+    if wear := [one for one in vehicle.subjects if one.judgeable and one.subject == "actuator"]:
+        yield f"{join(_titles(wear))}: can be judged"
+    for (reason, remedy), subjects in refused.items():
+        yield f"{join(_titles(subjects))}: cannot be judged: {reason}"
+        if remedy:
+            yield f"  remedy: {remedy}"
     nothing = "nothing without travel_deg" if "travel_deg" in (vehicle.remedy or "") else "no telemetry"
     for actuator in vehicle.actuators:
         sources = _shorten(actuator.provenance) or nothing

@@ -62,9 +62,18 @@ class Recorder:
         except BaseException as error:  # a signal, too, must leave no part of a file
             self.__exit__(None, None, None)
             if isinstance(error, Exception):
-                raise MavhumsError(f"cannot write {self._path}: {error}", "choose another place") from error
+                problem = f"cannot write {self._path}: {self._why(error)}"
+                raise MavhumsError(problem, "choose another place") from error
             raise
         return self
+
+    def _why(self, error: Exception) -> str:
+        """Return what is wrong with the place, without the name of the temporary file in it."""
+        if not self._path.parent.is_dir():
+            return f"there is no folder {self._path.parent}"
+        if isinstance(error, OSError) and error.strerror:
+            return error.strerror
+        return str(error).replace(str(self._file.temporary), str(self._path)) if self._file else str(error)
 
     def __exit__(
         self,

@@ -11,14 +11,15 @@ from mavhums.core.quantities import QUANTITIES
 from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
 from mavhums.show import _usage
 from mavhums.show._certainty import certainty
+from mavhums.show._headline import headline
+from mavhums.show._listing import heading, listed, together, without_wingless
+from mavhums.show._standing import control_left, course, word
 from mavhums.show._words import (
     advice,
     clock,
-    effectiveness,
     explained,
     finding,
     friction,
-    headline,
     implausible,
     join,
     losses,
@@ -54,6 +55,8 @@ def markdown(assessment: Assessment) -> str:
         certainty; then the log's losses and the provenance of each value.
     """
     sections = [f"# {_literal(headline(assessment))}", f"*{assessment.notice}*"]
+    assessment, wingless = without_wingless(assessment)
+    sections += [f"{_literal(line)}." for line in wingless if assessment.verdicts]
     if assessment.verdicts:
         sections.append(_table(assessment))
     ranked = assessment.ranked()
@@ -99,7 +102,7 @@ def _row(
 
 def _table(assessment: Assessment) -> str:
     """Return a row for each subject; what no row tells has no column."""
-    rows = [_cells(verdict, name(verdict, assessment)) for verdict in assessment.ranked()]
+    rows = [_cells(alike[0], heading(alike, assessment)) for alike in together(listed(assessment))]
     subjects = {verdict.subject for verdict in assessment.verdicts}
     head = ("actuator" if subjects == {"actuator"} else "subject", *_COLUMNS)
     told = [k for k in range(len(head)) if k < 2 or any(row[k] != "—" for row in rows)]
@@ -111,7 +114,7 @@ def _cells(verdict: Verdict, title: str) -> tuple[str, ...]:
     return (
         _literal(title),
         _condition(verdict),
-        effectiveness(verdict.effectiveness) if verdict.effectiveness else "—",
+        control_left(verdict) or "—",
         friction(verdict.friction_nm) if verdict.friction_nm else "—",
         percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
         clock(verdict.since.flight_time_s) if verdict.since else "—",
@@ -119,8 +122,9 @@ def _cells(verdict: Verdict, title: str) -> tuple[str, ...]:
 
 
 def _condition(verdict: Verdict) -> str:
-    word = f"**{verdict.condition}**" if verdict.condition != "normal" else verdict.condition
-    return word if verdict.worst == verdict.condition else f"{word}, was **{verdict.worst}**"
+    present = f"**{verdict.condition}**" if verdict.condition != "normal" else verdict.condition
+    past = course(verdict)
+    return present if past is None else f"{f'**{word(past[0])}** {past[1]}'.rstrip()}, then {present}"
 
 
 def _section(verdict: Verdict, title: str) -> str:

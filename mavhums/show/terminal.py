@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from rich import box
 from rich.console import Console
@@ -10,18 +10,20 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from mavhums.actuator.tiers import TO_BE_JUDGED
 from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Assessment, Verdict
 from mavhums.show import _reserve, _usage
+from mavhums.show._headline import headline
+from mavhums.show._listing import heading, listed, without_wingless
+from mavhums.show._standing import control_left, course, judged, word
 from mavhums.show._words import (
     COLOURS,
     advice,
     clock,
-    effectiveness,
     explained,
     finding,
     friction,
-    headline,
     implausible,
     join,
     losses,
@@ -33,7 +35,7 @@ from mavhums.show._words import (
     whose,
 )
 
-__all__ = ["render"]
+__all__ = ["render", "render_findings"]
 
 _SHOWN_EVIDENCE = 5
 
@@ -49,29 +51,53 @@ def render(assessment: Assessment, console: Console) -> None:
         Where to print; rich leaves the colours out where it is not a terminal.
     """
     console.print(Text(printable(headline(assessment)), style="bold"))
-    if any(verdict.gravest != "unmonitored" for verdict in assessment.verdicts):
-        console.print(_table(assessment, console.width))
-    for title, lines in _paragraphs(assessment):
-        console.print(Text(title, style="bold"))
-        for line in lines:
-            console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+    rest, wingless = without_wingless(assessment)
+    if any(
+        verdict.gravest not in ("undecided", "unmonitored") or verdict.coverage.windows
+        for verdict in rest.verdicts
+    ):
+        console.print(_table(rest, console.width))
+    _print((*_findings(rest), *_remarks(rest)), console)
+    for line in wingless if rest.verdicts else ():
+        console.print(Text(printable(f"{line}.")))
+    for line in _unmonitored(rest):
+        console.print(Text(printable(line)))
     for said in whose(assessment.log):
         console.print(Text(printable(f"{said}.")))
     console.print(Text(printable(f"Log losses: {losses(assessment.log.losses)}."), style="dim"))
     console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
 
 
+def render_findings(assessment: Assessment, console: Console, title: str) -> None:
+    """Print of an assessment what is not normal, under a title; nothing if there is no such thing."""
+    rest, _ = without_wingless(assessment)
+    found = list(_findings(rest))
+    if found:
+        console.print(Text(printable(title)), soft_wrap=True)
+        _print(found, console)
+
+
+def _print(paragraphs: Iterable[tuple[str, list[str]]], console: Console) -> None:
+    for title, lines in paragraphs:
+        console.print(Text(title, style="bold"))
+        for line in lines:
+            console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+
+
 _COLUMNS = ("subject", "condition", "control left", "friction, N·m", "network", "since", "moving", "judged")
-_KEPT = (0, 1, 2, 3, 5, 6, 4, 7)  # the first two always, the others as far as the terminal is wide
+_KEPT = (0, 1, 2, 3, 5, 7, 4, 6)  # the first two always, the others as far as the terminal is wide
 _NOTHING = "—"
+_GAP = 2
 
 
 def _table(assessment: Assessment, width: int) -> Table:
-    listed = [verdict for verdict in assessment.ranked() if verdict.gravest != "unmonitored"]
-    subjects = {verdict.subject for verdict in listed}
+    monitored = [verdict for verdict in listed(assessment) if verdict.gravest != "unmonitored"]
+    subjects = {verdict.subject for verdict in monitored}
     titles = ("axis" if subjects == {"axis"} else "actuator", *_COLUMNS[1:])
-    rows = [_row(verdict, assessment) for verdict in listed]
-    widths = [max(len(title), *(len(row[column]) for row in rows)) + 1 for column, title in enumerate(titles)]
+    rows = [_row(verdict, assessment) for verdict in monitored]
+    widths = [
+        max(len(title), *(len(row[column]) for row in rows)) + _GAP for column, title in enumerate(titles)
+    ]
     shown, taken = set(_KEPT[:2]), widths[0] + widths[1]
     for column in _KEPT[2:]:
         if all(row[column].plain == _NOTHING for row in rows):
@@ -81,7 +107,7 @@ def _table(assessment: Assessment, width: int) -> Table:
             shown.add(column)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for column in sorted(shown):
-        least = min(widths[0] - 1, width * 2 // 3) if column == 0 else None
+        least = min(widths[0] - _GAP, width * 2 // 3) if column == 0 else None
         table.add_column(
             titles[column],
             overflow="fold",
@@ -99,27 +125,27 @@ def _row(verdict: Verdict, assessment: Assessment) -> list[Text]:
     return [
         Text(printable(name(verdict, assessment))),
         _condition(verdict),
-        Text(effectiveness(verdict.effectiveness) if verdict.effectiveness else _NOTHING),
+        Text(control_left(verdict) or _NOTHING),
         Text(friction(verdict.friction_nm) if verdict.friction_nm else _NOTHING),
         Text(percent(verdict.p_emergency) if verdict.p_emergency is not None else _NOTHING),
         Text(clock(verdict.since.flight_time_s) if verdict.since else _NOTHING),
         Text(percent(coverage.moving_fraction) if "V7" in verdict.provenance else _NOTHING),
-        Text(f"{coverage.decidable}/{coverage.windows}"),
+        Text(judged(verdict) or _NOTHING),
     ]
 
 
 def _condition(verdict: Verdict) -> Text:
-    text = _word(verdict.condition)
-    return text if verdict.worst == verdict.condition else Text.assemble(text, " was ", _word(verdict.worst))
+    text, past = _word(verdict.condition), course(verdict)
+    return text if past is None else Text.assemble(_word(past[0]), f" {past[1]}".rstrip(), ", then ", text)
 
 
 def _word(condition: Condition) -> Text:
     red, green, blue = COLOURS[condition]
-    word = condition.upper() if condition in ("changed", "degraded", "emergency") else condition
-    return Text(word, style=f"bold rgb({red},{green},{blue})")
+    return Text(word(condition), style=f"bold rgb({red},{green},{blue})")
 
 
-def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
+def _findings(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
+    """Yield a title and lines on what is not normal."""
     for verdict in assessment.ranked():
         if verdict.worst in ("degraded", "emergency"):
             shown = verdict.evidence[:_SHOWN_EVIDENCE]
@@ -137,11 +163,19 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     for (reason, remedy), verdicts in undecided(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])
-    for (reason, remedy), verdicts in unmonitored(assessment).items():
-        names = join(name(verdict, assessment) for verdict in verdicts)
-        yield (printable(f"{names}: unmonitored"), [f"why: {reason}", f"what to do: {remedy}"])
+
+
+def _remarks(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
+    """Yield a title and lines on what else the log tells."""
     left = list(_reserve.lines(assessment))
     if left:
         yield (_reserve.TITLE, left)
     for used in assessment.usage:
         yield (_usage.title(used, several=len(assessment.usage) > 1), list(_usage.lines(used)))
+
+
+def _unmonitored(assessment: Assessment) -> Iterator[str]:
+    """Yield a line for all servos that nothing monitors for the same reason."""
+    for (reason, remedy), verdicts in unmonitored(assessment).items():
+        more = "mavhums inspect LOG tells what to record" if remedy == TO_BE_JUDGED else remedy
+        yield f"Unmonitored: {heading(verdicts, assessment)}: {reason} ({more})."

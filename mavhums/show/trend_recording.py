@@ -62,7 +62,8 @@ def record_trend(trend: pd.DataFrame, path: str | os.PathLike[str], *, report: s
         try:
             stream.save(temporary)
         except RuntimeError as error:
-            raise MavhumsError(f"cannot write {path}: {error}", "choose another place") from error
+            problem = f"cannot write {path}: {str(error).replace(str(temporary), str(path))}"
+            raise MavhumsError(problem, "choose another place") from error
         stream.send_recording_name("friction over flights")
         roots: list[tuple[int, str]] = []
         for names, flights in known.sort_values("start_utc").groupby(groups, sort=False):

@@ -37,7 +37,7 @@ def cli() -> None:
     """
 
 
-@cli.command()
+@cli.command(short_help="Fly once; write a log and its truth.")
 @click.option(
     "-o",
     "--output",
@@ -110,7 +110,7 @@ def _written(record: FlightRecord, output: Path, planned: Planned) -> dict[str, 
         raise click.UsageError(str(error)) from error
 
 
-@cli.command()
+@cli.command(short_help="Fly live: send messages when they are due.")
 @click.argument("urls", nargs=-1, required=True, metavar="URL...")
 @click.option(
     "--speed",
@@ -146,7 +146,7 @@ def stream(urls: tuple[str, ...], speed: float, **options: Any) -> None:
         click.echo(f"  {name} {count:,}")
 
 
-@cli.command()
+@cli.command(short_help="Fly many flights; write logs and truth.json.")
 @click.argument("name", metavar="NAME|FILE.toml")
 @click.option(
     "-o",
@@ -201,7 +201,7 @@ def _campaign(name: str, seed: int, duration: float) -> tuple[list[tuple[str, Fl
     return list(plan.flights()), plan.link
 
 
-@cli.command()
+@cli.command(short_help="Check the physics against known solutions.")
 def validate() -> None:
     """Check the physics against data sheet, solutions on paper, conservation and finer steps.
 

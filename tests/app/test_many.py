@@ -82,7 +82,7 @@ def test_an_error_hides_no_emergency_and_the_json_has_both(
 
 
 def test_each_table_is_under_its_logs_name(run: Run, logs: list[Path]) -> None:
-    outcome = run("analyse", *logs[:3], "--jobs", "2")
+    outcome = run("analyse", *logs[:3], "--jobs", "2", "--verbose")
     names = [line for line in outcome.out.splitlines() if line.startswith("===")]
     assert names == [f"=== {log} ===" for log in logs[:3]]
 

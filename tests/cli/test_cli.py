@@ -178,7 +178,9 @@ def test_inspect_names_the_remedy_where_health_cannot_be_judged(run: Run, tmp_pa
         return path
 
     pwm = run("inspect", log("pwm.tlog", v2.MAVLink_servo_output_raw_message(0, 0, *[1500] * 16)))
-    assert "wear of the servos: cannot be judged" in pwm.out
+    assert pwm.out.startswith("Nothing can be judged"), "the answer first"
+    assert "wear of every actuator: cannot be judged" in pwm.out
+    assert "  remedy: record each servo's ESC telemetry" in pwm.out, "without the reason"
     assert "DEBUG_FLOAT_ARRAY named EMA" in pwm.out
     partial = [1.0, float("nan"), 3.0] + [float("nan")] * 9 + [0.0] * 46
     instrumented = log("ema.tlog", v2.MAVLink_debug_float_array_message(0, b"EMA", 3, partial))
@@ -187,7 +189,7 @@ def test_inspect_names_the_remedy_where_health_cannot_be_judged(run: Run, tmp_pa
     assert "elevator (servo 3): V1, V3 from DEBUG_FLOAT_ARRAY[EMA,3]; missing V2, V4" in named
     assert "rudder (servo 4): no telemetry" in named
     nobody = run("inspect", log("gcs.tlog", v2.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
-    assert "No vehicle speaks" in nobody.out
+    assert nobody.out.startswith("Nothing can be judged: no vehicle speaks")
 
 
 def test_unknown_messages_are_named(run: Run, growing_log: Path, tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_commands_alone_are_no_case_for_a_profile(run: Run, tmp_path: Path) -> N
     assert vehicle["tier"] == verdict["tier"] == "pwm"
     assert not vehicle["judged"]
     assert "ArduPlane V4.5.7" in verdict["reason"]
-    assert "V1, the command, alone" in verdict["reason"]
+    assert "no servo current or speed in the log, so wear cannot be seen" in verdict["reason"]
     assert "profile" not in verdict["reason"] + verdict["remedy"]
 
 
@@ -102,7 +102,7 @@ def test_export_without_a_profile_writes_what_the_log_carries(run: Run, tmp_path
     log = write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=True))
     assert run("export", log, "-o", tmp_path / "v.csv").code == 0
     table = pd.read_csv(tmp_path / "v.csv")
-    assert set(table["actuator"]) == {"esc_0"}
+    assert set(table["output"]) == {"esc_0"}
     assert len(table) == 40
     assert set(table["V7"]) == {5000.0}
     only = write_log(tmp_path / "y.tlog", sent(FIXED_WING, esc=False))

@@ -94,12 +94,17 @@ def test_formulas_are_texts_in_a_spreadsheet(tmp_path: Path) -> None:
 
 def test_several_logs_are_told_apart(run: Run, short_log: Path, growing_log: Path, tmp_path: Path) -> None:
     absent = tmp_path / "absent.tlog"
-    outcome = run("analyse", short_log, absent, growing_log)
+    outcome = run("analyse", short_log, absent, growing_log, "--verbose")
     assert outcome.code == ExitCode.EMERGENCY, "an error in one log must not hide an emergency in another"
     lines = outcome.out.splitlines()
     headings = [line for line in lines if line.startswith("===")]
     assert headings == [f"=== {short_log} ===", f"=== {growing_log} ==="]
     assert lines.index(headings[0]) < lines.index(headings[1])
+    logs = {log.name for log in (growing_log, absent, short_log)}
+    table = [row for line in lines if (row := line.split()) and row[0] in logs]
+    assert [row[-1] for row in table] == ["11", "1", "0"], "worst first, whatever the order given"
+    assert [row[0] for row in table] == [growing_log.name, absent.name, short_log.name]
+    assert "EMERGENCY" in table[0]
     outcome = run("analyse", short_log, absent, "--json")
     assert outcome.code == ExitCode.ERROR
     told = json.loads(outcome.out)
@@ -128,3 +133,14 @@ def test_what_the_link_lost_is_not_lost_of_the_file() -> None:
     assert losses(Losses(bad_crc_frames=1, sequence=(sender,))) == (
         "1 frame with a wrong checksum; the radio link lost 4.8 %"
     )
+
+
+def test_of_several_logs_only_what_is_not_normal_is_told(
+    run: Run, short_log: Path, growing_log: Path
+) -> None:
+    several = run("analyse", short_log, growing_log).out
+    assert [line for line in several.splitlines() if line.startswith("===")] == [f"=== {growing_log} ==="]
+    assert "what to do: do not fly" in several
+    assert "Usage" not in several
+    assert several.count("airworthiness") == 1
+    assert len(several.splitlines()) < len(run("analyse", growing_log).out.splitlines()) + 8

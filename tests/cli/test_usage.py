@@ -59,7 +59,10 @@ def test_inspect_says_what_can_be_judged_before_one_tries(run: Run, log: Path) -
     text = " ".join(run("inspect", log).out.split())
     assert "roll control: control effectiveness can be judged, moved by aileron (servo 1)" in text
     assert "yaw control: cannot be judged:" in text
-    assert "wear of the servos: cannot be judged" in text
+    assert re.search("wear of [^:]*: cannot be judged: [^;]+ remedy: record each servo", text)
+    assert text.startswith("Roll control")
+    assert "per second" not in text
+    assert "per second" in run("inspect", log, "--messages").out
 
 
 @pytest.mark.parametrize(("kind", "why"), [(2, "a quadrotor"), (10, "a ground rover")])
@@ -67,8 +70,8 @@ def test_inspect_says_why_nothing_can_be_judged(run: Run, tmp_path: Path, kind: 
     path = tmp_path / "other.tlog"
     path.write_bytes(flown(20, kind=kind))
     text = " ".join(run("inspect", path).out.split())
-    assert f"roll, pitch and yaw control: cannot be judged: {why}" in text
-    assert "wear of the servos: cannot be judged" in text
+    assert text.startswith(f"{why[:1].upper()}{why[1:]}: not judged (")
+    assert "remedy" not in text
 
 
 def test_the_profile_names_outputs_before_the_parameters(run: Run, log: Path, tmp_path: Path) -> None:

@@ -151,3 +151,15 @@ def test_the_readme_is_short() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_no_page_shows_a_path_of_somebodys_machine(page: Path) -> None:
     assert not re.search(r"/(home|root|tmp|Users|work)/\w", page.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", [name for name, one in COMMANDS.items() if isinstance(one, click.Group)])
+def test_the_list_of_commands_has_one_whole_line_each(name: str) -> None:
+    group = COMMANDS[name]
+    assert isinstance(group, click.Group)
+    with click.Context(group, info_name=name, terminal_width=80) as context:
+        formatter = context.make_formatter()
+        group.format_commands(context, formatter)
+    lines = [line for line in formatter.getvalue().splitlines() if line.startswith("  ")]
+    assert sorted(line.split()[0] for line in lines) == sorted(group.list_commands(context))
+    assert not [line for line in lines if line.endswith("...")]

@@ -100,6 +100,21 @@ def test_a_scan_with_a_new_date_opens_no_log(run: Run, tmp_path: Path) -> None:
     assert run(*command, "--baseline-from", "D-A/=yesterday").code == 2
 
 
+def test_a_scan_names_the_aircraft_that_nobody_has(run: Run, short_log: Path, tmp_path: Path) -> None:
+    """Whether an aircraft exists is known once its logs are judged: they are kept, the date is not."""
+    folder = tmp_path / "D-A"
+    folder.mkdir()
+    (folder / "00.tlog").write_bytes(short_log.read_bytes())
+    command = ("fleet", "scan", folder, "--to", tmp_path / "store", "--aircraft", "folder", "--workers", "0")
+    dates = ("--baseline-from", "D-AA/rudder=2026-01-05", "--baseline-from", "D-A/rudder=2026-01-05")
+    told = run(*command, *dates)
+    assert told.code == 1
+    assert "no aircraft D-AA" in told.err
+    assert "the store has: D-A" in told.err
+    assert [str(one) for one in repairs_in(tmp_path / "store")] == ["D-A/rudder=2026-01-05"]
+    assert fleet.status(tmp_path / "store").judged == 1
+
+
 def last(store: Path) -> list[Indicator]:
     """Return the indicators of the last flight."""
     return [one for _, verdict in fleet.verdicts(store, "D-A")[-4:] for one in verdict.indicators]

@@ -13,6 +13,8 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 from mavhums import analyse
 from mavhums.app.options import Options
 from mavhums.show import markdown
+from mavhums.show._stream import open_stream
+from mavhums.show._tracks import Track
 from tests.engine.test_axes import flown
 from tests.show.test_recording import entities, rows, scalars, static
 
@@ -84,3 +86,32 @@ def test_the_report_has_the_columns_that_are_told(recorded: tuple[Path, Any]) ->
     assert "| subject | condition | control left | since |" in text
     assert "## Usage: fixed wing, ArduPilot; armed 2m29s" in text
     assert "| elevator (servo 2) | never commanded | — |" in text
+
+
+def test_the_viewer_lists_what_matters_first_and_nothing_that_nothing_reports_on(
+    recorded: tuple[Path, Any],
+) -> None:
+    """The viewer sorts lanes by their paths: the worst, and axes before servos, must come first in it."""
+    lanes = sorted(path for path in entities(recorded[0]) if path.startswith("/condition/"))
+    ranked = [verdict.actuator for verdict in recorded[1].ranked() if verdict.condition != "unmonitored"]
+    assert ranked[0] == "roll"
+    assert lanes == [f"/condition/{rank}_{name}_control" for rank, name in enumerate(ranked, 1)]
+    assert "/vehicle_1/left_aileron" in entities(recorded[0]), (
+        "the viewer shows escaped names with backslashes"
+    )
+    drawn, own = (rows(recorded[0], path, "StateChange:state") for path in (lanes[0], "/vehicle_1/roll"))
+    assert (drawn[0].tolist(), drawn[1]) == (own[0].tolist(), own[1])
+
+
+def test_the_lane_turns_when_the_verdict_says(recorded: tuple[Path, Any]) -> None:
+    [roll] = [verdict for verdict in recorded[1].verdicts if verdict.actuator == "roll"]
+    assert roll.since is not None
+    assert roll.since.flight_time_s == min(item.start_s for item in roll.evidence)
+    times, _ = rows(recorded[0], "/condition/1_roll_control", "StateChange:state")
+    assert times[-1] == pytest.approx(roll.since.flight_time_s, abs=1e-5)
+
+
+def test_names_that_differ_in_signs_alone_have_lanes_of_their_own() -> None:
+    first = Track(open_stream("x"), 1, "left aileron", live=False)
+    other = Track(open_stream("x"), 1, "left-aileron", live=False, taken={first.root})
+    assert (first.root, other.root) == ("/vehicle_1/left_aileron", "/vehicle_1/left_aileron_")

@@ -131,8 +131,8 @@ def test_headlines(
 def test_what_was_an_emergency_is_not_forgotten(new_verdict: New, new_assessment: Assess) -> None:
     verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
     text = markdown(new_assessment(verdict))
-    assert text.startswith("# elevator: EMERGENCY during the flight, normal at its end")
-    assert "normal, was **emergency**" in text
+    assert text.startswith("# elevator: EMERGENCY 37.0s–1m40s, then normal")
+    assert "**EMERGENCY** 37.0s–1m40s, then normal" in text
     assert "It is normal since 1m30s" in text
     assert "do not fly" in text
     without = markdown(new_assessment(verdict.model_copy(update={"since": None, "evidence": ()})))

@@ -8,6 +8,7 @@ from typing import Literal
 import pytest
 from rich.console import Console
 
+from mavhums.core.notice import EPILOG
 from mavhums.report.assessment import NOTICE, Assessment, Verdict
 from mavhums.show import render
 
@@ -32,11 +33,11 @@ def flat(text: str) -> str:
 def test_the_answer_first_then_the_worst_actuator_first(assessment: Assessment) -> None:
     lines = rendered(assessment).splitlines()
     assert lines[0] == "elevator: EMERGENCY since 1m12s"
-    rows = [line.split()[0] for line in lines if "/91" in line]
+    rows = [line.split()[0] for line in lines if " of 91 s" in line]
     assert rows == ["elevator", "rudder", "aileron_left", "aileron_right"]
-    elevator = next(line for line in lines if "91/91" in line)
+    elevator = next(line for line in lines if "91 of 91 s" in line)
     assert elevator.split() == [
-        *("elevator", "EMERGENCY", "1.003", "(0.973–1.033)", ">99", "%", "1m12s", "72", "%", "91/91")
+        *("elevator", "EMERGENCY", "1.003", "(0.973–1.033)", ">99", "%", "1m12s", "91", "of", "91", "s")
     ]
 
 
@@ -70,7 +71,7 @@ def test_below_the_table_evidence_remedies_losses_and_the_notice(assessment: Ass
     assert "what to do: do not fly; inspect gearbox, bearings and hinge line" in text
     assert "rudder: undecided why: it stood still throughout" in text
     assert "Log losses: 1,234 bytes skipped" in text
-    assert text.endswith("Not an airworthiness decision; validated in simulation only.")
+    assert text.endswith(EPILOG)
 
 
 def test_equal_reasons_are_said_once(new_verdict: New, new_assessment: Assess) -> None:
@@ -83,7 +84,7 @@ def test_equal_reasons_are_said_once(new_verdict: New, new_assessment: Assess) -
 def test_what_was_worse_is_shown(new_verdict: New, new_assessment: Assess) -> None:
     verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
     text = flat(rendered(new_assessment(verdict), width=120))
-    assert "elevator normal was EMERGENCY 0.300" in text
+    assert "elevator EMERGENCY 37.0s–1m40s, then normal 0.300" in text
 
 
 def test_a_long_list_of_findings_is_cut_and_says_so(new_verdict: New, new_assessment: Assess) -> None:

@@ -57,6 +57,6 @@ def test_inspect_lists_them_with_their_rate(run: Run, tmp_path: Path, name: str)
     assert {"system": 7, "message": "NAMED_VALUE_FLOAT", "name": name, "count": 21, "rate_hz": 1.05} in told[
         "named"
     ]
-    shown = run("inspect", path).out
+    shown = run("inspect", path, "--messages").out
     assert name in shown
     assert "named value" in shown

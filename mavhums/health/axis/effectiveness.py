@@ -8,6 +8,7 @@ from typing import ClassVar, Final
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.detector import Seen, Shown
+from mavhums.health.axis.gain import JUDGED_ERROR
 from mavhums.health.axis.reference import Second
 from mavhums.report.axis_limits import AxisLimits
 
@@ -68,7 +69,7 @@ class EffectivenessDetector:
         left = second.left_over if second.left_over is not None else 1.0
         confidence = 1.0 / (1.0 + exp(-second.level))
         if second.slow_s is not None:
-            rule = f"degraded: answers {second.slow_s:g} s later than in the reference, with its full gain"
+            rule = f"degraded: {_slow(second, second.slow_s, self.axis)}"
             return Shown(
                 self.axis,
                 second.end_s,
@@ -104,3 +105,11 @@ class EffectivenessDetector:
         if second.lost_s < _SURE_S:
             return f"; an emergency if {_SURE_S} judged seconds show it, {second.lost_s} do"
         return ""
+
+
+def _slow(second: Second, late_s: float, axis: str) -> str:
+    """Return what a lag does: the share that is answered in time is no loss of gain."""
+    intact = f"gain intact, {late_s:g} s late"
+    if second.value is None or second.error > JUDGED_ERROR or not 0 <= second.value < 1:
+        return intact
+    return f"{100 * second.value:.0f} % of the commanded {axis} is answered in time ({intact})"

@@ -22,12 +22,14 @@ from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
 
-__all__ = ["AxisFindings", "AxisMonitor", "explained_by", "new_gain"]
+__all__ = ["NORMAL_S", "AxisFindings", "AxisMonitor", "explained_by", "new_gain"]
 
 Array = NDArray[np.float64]
 
+NORMAL_S: Final = 30
+"""Judged seconds without a loss that make an axis normal."""
+
 _WAITS_S: Final = 10  # a log that begins in flight is known to within seconds
-_NORMAL_S: Final = 30
 _WINDOW_S: Final = 10
 _MASKED_S: Final = 20
 _MOST_EPISODES: Final = 100
@@ -309,7 +311,7 @@ class AxisMonitor:
         """Return whether the axis is known to respond as in the reference."""
         if SEVERITY[held.condition] > SEVERITY["normal"]:
             return held.full >= FULL_S
-        return held.judged >= _NORMAL_S and held.value is not None and held.value.low > 0.6
+        return held.judged >= NORMAL_S and held.value is not None and held.value.low > 0.6
 
     def _extend(self, held: _Axis, one: Shown) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
@@ -352,7 +354,7 @@ class AxisMonitor:
             axis=axis,
             condition=held.condition,
             worst=held.worst,
-            since_s=None if held.since_s is None else float(held.since_s),
+            since_s=_since_s(held),
             coverage=Coverage(moving_fraction=fraction, windows=held.seconds, decidable=held.judged),
             suspects=tuple(
                 Suspect(fault=fault, confidence=confidence)
@@ -374,3 +376,13 @@ class AxisMonitor:
             limits=self.limits,
             from_take_off=self._waited_rows >= _WAITS_S * RATE_HZ,
         )
+
+
+def _since_s(held: _Axis) -> float | None:
+    """Return the onset of the present condition: the earliest one that its evidence shows.
+
+    A fault that takes longer to prove than the one that raised the alarm may have begun before it.
+    """
+    if held.since_s is None or SEVERITY[held.condition] <= SEVERITY["normal"]:
+        return None if held.since_s is None else float(held.since_s)
+    return float(min([held.since_s, *(e.start_s for e in held.episodes if e.end_s > held.since_s)]))

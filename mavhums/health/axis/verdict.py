@@ -9,6 +9,7 @@ from typing import Final
 
 from mavhums.health.axis.indicators import indicators
 from mavhums.health.axis.monitor import AxisFindings
+from mavhums.health.obstacles import NO_WINGS
 from mavhums.report.assessment import Interval, Since, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.order import Received
@@ -32,7 +33,6 @@ _KINDS: Final = {
 }
 _WINGED: Final = ("fixed wing", "VTOL")
 _FIXED_WINGS_ONLY: Final = "control effectiveness is judged for fixed-wing aircraft in forward flight only"
-_BY_TELEMETRY: Final = "judge its actuators by telemetry of their own"
 _NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
 _RECORD_STREAMS: Final = (
     "record at 3 Hz or more: over MAVLink SERVO_OUTPUT_RAW and ATTITUDE, in a .BIN RCOU and ATT, "
@@ -72,13 +72,13 @@ def why_not_at_all(
     """
     kinds = flight.kinds
     if not kinds and kind and not kind.startswith(_WINGED):
-        return f"{kind}: {_FIXED_WINGS_ONLY}", _BY_TELEMETRY
+        return f"{kind}: {_FIXED_WINGS_ONLY}", NO_WINGS
     if not kinds:
         reason = "nothing in the log tells what kind of vehicle this is"
         return reason, "record the autopilot's heartbeats as well; a .BIN or .ulg from its start"
     if not kinds & {1, *range(19, 26)}:
         what = " and ".join(_KINDS.get(kind, f"a vehicle of MAV_TYPE {kind}") for kind in sorted(kinds))
-        return f"{what}: {_FIXED_WINGS_ONLY}", _BY_TELEMETRY
+        return f"{what}: {_FIXED_WINGS_ONLY}", NO_WINGS
     missing = [text for name, text in _NEEDED.items() if name not in flight.heard]
     if missing and (disorder := _disorder(received)):
         return f"{' and '.join(missing)} came too late to be used: {disorder}", _IN_ORDER

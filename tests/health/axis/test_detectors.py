@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mavhums.health.axis.detector import detectors, to_inspect
-from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.axis.effectiveness import _slow
+from mavhums.health.axis.monitor import AxisMonitor, _Axis, _Episode, _since_s
+from mavhums.health.axis.reference import Second
 from mavhums.report.axis_limits import AxisLimits
 from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
 
@@ -64,6 +68,33 @@ def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fau
     assert (alarms[0].actuator, alarms[0].fault) == (axis, fault)
     assert 100 < alarms[0].time_s <= 106
     assert 98 <= alarms[0].since_s <= 104
+    if fault == "hard_over":
+        as_if = "a rudder" if axis == "yaw" else "an aileron or elevon"
+        assert re.search(rf"rolls right \d+°/s more than commanded, as if {as_if} stood", alarms[0].rule)
+
+
+def test_since_is_the_earliest_evidence() -> None:
+    """What takes longer to prove than the alarm did may have begun before it."""
+    slow = _Episode("slow", "degraded", 104, 160, 1.0, 0.25, "degraded: gain intact, 1 s late", 0.9)
+    before = _Episode("tracking", "emergency", 20, 30, 9.0, 8.0, "emergency: roll away", 0.9)
+    held = _Axis(condition="emergency", since_s=108, episodes=[before, slow])
+    assert _since_s(held) == 104.0
+    assert _since_s(replace(held, condition="normal")) == 108.0
+    assert _since_s(replace(held, since_s=None)) is None
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "told"),
+    [
+        (0.25, 0.03, "25 % of the commanded roll is answered in time (gain intact, 1 s late)"),
+        (None, 9.0, "gain intact, 1 s late"),
+        (0.25, 0.9, "gain intact, 1 s late"),
+        (1.1, 0.03, "gain intact, 1 s late"),
+    ],
+)
+def test_a_lag_says_what_is_answered_in_time(value: float | None, error: float, told: str) -> None:
+    second = Second(9, value, error, 9.0, 1, 1.0, True, None, None, 0.0, 9)
+    assert _slow(second, 1.0, "roll") == told
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ limit lies a quarter above the highest value of the healthy development flights.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import degrees
 from typing import ClassVar, Final
 
 from mavhums.health.axis.detector import Seen, Shown
@@ -52,11 +53,11 @@ class Detector:
             side = sides.get(second.end_s)
             skids = side is not None and side.deviations > max(_SKID, deviations)
             skids = skids and side is not None and abs(side.value) > _SKID_MS2
-            axis, what = ("yaw", "rudder") if skids else ("roll", "aileron or elevon")
+            axis, what = ("yaw", "a rudder") if skids else ("roll", "an aileron or elevon")
             way = "right" if second.shift > 0 else "left"
             rule = (
-                f"emergency: rolls {way} by {abs(second.shift):.2f} rad/s more than its outputs ask, "
-                f"as if a {what} stood deflected or did not move"
+                f"emergency: rolls {way} {degrees(abs(second.shift)):.0f}°/s more than commanded, "
+                f"as if {what} stood deflected or did not move"
             )
             shown.append(
                 Shown(

@@ -1,0 +1,177 @@
+"""What a table says of one verdict, of several alike, and of a vehicle that is not judged."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import pytest
+from rich.console import Console
+
+from mavhums.health.obstacles import NO_WINGS, PROPELLERS_ONLY, WEAR_UNSEEN
+from mavhums.report.assessment import Assessment, Coverage, Evidence, Interval, Verdict
+from mavhums.show import markdown, render
+from mavhums.show._certainty import certainty
+from mavhums.show._standing import control_left
+from mavhums.show.html import in_brief, page
+from mavhums.show.html_curves import Gathered
+
+New = Callable[..., Verdict]
+Assess = Callable[..., Assessment]
+
+LATE = Evidence(
+    kind="slow",
+    start_s=104.0,
+    end_s=160.0,
+    value=1.0,
+    rule="degraded: 25 % of the commanded roll is answered in time (gain intact, 1 s late)",
+)
+
+
+def axis(name: str = "roll", condition: str = "normal", **more: object) -> Verdict:
+    worst = more.pop("worst", condition)
+    fields = {"subject": "axis", "vehicle": 1, "actuator": name, "condition": condition, "worst": worst}
+    return Verdict.model_validate(fields | more)
+
+
+def left(estimate: float, low: float, high: float) -> Interval:
+    return Interval(estimate=estimate, low=low, high=high)
+
+
+def servo(number: int) -> Verdict:
+    return Verdict(
+        vehicle=1,
+        actuator=f"aileron (servo {number})",
+        condition="unmonitored",
+        worst="unmonitored",
+        reason=WEAR_UNSEEN,
+        remedy="record its current",
+    )
+
+
+def shown(assessment: Assessment, width: int = 200) -> str:
+    file = io.StringIO()
+    render(assessment, Console(file=file, width=width))
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("verdict", "told"),
+    [
+        (axis(), None),
+        (axis(effectiveness=left(1.19, 1.1, 1.28)), "no loss"),
+        (axis(effectiveness=left(0.9, 0.85, 0.95)), "90 % (85–95)"),
+        (axis(condition="degraded", effectiveness=left(1.02, 0.9, 1.1)), "102 % (90–110)"),
+        (
+            axis(
+                condition="undecided",
+                effectiveness=left(0.54, -1.02, 2.1),
+                coverage=Coverage(moving_fraction=0.1, windows=157, decidable=9),
+            ),
+            "not reliable: 9 of 30 s judged",
+        ),
+        (axis(condition="degraded", effectiveness=left(0.54, -1.02, 2.1)), "not reliable"),
+        (
+            axis(condition="degraded", effectiveness=left(0.25, 0.19, 0.31), evidence=(LATE,)),
+            "gain intact, 1 s late",
+        ),
+    ],
+)
+def test_a_figure_is_told_as_far_as_it_can_be_relied_on(verdict: Verdict, told: str | None) -> None:
+    assert control_left(verdict) == told
+
+
+def test_an_interval_that_tells_nothing_is_nowhere(new_assessment: Assess) -> None:
+    coverage = Coverage(moving_fraction=0.1, windows=157, decidable=9)
+    verdict = axis(condition="undecided", effectiveness=left(0.54, -1.02, 2.1), coverage=coverage)
+    assessment = new_assessment(verdict)
+    for text in (
+        certainty(verdict),
+        shown(assessment),
+        markdown(assessment),
+        page(assessment, Gathered()),
+    ):
+        assert "−102" not in text
+        assert "-102" not in text
+    assert "9 of 157 s" in shown(assessment)
+
+
+@pytest.mark.parametrize("condition", ["undecided", "normal", "degraded"])
+def test_an_alarm_that_is_past_says_from_when_to_when(condition: str, new_assessment: Assess) -> None:
+    alarm = Evidence(kind="tracking", start_s=90, end_s=127, value=9, rule="emergency: roll 24° away")
+    before = Evidence(kind="slow", start_s=60, end_s=90, value=0.4, rule="degraded: gain intact, 0.4 s late")
+    verdict = axis(condition=condition, worst="emergency", evidence=(before, alarm))
+    assessment = new_assessment(verdict)
+    then = condition.upper() if condition == "degraded" else condition
+    assert f"EMERGENCY 1m30s–2m07s, then {then}" in shown(assessment)
+    assert f"roll control: EMERGENCY 1m30s–2m07s, then {condition}" in shown(assessment)
+    assert f"**EMERGENCY** 1m30s–2m07s, then {condition}".replace("degraded", "**degraded**").replace(
+        "undecided", "**undecided**"
+    ) in markdown(assessment)
+    assert "1m30s–2m07s, then" in page(assessment, Gathered())
+
+
+def test_where_all_is_well_the_good_news_comes_first(new_assessment: Assess) -> None:
+    open_ = axis("yaw", "undecided", reason="too few pulses", remedy="pulse the rudder")
+    assessment = new_assessment(open_, axis("roll"), axis("pitch"), servo(1))
+    text = shown(assessment)
+    assert text.startswith("Roll control and pitch control normal; yaw control not judged;")
+    rows = [line.split()[0] for line in text.splitlines() if line.startswith((" roll", " pitch", " yaw"))]
+    assert rows == ["roll", "pitch", "yaw"]
+    html = page(assessment, Gathered())
+    table = html[html.index("<tbody") :]
+    assert table.index("roll control") < table.index("yaw control") < table.index("wear of")
+    alarmed = shown(new_assessment(axis("pitch"), open_, axis("roll", "degraded")))
+    assert alarmed.index("DEGRADED") < alarmed.index("undecided") < alarmed.rindex("normal")
+    assert in_brief(assessment).condition == "undecided", "as the exit code is"
+
+
+def test_six_servos_without_telemetry_are_one_line(new_assessment: Assess) -> None:
+    assessment = new_assessment(axis(), *(servo(k) for k in range(1, 7)))
+    lines = [line for line in shown(assessment).splitlines() if "nmonitored" in line]
+    assert lines[1:] == [f"Unmonitored: wear of 6 servos: {WEAR_UNSEEN} (record its current)."]
+    html = page(assessment, Gathered())
+    assert html.count(WEAR_UNSEEN) == 1
+    assert markdown(assessment).count("wear of 6 servos") == 1
+    assert markdown(assessment).count("## aileron (servo 1), aileron (servo 2)") == 1
+
+
+def test_the_picture_says_of_what_a_colour_is(new_assessment: Assess) -> None:
+    """A servo of its own is unmonitored; what is drawn on its surface is the axis's condition."""
+    surfaces = ("aileron (servo 1)",)
+    html = page(new_assessment(axis(condition="degraded", surfaces=surfaces), servo(1)), Gathered())
+    assert "aileron (servo 1), by roll control" in html
+    assert "<title>aileron (servo 1): degraded" not in html
+    assert "wear of aileron (servo 1)" in html
+
+
+def test_a_copter_is_one_line(new_assessment: Assess) -> None:
+    axes = axis("axes", "undecided", reason="a quadrotor: fixed wings only", remedy=NO_WINGS)
+    every = Verdict(
+        vehicle=1,
+        actuator="all",
+        condition="undecided",
+        worst="undecided",
+        reason="quadrotor: a multirotor has no control surfaces",
+        remedy=PROPELLERS_ONLY,
+    )
+    assessment = new_assessment(axes, every)
+    line = "A quadrotor: not judged (mavhums judges fixed wings, and servos with telemetry)"
+    text = shown(assessment).splitlines()
+    assert text[0] == line
+    assert text[1].startswith("Log losses")
+    assert len(text) == 3
+    assert "remedy" not in shown(assessment)
+    for told in (markdown(assessment), page(assessment, Gathered())):
+        assert line in told
+        assert NO_WINGS not in told
+    beside = shown(new_assessment(axes, every, axis().model_copy(update={"vehicle": 2})))
+    assert "vehicle 1: a quadrotor: not judged" in beside
+
+
+def test_a_rover_whose_servo_reports_keeps_its_remedy(new_assessment: Assess) -> None:
+    axes = axis("axes", "undecided", reason="a ground rover: fixed wings only", remedy=NO_WINGS)
+    every = Verdict(
+        vehicle=1, actuator="all", condition="undecided", worst="undecided", reason="r", remedy="draft one"
+    )
+    assert "what to do: draft one" in shown(new_assessment(axes, every))
