@@ -26,6 +26,7 @@ from mavhums.cli.options import (
     HISTORY,
     KEEP,
     KEY,
+    MODEL,
     PATH,
 )
 from mavhums.cli.stopping import Stop
@@ -48,7 +49,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 @click.command(epilog="Not an airworthiness decision; validated in simulation only.")
 @click.argument("urls", nargs=-1, metavar="URL...")
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")
+@MODEL
 @DIALECT
 @FALSE_ALARMS
 @HISTORY

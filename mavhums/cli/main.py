@@ -28,6 +28,7 @@ from mavhums.cli.options import (
     KEY,
     LOG,
     LOGS,
+    MODEL,
     PATH,
 )
 from mavhums.cli.output import complain, say, say_json, sound_output
@@ -65,7 +66,7 @@ def cli() -> None:
 @cli.command(epilog="Not an airworthiness decision; validated in simulation only.")
 @LOGS
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@MODEL
 @DIALECT
 @FALSE_ALARMS
 @HISTORY
@@ -120,7 +121,7 @@ def analyse(
     from mavhums.actuator.profile import load_airframe
     from mavhums.app.many import Batch, analyse_many
     from mavhums.app.options import Options
-    from mavhums.learn import load_model, packaged_models
+    from mavhums.learn import load_model
     from mavhums.log.mavlink.signing import load_key
 
     if open_viewer and rrd is None:
@@ -131,7 +132,7 @@ def analyse(
     folder, store = divided(history)
     options = Options(
         airframe=load_airframe(airframe) if airframe else None,
-        model=(load_model(model),) if model else packaged_models(),
+        model=load_model(model) if model else None,
         history=indexed_history(folder, may_be_new=keep),
         since=dict(dates),
         aircraft=aircraft,

@@ -21,6 +21,7 @@ __all__ = [
     "KEY",
     "LOG",
     "LOGS",
+    "MODEL",
     "NAMED_DATE",
     "PATH",
     "PLACE",
@@ -34,6 +35,12 @@ AIRFRAME = click.option(
     "--airframe",
     metavar="NAME|FILE",
     help="Airframe profile: a TOML file or a packaged name. Default: the one that the log names itself.",
+)
+MODEL = click.option(
+    "--model",
+    metavar="NAME|FILE",
+    help="Network: a model file or a packaged name, such as paper-esc. Default: the packaged one for each"
+    " telemetry.",
 )
 AIRCRAFT = click.option(
     "--aircraft",

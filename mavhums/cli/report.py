@@ -18,6 +18,7 @@ from mavhums.cli.options import (
     HISTORY,
     KEY,
     LOG,
+    MODEL,
     PATH,
 )
 from mavhums.cli.output import say
@@ -31,7 +32,7 @@ __all__ = ["report"]
 @LOG
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@MODEL
 @DIALECT
 @FALSE_ALARMS
 @HISTORY

@@ -56,10 +56,10 @@ def model() -> None:
 
 
 @model.command("show")
-@click.argument("file", required=False, metavar="[FILE|NAME]", type=PATH)
+@click.argument("name", required=False, metavar="[NAME|FILE]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-def show_model(file: Path | None, as_json: bool) -> None:
-    """Print the card of the model in FILE, or of a packaged one.
+def show_model(name: str | None, as_json: bool) -> None:
+    """Print the card of a packaged model, or of the one in FILE.
 
     The card tells the features, the training, the calibration, what the selection found, the metrics,
     and the command that regenerates the model.
@@ -72,11 +72,9 @@ def show_model(file: Path | None, as_json: bool) -> None:
     """
     import json
 
-    from mavhums.learn import load_model, packaged_models
+    from mavhums.learn import load_model, models
 
-    packaged = {each.card.name: each for each in packaged_models()}
-    wanted = next(iter(packaged)) if file is None else str(file)
-    network = packaged.get(wanted) or load_model(wanted)
+    network = load_model(name or models()[0])
     if as_json:
         card = {"hash": network.hash, **network.card.model_dump(mode="json")}
         say_json(json.dumps(card, indent=2, ensure_ascii=False))

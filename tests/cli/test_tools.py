@@ -186,6 +186,26 @@ def test_each_packaged_model_is_shown_by_its_name(run: Run, tier: str) -> None:
     assert measured["expected_calibration_error"] < measured["expected_calibration_error_of_the_share"]
 
 
+def test_every_command_takes_a_model_by_name_and_lists_the_names_for_a_wrong_one(
+    run: Run, short_log: Path, tmp_path: Path
+) -> None:
+    shown = json.loads(run("model", "show", "paper-esc", "--json").out)
+    judged = json.loads(run("analyse", short_log, "--model", "paper-esc", "--json").out)
+    assert shown["name"] == "paper-esc"
+    assert judged["model"] == {"name": "paper-esc", "hash": shown["hash"]}
+    for command in (
+        ["model", "show", "paper-ecs"],
+        ["analyse", short_log, "--model", "paper-ecs"],
+        ["report", short_log, "-o", tmp_path / "r.html", "--model", "paper-ecs"],
+        ["live", "udpin:0", "--model", "paper-ecs"],
+        ["fleet", "scan", short_log, "--to", tmp_path / "store", "--model", "paper-ecs"],
+        ["serve", "--port", "0", "--model", "paper-ecs"],
+    ):
+        outcome = run(*command)
+        assert outcome.code == ExitCode.ERROR, command
+        assert all(name in outcome.err for name in mavhums.models()), command
+
+
 def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
     from mavhums.learn import save_model
 
