@@ -21,6 +21,7 @@ from mavhums.cli.options import (
     AIRCRAFT_TABLE,
     AIRFRAME,
     BASELINE_FROM,
+    DECIDE,
     DIALECT,
     FALSE_ALARMS,
     HISTORY,
@@ -50,6 +51,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 @click.argument("urls", nargs=-1, metavar="URL...")
 @AIRFRAME
 @MODEL
+@DECIDE
 @DIALECT
 @FALSE_ALARMS
 @HISTORY

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -19,6 +20,7 @@ from mavhums.cli.options import (
     AIRCRAFT_TABLE,
     AIRFRAME,
     BASELINE_FROM,
+    DECIDE,
     DIALECT,
     FALSE_ALARMS,
     HISTORY,
@@ -41,6 +43,9 @@ from mavhums.cli.warm_up import announce_compiling, warm_up
 from mavhums.core.collecting import collect_seldom
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.version import __version__
+
+if TYPE_CHECKING:
+    from mavhums.report.assessment import Decide
 
 __all__ = ["main"]
 
@@ -67,6 +72,7 @@ def cli() -> None:
 @LOGS
 @AIRFRAME
 @MODEL
+@DECIDE
 @DIALECT
 @FALSE_ALARMS
 @HISTORY
@@ -89,6 +95,7 @@ def analyse(
     logs: tuple[Path, ...],
     airframe: str | None,
     model: str | None,
+    decide: Decide,
     dialect: Path | None,
     false_alarms: float,
     history: Path | str | None,
@@ -133,6 +140,7 @@ def analyse(
     options = Options(
         airframe=load_airframe(airframe) if airframe else None,
         model=load_model(model) if model else None,
+        decide=decide,
         history=indexed_history(folder, may_be_new=keep),
         since=dict(dates),
         aircraft=aircraft,

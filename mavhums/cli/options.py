@@ -12,6 +12,7 @@ __all__ = [
     "AIRCRAFT_TABLE",
     "AIRFRAME",
     "BASELINE_FROM",
+    "DECIDE",
     "DIALECT",
     "FALSE_ALARMS",
     "HISTORY",
@@ -41,6 +42,14 @@ MODEL = click.option(
     metavar="NAME|FILE",
     help="Network: a model file or a packaged name, such as paper-esc. Default: the packaged one for each"
     " telemetry.",
+)
+DECIDE = click.option(
+    "--decide",
+    type=click.Choice(["physics", "network", "both"]),
+    default="physics",
+    show_default=True,
+    help="Who decides an actuator's friction: the physics, or the network without limits in the profile; the"
+    " network wherever one is for the airframe; or the physics, told where the network disagrees.",
 )
 AIRCRAFT = click.option(
     "--aircraft",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,6 +14,7 @@ from mavhums.cli.options import (
     AIRCRAFT_TABLE,
     AIRFRAME,
     BASELINE_FROM,
+    DECIDE,
     DIALECT,
     FALSE_ALARMS,
     HISTORY,
@@ -25,6 +27,9 @@ from mavhums.cli.output import say
 from mavhums.cli.progress import reading
 from mavhums.cli.trend import indexed_history
 
+if TYPE_CHECKING:
+    from mavhums.report.assessment import Decide
+
 __all__ = ["report"]
 
 
@@ -33,6 +38,7 @@ __all__ = ["report"]
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
 @AIRFRAME
 @MODEL
+@DECIDE
 @DIALECT
 @FALSE_ALARMS
 @HISTORY
@@ -45,6 +51,7 @@ def report(
     output: Path,
     airframe: str | None,
     model: str | None,
+    decide: Decide,
     dialect: Path | None,
     false_alarms: float,
     history: Path | str | None,
@@ -66,6 +73,7 @@ def report(
     options = Options(
         airframe=airframe,
         model=model,
+        decide=decide,
         history=indexed_history(folder),
         since=dict(dates),
         aircraft=aircraft,

@@ -31,7 +31,7 @@ from mavhums.health.axis.past import against_flights
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
 from mavhums.health.baseline import Baseline, Baselines, of_subject
 from mavhums.health.flight_record import ActuatorRecord
-from mavhums.health.monitor import Monitor
+from mavhums.health.monitor import Findings, Monitor
 from mavhums.health.own.registry import comparable
 from mavhums.health.own.verdict import held_against
 from mavhums.health.verdict import (
@@ -46,8 +46,10 @@ from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
     ALL,
     Assessment,
+    Decide,
     LogSummary,
     ModelSummary,
+    NetworkAnswer,
     Verdict,
 )
 from mavhums.report.flight import FlightIdentity
@@ -118,6 +120,7 @@ class Engine:
         self._temperatures = EscTemperatures()
         self._false_alarms = options.false_alarms
         self._keeps_records = options.recorded
+        self._decide = options.decide
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._profiles: dict[tuple[int, str], str] = {}
@@ -156,7 +159,7 @@ class Engine:
         names = self._mappers.airframes
         looks = [self._look(vehicle, told.get(vehicle, {}), indicators) for vehicle in vehicles or (None,)]
         verdicts = tuple(verdict for look in looks for verdict in look.verdicts)
-        voted = {verdict.model for verdict in verdicts}
+        voted = {verdict.network.model for verdict in verdicts if verdict.network}
         return Assessment(
             log=LogSummary(
                 path=path,
@@ -288,6 +291,7 @@ class Engine:
                 mapped.vehicle,
                 mapped.actuator,
                 self._serving(mapper.airframe),
+                by_network=self._decide == "network",
                 baselines=self._baselines_of(key, mapper.airframe.name),
                 false_alarms=self._false_alarms,
                 recorded=self._keeps_records,
@@ -303,6 +307,24 @@ class Engine:
 
     def _serving(self, airframe: Airframe) -> list[Model]:
         return [model for model in self._models if model.card.airframe == airframe.name]
+
+    def _network_answer(self, findings: Findings, airframe: Airframe) -> NetworkAnswer | None:
+        said = findings.network
+        if said is None:
+            return None
+        model = self._serving(airframe)[said.network]
+        # Where the physics lacks the limits, the network decides, whatever was asked for.
+        otherwise: Decide = "both" if self._decide == "both" else "physics"
+        return NetworkAnswer(
+            model=_summary(model),
+            inputs=model.keys,
+            windows=said.windows,
+            first_emergency_s=None if said.first_emergency_s is None else round(said.first_emergency_s, 3),
+            share_of_samples=round(said.share_of_samples, 4),
+            p_emergency=round(said.p_emergency, 4),
+            condition=said.condition,
+            decides="network" if findings.by_network else otherwise,
+        )
 
     def _baselines_of(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
         """Return the actuator's own baselines, by fault."""
@@ -394,7 +416,6 @@ class Engine:
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
             else:
-                voted = findings.network
                 verdict = judged(
                     vehicle,
                     actuator,
@@ -405,7 +426,7 @@ class Engine:
                     implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
-                    model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),
+                    network=self._network_answer(findings, mapper.airframe),
                 )
                 flown = past.get((vehicle, actuator.name), ())
                 yield held_against(verdict, flown, self._false_alarms)

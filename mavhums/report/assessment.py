@@ -9,9 +9,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from importlib import resources
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode
@@ -27,16 +27,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ALL",
+    "DECIDE",
     "NOTICE",
     "READABLE",
     "SCHEMA",
     "Assessment",
     "Coverage",
+    "Decide",
     "Evidence",
     "Indicator",
     "Interval",
     "LogSummary",
     "ModelSummary",
+    "NetworkAnswer",
     "OwnRecord",
     "Since",
     "Suspect",
@@ -47,12 +50,17 @@ __all__ = [
 
 SCHEMA = "mavhums.assessment/2"
 READABLE = ("mavhums.assessment/1", SCHEMA)
-"""Versions whose objects are still read: version 2 only adds fields."""
+"""Versions whose objects are still read: version 2 adds fields; ``network`` replaces one number."""
 NOTICE = "not an airworthiness decision; validated in simulation only"
 
 
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
+
+
+Decide = Literal["physics", "network", "both"]
+"""Who decides an actuator's friction; with ``both`` the physics, and a network's disagreement is told."""
+DECIDE: tuple[Decide, ...] = get_args(Decide)
 
 
 class Interval(Contract):
@@ -184,6 +192,27 @@ class ModelSummary(Contract):
     hash: str
 
 
+class NetworkAnswer(Contract):
+    """What a network says of an actuator's flight, beside the physics or in its place.
+
+    ``windows`` is the number of ten-second windows that it answered, ``first_emergency_s`` the middle of the
+    first one in which it finds an emergency more likely than not, ``share_of_samples`` the share of the
+    samples in motion within its training range that it calls an emergency, ``p_emergency`` its probability in
+    the last window, and ``condition`` the gravest that twenty windows in a row agreed on. ``decides`` tells
+    who decided the verdict: ``physics``, ``network``, or ``both``, where the physics decides and what the
+    network says otherwise is told. A file of version 0.1 tells ``p_emergency`` alone.
+    """
+
+    model: ModelSummary
+    inputs: tuple[str, ...] = ()
+    windows: int | None = Field(default=None, ge=0)
+    first_emergency_s: float | None = None
+    share_of_samples: float | None = Field(default=None, ge=0, le=1)
+    p_emergency: float | None = Field(default=None, ge=0, le=1)
+    condition: Condition = "undecided"
+    decides: Decide = "physics"
+
+
 class Verdict(Contract):
     """What the log says of one actuator, or of one axis of the aircraft.
 
@@ -192,9 +221,8 @@ class Verdict(Contract):
     and ``limits`` are those by which it was judged.
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
-    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``model``
-    is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an emergency
-    than to normal.
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``network``
+    is what a network says of its friction; None if none covers the log.
 
     Examples
     --------
@@ -210,8 +238,7 @@ class Verdict(Contract):
     worst: Condition
     effectiveness: Interval | None = None
     limits: AxisLimits | None = None
-    p_emergency: float | None = Field(default=None, ge=0, le=1)
-    model: ModelSummary | None = None
+    network: NetworkAnswer | None = None
     friction_nm: Interval | None = None
     suspects: tuple[Suspect, ...] = ()
     since: Since | None = None
@@ -223,6 +250,17 @@ class Verdict(Contract):
     own: tuple[OwnRecord, ...] = ()
     reason: str | None = None
     remedy: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_one_number(cls, data: Any) -> Any:
+        """Read a verdict of version 0.1, whose network said one number: that of the last window."""
+        if not isinstance(data, dict) or not {"p_emergency", "model"} & data.keys():
+            return data
+        kept = {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
+        if data.get("model") is not None and data.get("p_emergency") is not None:
+            kept["network"] = {"model": data["model"], "p_emergency": data["p_emergency"]}
+        return kept
 
     @property
     def gravest(self) -> Condition:
@@ -286,11 +324,12 @@ class Assessment(Contract):
 
         rows = []
         for verdict in self.verdicts:
-            row = verdict.model_dump(
-                include={"subject", "vehicle", "actuator", "condition", "worst", "p_emergency"}
-            )
-            friction = verdict.friction_nm
+            row = verdict.model_dump(include={"subject", "vehicle", "actuator", "condition", "worst"})
+            friction, network = verdict.friction_nm, verdict.network
             row |= {
+                "network": network.condition if network else None,
+                "network_first_emergency_s": network.first_emergency_s if network else None,
+                "network_share_of_samples": network.share_of_samples if network else None,
                 "effectiveness": verdict.effectiveness.estimate if verdict.effectiveness else None,
                 "friction_nm": friction.estimate if friction else None,
                 "friction_low_nm": friction.low if friction else None,

@@ -11,6 +11,7 @@ from mavhums.core.quantities import QUANTITIES
 from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
 from mavhums.show import _usage
 from mavhums.show._certainty import certainty
+from mavhums.show._network import beside, in_column
 from mavhums.show._words import (
     advice,
     clock,
@@ -62,6 +63,7 @@ def markdown(assessment: Assessment) -> str:
     sections += _explained(assessment)
     sections += _doubtful(assessment)
     sections += _undecided(assessment)
+    sections += _beside(assessment)
     sections += _used(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
@@ -113,7 +115,7 @@ def _cells(verdict: Verdict, title: str) -> tuple[str, ...]:
         _condition(verdict),
         effectiveness(verdict.effectiveness) if verdict.effectiveness else "—",
         friction(verdict.friction_nm) if verdict.friction_nm else "—",
-        percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
+        in_column(verdict),
         clock(verdict.since.flight_time_s) if verdict.since else "—",
     )
 
@@ -203,6 +205,13 @@ def _undecided(assessment: Assessment) -> Iterator[str]:
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
         why, todo = _literal(reason), _literal(remedy)
         yield f"## {names}: unmonitored\n\n**Why:** {why}.\n\n**What to do:** {todo}."
+
+
+def _beside(assessment: Assessment) -> Iterator[str]:
+    said = beside(assessment)
+    if said:
+        lines = "\n".join(f"- {_literal(sentence)}." for sentence in said)
+        yield f"## Physics and network\n\n{lines}"
 
 
 def _used(assessment: Assessment) -> Iterator[str]:

@@ -13,6 +13,7 @@ from rich.text import Text
 from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Assessment, Verdict
 from mavhums.show import _reserve, _usage
+from mavhums.show._network import beside, in_column
 from mavhums.show._words import (
     COLOURS,
     advice,
@@ -101,7 +102,7 @@ def _row(verdict: Verdict, assessment: Assessment) -> list[Text]:
         _condition(verdict),
         Text(effectiveness(verdict.effectiveness) if verdict.effectiveness else _NOTHING),
         Text(friction(verdict.friction_nm) if verdict.friction_nm else _NOTHING),
-        Text(percent(verdict.p_emergency) if verdict.p_emergency is not None else _NOTHING),
+        Text(in_column(verdict)),
         Text(clock(verdict.since.flight_time_s) if verdict.since else _NOTHING),
         Text(percent(coverage.moving_fraction) if "V7" in verdict.provenance else _NOTHING),
         Text(f"{coverage.decidable}/{coverage.windows}"),
@@ -140,6 +141,9 @@ def _paragraphs(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     for (reason, remedy), verdicts in unmonitored(assessment).items():
         names = join(name(verdict, assessment) for verdict in verdicts)
         yield (printable(f"{names}: unmonitored"), [f"why: {reason}", f"what to do: {remedy}"])
+    said = beside(assessment)
+    if said:
+        yield ("Physics and network", said)
     left = list(_reserve.lines(assessment))
     if left:
         yield (_reserve.TITLE, left)
