@@ -57,7 +57,8 @@ class Options:
     key
         A MAVLink 2 signing key of 32 bytes, or its file: only frames signed with it count.
     vehicle_states
-        Whether the events include attitude, position and flight mode, as a recording needs them.
+        Whether the events include attitude, position, flight mode, and what a network says of each sample,
+        as a recording needs them.
 
     Examples
     --------

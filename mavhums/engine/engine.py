@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
@@ -23,7 +24,7 @@ from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
+from mavhums.engine.events import AirframeNamed, Classified, ConditionChanged, Event, Notice, Samples
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
@@ -34,6 +35,7 @@ from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.monitor import Findings, Monitor
 from mavhums.health.own.registry import comparable
 from mavhums.health.own.verdict import held_against
+from mavhums.health.sample_answers import answer_samples
 from mavhums.health.verdict import (
     contradicted_actuator,
     crowded_out,
@@ -279,9 +281,21 @@ class Engine:
                 continue
             bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
             monitor = self._monitor(mapper, mapped)
+            if self._states:
+                yield from self._classify(mapper, mapped, time_s, slice(a, b))
             yield from monitor.feed(
                 time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b]
             )
+
+    def _classify(
+        self, mapper: Mapper, mapped: Mapped, time_s: NDArray[np.float64], rows: slice
+    ) -> Iterator[Classified]:
+        """Yield what the networks for this airframe say of each sample, if there are any."""
+        serving, ema = self._serving(mapper.airframe), mapped.actuator.ema
+        if serving:
+            ratio = ema.gear_ratio if ema else None
+            answers = answer_samples(serving, mapped.values[rows], ratio)
+            yield Classified(mapped.vehicle, mapped.actuator.name, time_s[rows], *answers)
 
     def _monitor(self, mapper: Mapper, mapped: Mapped) -> Monitor:
         key = (mapped.vehicle, mapped.actuator.name)

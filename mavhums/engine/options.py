@@ -46,7 +46,8 @@ class EngineOptions:
     key
         32 bytes; only frames signed with it count. If None, signatures are not checked.
     vehicle_states
-        Whether attitude, position and flight mode are reported as well, for a recording.
+        Whether attitude, position, flight mode, and what a network says of each sample, are reported as
+        well, for a recording.
     recorded
         Whether to keep the numbers needed to compare the flight with earlier ones afterwards: some 60 kB
         per minute of flight, for at most eight actuators.
