@@ -6,7 +6,7 @@ from typing import Final
 
 from mavhums.core.conditions import SEVERITY
 from mavhums.report.assessment import Assessment, Verdict
-from mavhums.show._words import clock, name, percent
+from mavhums.show._words import clock, join, name, percent
 
 __all__ = ["beside", "in_column", "told"]
 
@@ -47,12 +47,12 @@ def told(verdict: Verdict) -> str | None:
 
 
 def beside(assessment: Assessment) -> list[str]:
-    """Return a sentence for each actuator whose network decides or is held against the physics."""
-    return [
-        f"{name(verdict, assessment)}: {sentence}"
-        for verdict in assessment.ranked()
-        if (sentence := told(verdict))
-    ]
+    """Return what :func:`told` says, once for all actuators of which it says the same."""
+    said: dict[str, list[str]] = {}
+    for verdict in assessment.ranked():
+        if sentence := told(verdict):
+            said.setdefault(sentence, []).append(name(verdict, assessment))
+    return [f"{join(names)}: {sentence}" for sentence, names in said.items()]
 
 
 def _share(verdict: Verdict) -> str:

@@ -215,7 +215,7 @@ def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
 
 
 def _network(root: str, axis: rrb.TimeAxis, *, classes: bool) -> rrb.View | rrb.Container:
-    """Return the network's answer: its probability, of windows and samples, and below it their class."""
+    """Return the network's answer: its probability, of windows and samples, and behind it their class."""
     contents = [f"{root}/network", f"{root}/network/samples"]
     plot = _plot("Network: P(emergency)", contents, axis, legend=classes, span=(-0.05, 1.05))
     if not classes:
@@ -223,10 +223,10 @@ def _network(root: str, axis: rrb.TimeAxis, *, classes: bool) -> rrb.View | rrb.
     lane = rrb.StateTimelineView(
         origin="/",
         contents=[f"{root}/network/class"],
-        name="Class of each sample, by the network",
+        name="Class of each sample",
         time_view=axis,
     )
-    return rrb.Vertical(plot, lane, row_shares=[3, 1], name="Network")
+    return rrb.Tabs(plot, lane, active_tab=0)
 
 
 def _faults(lane: Lane, axis: rrb.TimeAxis) -> list[rrb.View]:

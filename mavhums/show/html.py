@@ -253,12 +253,12 @@ def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:
 
 def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> _Shown:
     """Return the network's answer over the flight, as the paper's figures 16 to 19 show it."""
-    drawing = plot(said, [Limit(0.5, "emergency above"), Limit(1.0, "")], assessment.log.duration_s)
+    drawing = plot(said, [Limit(0.5, "emergency above")], assessment.log.duration_s)
     network = verdict.network.model.name if verdict.network else "the network"
     told = "probability of an emergency; thick: ten seconds, at their middle; thin: each sample inside the"
     told += " training range"
     if verdict.network and verdict.network.share_of_samples is not None:
-        told += f"; {percent(verdict.network.share_of_samples)} of the samples in motion are an emergency"
+        told += f"; it calls {percent(verdict.network.share_of_samples)} of those in motion an emergency"
     return _Shown(f"{name(verdict, assessment)}: {network} on each sample", told, drawing)
 
 

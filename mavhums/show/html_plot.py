@@ -104,6 +104,8 @@ def plot(
     end_s = max(duration_s, float(curve.time_s[-1]), 1.0)
     levels = [limit.value for limit in limits]
     known = np.empty(0) if curve.demanded is None else curve.demanded[np.isfinite(curve.demanded)]
+    if curve.samples is not None:
+        levels += [float(curve.samples[1].min()), float(curve.samples[1].max())]
     low, high = _range(curve.rows, [*levels, *known.tolist()])
 
     def x(seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
