@@ -72,8 +72,9 @@ def flown(folder: Path) -> list[tuple[str, Path]]:
 def classified(log: Path, model: str, table: Path) -> pd.DataFrame:
     """Return the surface's classified samples, through the file that ``mavhums export`` writes."""
     export_quantities(log, table, classify=True, model=model)
-    frame: pd.DataFrame = pd.read_csv(table)
-    return frame.loc[(frame["actuator"] == SURFACE) & np.isfinite(frame["p_emergency"])]
+    frame = pd.read_csv(table)
+    own: pd.DataFrame = frame[(frame["actuator"] == SURFACE) & np.isfinite(frame["p_emergency"])]
+    return own
 
 
 if __name__ == "__main__":

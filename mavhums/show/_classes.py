@@ -18,7 +18,12 @@ __all__ = ["Classes"]
 _CAPACITY: Final = 32768
 _GAP_S: Final = 3.0
 _ABSTAINS: Final = "abstains"
-_STYLE: Final = rr.SeriesLines(names="of each sample", colors=PALE_BLUE, widths=0.75)
+_STYLE: Final = rr.SeriesLines(
+    names="of each sample",
+    colors=PALE_BLUE,
+    widths=0.75,
+    aggregation_policy=rr.components.AggregationPolicy.MinMax,  # the mean of a pixel would be no class
+)
 
 _Floats = NDArray[np.float64]
 

@@ -10,16 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
 from mavhums.actuator import load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples, Window
+from mavhums.engine.events import AirframeNamed, Classified, ConditionChanged, Notice, Samples, Window
 from mavhums.engine.options import EngineOptions
 from mavhums.health.baseline import Baseline
 from mavhums.learn import Model, default_model, packaged_models
@@ -82,6 +84,30 @@ def test_the_verdicts_do_not_depend_on_the_blocks(
     places = data.draw(cuts(len(content)))
     assert '"paper-instrumented"' in short_verdicts
     assert judge(blocks(content, places), models=models).to_json() == short_verdicts
+
+
+@given(data=st.data())
+@settings(max_examples=4, deadline=None)
+def test_neither_the_networks_decision_nor_its_samples_depend_on_the_blocks(
+    data: st.DataObject, growing_log: Path, models: tuple[Model, ...]
+) -> None:
+    content = growing_log.read_bytes()
+
+    def decided(parts: Iterable[bytes]) -> tuple[str, list[NDArray[np.float64]]]:
+        engine = Engine(EngineOptions(models=models, decide="network", vehicle_states=True))
+        events = [event for part in parts for event in engine.feed(part)] + engine.finish()
+        said = [e for e in events if isinstance(e, Classified) and e.actuator == "elevator"]
+        arrays = ("time_s", "p_emergency", "said", "inside")
+        columns = [np.concatenate([getattr(e, name) for e in said]) for name in arrays]
+        return engine.assessment().to_json(), columns
+
+    verdicts, columns = decided([content])
+    assert '"decides": "network"' in verdicts
+    assert '"kind": "network"' in verdicts
+    again, others = decided(blocks(content, data.draw(cuts(len(content)))))
+    assert again == verdicts
+    for own, other in zip(columns, others, strict=True):
+        np.testing.assert_allclose(other, own, rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow
