@@ -46,9 +46,7 @@ def main(picture: Path, logs: Sequence[Path] = ()) -> None:
                 told = table["inside"]
                 plot.plot(table["flight_time_s"][told], 1 + emergency[told], lw=0.3, color="#0b66a8")
                 share = 100 * emergency[told & moves].mean()
-                plot.set_title(
-                    f"{title}\n{model}: {share:.1f} % of those in motion are called an emergency", fontsize=8
-                )
+                plot.set_title(f"{title}\n{model}: {share:.1f} % in motion an emergency", fontsize=8)
                 plot.set_yticks([1, 2], ["1 normal", "2 emergency"], fontsize=7)
                 print(
                     f"{title}; {model}: {share:.1f} % of the samples in motion, "

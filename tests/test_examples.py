@@ -18,6 +18,7 @@ from examples import (
     pictures,
     quantities_to_pandas,
     readme_picture,
+    sample_classes,
     selectors_in_a_pipeline,
     wear_over_flights,
 )
@@ -51,6 +52,18 @@ def test_the_demonstration_judges_every_actuator_right(
     starts = [e["start_s"] for e in growing["evidence"] if e["kind"] == "friction"]
     assert 19.4 <= starts[1] <= 19.4 + 10.0
     assert starts[2] == pytest.approx(83.9, abs=6.0)
+
+
+def test_the_class_of_each_sample_is_drawn(
+    growing_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Figures 16 to 19 of the paper, of a flight of one's own, for each packaged network."""
+    pytest.importorskip("matplotlib")
+    sample_classes.main(tmp_path / "classes.png", [growing_log])
+    assert (tmp_path / "classes.png").read_bytes().startswith(b"\x89PNG")
+    printed = capsys.readouterr().out
+    for model in sample_classes.MODELS:
+        assert f"growing.tlog; {model}: " in printed
 
 
 @pytest.mark.slow
