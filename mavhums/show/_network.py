@@ -23,12 +23,17 @@ _TAKEN: Final = {
 
 
 def in_column(verdict: Verdict) -> str:
-    """Return the table's cell: the share of the samples that the network calls an emergency."""
+    """Return the table's cell: the condition that the network held; of an old file its last probability.
+
+    The share of single samples would mislead here: without the load torque a quarter of a healthy flight's
+    samples may say emergency, and no window does.
+    """
     said = verdict.network
     if said is None:
         return "—"
-    share = said.p_emergency if said.share_of_samples is None else said.share_of_samples
-    return "—" if share is None else percent(share)
+    if said.windows is None and said.p_emergency is not None:
+        return percent(said.p_emergency)
+    return said.condition
 
 
 def told(verdict: Verdict) -> str | None:

@@ -41,7 +41,7 @@ def test_it_says_what_to_do_why_how_sure_and_what_was_lost(assessment: Assessmen
         in text
     )
     assert "friction 1.003 (0.973–1.033) N·m with its 95 % interval" in text
-    assert "| 62 % |" in text
+    assert "| 1.003 (0.973–1.033) | emergency | 1m12s |" in text
     assert "the network" not in text  # the physics decides, and the column has what the network says
     assert "91 of 91 windows are decidable, the actuator moved 72 % of the time" in text
     assert "**Suspected:** friction (97 %)." in text
