@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
@@ -24,7 +23,8 @@ from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
-from mavhums.engine.events import AirframeNamed, Classified, ConditionChanged, Event, Notice, Samples
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
+from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
@@ -32,10 +32,9 @@ from mavhums.health.axis.past import against_flights
 from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
 from mavhums.health.baseline import Baseline, Baselines, of_subject
 from mavhums.health.flight_record import ActuatorRecord
-from mavhums.health.monitor import Findings, Monitor
+from mavhums.health.monitor import Monitor
 from mavhums.health.own.registry import comparable
 from mavhums.health.own.verdict import held_against
-from mavhums.health.sample_answers import answer_samples
 from mavhums.health.verdict import (
     contradicted_actuator,
     crowded_out,
@@ -48,10 +47,7 @@ from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
     ALL,
     Assessment,
-    Decide,
     LogSummary,
-    ModelSummary,
-    NetworkAnswer,
     Verdict,
 )
 from mavhums.report.flight import FlightIdentity
@@ -175,7 +171,7 @@ class Engine:
                 notices=tuple(self._notices(vehicles)),
             ),
             airframe=", ".join(names) or None,
-            model=next((said for said in map(_summary, self._models) if said in voted), None),
+            model=next((said for said in map(summary_of, self._models) if said in voted), None),
             verdicts=verdicts,
             usage=tuple(look.usage for look in looks if look.usage is not None),
         )
@@ -282,20 +278,10 @@ class Engine:
             bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
             monitor = self._monitor(mapper, mapped)
             if self._states:
-                yield from self._classify(mapper, mapped, time_s, slice(a, b))
+                yield from classified(mapped, time_s, slice(a, b), self._serving(mapper.airframe))
             yield from monitor.feed(
                 time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b]
             )
-
-    def _classify(
-        self, mapper: Mapper, mapped: Mapped, time_s: NDArray[np.float64], rows: slice
-    ) -> Iterator[Classified]:
-        """Yield what the networks for this airframe say of each sample, if there are any."""
-        serving, ema = self._serving(mapper.airframe), mapped.actuator.ema
-        if serving:
-            ratio = ema.gear_ratio if ema else None
-            answers = answer_samples(serving, mapped.values[rows], ratio)
-            yield Classified(mapped.vehicle, mapped.actuator.name, time_s[rows], *answers)
 
     def _monitor(self, mapper: Mapper, mapped: Mapped) -> Monitor:
         key = (mapped.vehicle, mapped.actuator.name)
@@ -321,24 +307,6 @@ class Engine:
 
     def _serving(self, airframe: Airframe) -> list[Model]:
         return [model for model in self._models if model.card.airframe == airframe.name]
-
-    def _network_answer(self, findings: Findings, airframe: Airframe) -> NetworkAnswer | None:
-        said = findings.network
-        if said is None:
-            return None
-        model = self._serving(airframe)[said.network]
-        # Where the physics lacks the limits, the network decides, whatever was asked for.
-        otherwise: Decide = "both" if self._decide == "both" else "physics"
-        return NetworkAnswer(
-            model=_summary(model),
-            inputs=model.keys,
-            windows=said.windows,
-            first_emergency_s=None if said.first_emergency_s is None else round(said.first_emergency_s, 3),
-            share_of_samples=round(said.share_of_samples, 4),
-            p_emergency=round(said.p_emergency, 4),
-            condition=said.condition,
-            decides="network" if findings.by_network else otherwise,
-        )
 
     def _baselines_of(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
         """Return the actuator's own baselines, by fault."""
@@ -440,7 +408,7 @@ class Engine:
                     implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
-                    network=self._network_answer(findings, mapper.airframe),
+                    network=network_answer(findings, self._serving(mapper.airframe), self._decide),
                 )
                 flown = past.get((vehicle, actuator.name), ())
                 yield held_against(verdict, flown, self._false_alarms)
@@ -451,10 +419,6 @@ class Engine:
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6
-
-
-def _summary(model: Model) -> ModelSummary:
-    return ModelSummary(name=model.card.name, hash=model.hash)
 
 
 def _utc(time_us: int) -> datetime:

@@ -144,7 +144,7 @@ class Monitor:
         self._concluded_s: float | None = None
         self._windows = self._decidable = self._samples = self._moving = self._slots = 0
         self._friction: Interval | None = None
-        self._tally = NetworkTally(len(self._networks), window_s)
+        self._tally = NetworkTally(len(self._networks), window_s, recorded=recorded)
         self._by_network = bool(self._networks) and (by_network or "friction" not in self._trackers)
 
     def feed(

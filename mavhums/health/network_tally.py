@@ -51,6 +51,8 @@ class NetworkTally:
         Number of networks.
     window_s
         Length of a window.
+    recorded
+        Whether the changes are kept for :meth:`record`.
 
     Attributes
     ----------
@@ -62,8 +64,9 @@ class NetworkTally:
         The gravest condition that was held.
     """
 
-    def __init__(self, networks: int, window_s: float) -> None:
+    def __init__(self, networks: int, window_s: float, *, recorded: bool = False) -> None:
         self.windows = 0
+        self._recorded = recorded
         self.latest: tuple[float, Outcome] | None = None
         self.worst: Condition = "undecided"
         self._window_s = window_s
@@ -94,7 +97,8 @@ class NetworkTally:
             if self._decision.feed(severity, end - self._window_s, end, sure=False):
                 condition, since_s = self._decision.condition, self._decision.since_s or 0.0
                 self.worst = max(self.worst, condition, key=SEVERITY.__getitem__)
-                self._decided.append(Decided(end, condition, since_s))
+                if self._recorded:
+                    self._decided.append(Decided(end, condition, since_s))
                 self._episodes.begin_decided(condition, since_s, end, said.p_emergency)
                 yield Change(k, condition, since_s, _rule(condition))
             else:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from importlib import resources
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -20,6 +20,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.log.losses import Losses
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.report.flight import FlightCopy, FlightIdentity
+from mavhums.report.network import DECIDE, Decide, ModelSummary, NetworkAnswer, with_network
 from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:
@@ -56,11 +57,6 @@ NOTICE = "not an airworthiness decision; validated in simulation only"
 
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
-
-
-Decide = Literal["physics", "network", "both"]
-"""Who decides an actuator's friction; with ``both`` the physics, and a network's disagreement is told."""
-DECIDE: tuple[Decide, ...] = get_args(Decide)
 
 
 class Interval(Contract):
@@ -185,34 +181,6 @@ class OwnRecord(Contract):
     groups: tuple[tuple[float, ...], ...]
 
 
-class ModelSummary(Contract):
-    """A network whose votes are among the evidence."""
-
-    name: str
-    hash: str
-
-
-class NetworkAnswer(Contract):
-    """What a network says of an actuator's flight, beside the physics or in its place.
-
-    ``windows`` is the number of ten-second windows that it answered, ``first_emergency_s`` the middle of the
-    first one in which it finds an emergency more likely than not, ``share_of_samples`` the share of the
-    samples in motion within its training range that it calls an emergency, ``p_emergency`` its probability in
-    the last window, and ``condition`` the gravest that twenty windows in a row agreed on. ``decides`` tells
-    who decided the verdict: ``physics``, ``network``, or ``both``, where the physics decides and what the
-    network says otherwise is told. A file of version 0.1 tells ``p_emergency`` alone.
-    """
-
-    model: ModelSummary
-    inputs: tuple[str, ...] = ()
-    windows: int | None = Field(default=None, ge=0)
-    first_emergency_s: float | None = None
-    share_of_samples: float | None = Field(default=None, ge=0, le=1)
-    p_emergency: float | None = Field(default=None, ge=0, le=1)
-    condition: Condition = "undecided"
-    decides: Decide = "physics"
-
-
 class Verdict(Contract):
     """What the log says of one actuator, or of one axis of the aircraft.
 
@@ -254,13 +222,7 @@ class Verdict(Contract):
     @model_validator(mode="before")
     @classmethod
     def _of_one_number(cls, data: Any) -> Any:
-        """Read a verdict of version 0.1, whose network said one number: that of the last window."""
-        if not isinstance(data, dict) or not {"p_emergency", "model"} & data.keys():
-            return data
-        kept = {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
-        if data.get("model") is not None and data.get("p_emergency") is not None:
-            kept["network"] = {"model": data["model"], "p_emergency": data["p_emergency"]}
-        return kept
+        return with_network(data)
 
     @property
     def gravest(self) -> Condition:
