@@ -45,6 +45,7 @@ docs: .venv/.ready
 # ca-certificates, and for the real log's its folder in MAVHUMS_REAL_LOGS.
 pictures: .venv/.ready demo
 	PYTHONPATH=. $(BIN)/python examples/pictures.py demo docs/recordings
+	$(BIN)/python examples/sample_classes.py docs/sample-classes.png
 
 clean:
 	rm -rf .venv .venv-lowest demo build dist .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -74,12 +74,12 @@ def _compare(assessments: dict[str, Assessment], truth: dict[str, dict[str, obje
 
 
 def _row(name: str, verdict: Verdict, start: float, end: float) -> list[str]:
-    friction, vote = verdict.friction_nm, verdict.p_emergency
+    friction, network = verdict.friction_nm, verdict.network
     return [
         name,
         f"{start:.3f}" if start == end else f"{start:.3f}–{end:.3f}",
         f"{friction.estimate:.3f} ({friction.low:.3f}–{friction.high:.3f})" if friction else "—",
-        f"{100 * vote:.0f} %" if vote is not None else "—",
+        f"{100 * network.p_emergency:.0f} %" if network and network.p_emergency is not None else "—",
         verdict.condition,
     ]
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mavhums.history.belonging import OtherAircraftError
     from mavhums.history.flights import UndatedError
     from mavhums.history.trends import trend
-    from mavhums.learn.model import ModelError
+    from mavhums.learn.model import ModelError, load_model, models
     from mavhums.learn.precedents import PrecedentError
     from mavhums.live.address import AddressError
     from mavhums.log import read_log
@@ -61,6 +61,8 @@ __all__ = [
     "analyse",
     "analyse_many",
     "load_airframe",
+    "load_model",
+    "models",
     "read_log",
     "record",
     "trend",
@@ -92,6 +94,8 @@ __getattr__, __dir__ = lazy_exports(
         "analyse": "app.analysis",
         "analyse_many": "app.many",
         "load_airframe": "actuator",
+        "load_model": "learn.model",
+        "models": "learn.model",
         "read_log": "log",
         "record": "app.analysis",
         "trend": "history.trends",

@@ -19,6 +19,7 @@ from examples import (
     pictures,
     quantities_to_pandas,
     readme_picture,
+    sample_classes,
     selectors_in_a_pipeline,
     wear_over_flights,
 )
@@ -44,7 +45,7 @@ def test_the_demonstration_judges_every_actuator_right(
         elevator = next(v for v in assessment["verdicts"] if v["actuator"] == "elevator")
         assert elevator["friction_nm"]["estimate"] == pytest.approx(friction, abs=0.005)
         assert elevator["friction_nm"]["low"] <= friction <= elevator["friction_nm"]["high"]
-        vote = elevator["p_emergency"]
+        vote = elevator["network"]["p_emergency"]
         assert vote < 0.1 if friction < 0.5 else vote > 0.9
     growing = next(v for v in assessments[-1]["verdicts"] if v["actuator"] == "elevator")
     # 0.225 N·m grows by 0.00775 N·m each second: 0.375 at 19.4 s and 0.875 at 83.9 s. To be sure of one,
@@ -52,6 +53,18 @@ def test_the_demonstration_judges_every_actuator_right(
     starts = [e["start_s"] for e in growing["evidence"] if e["kind"] == "friction"]
     assert 19.4 <= starts[1] <= 19.4 + 10.0
     assert starts[2] == pytest.approx(83.9, abs=6.0)
+
+
+def test_the_class_of_each_sample_is_drawn(
+    growing_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Figures 16 to 19 of the paper, of a flight of one's own, for each packaged network."""
+    pytest.importorskip("matplotlib")
+    sample_classes.main(tmp_path / "classes.png", [growing_log])
+    assert (tmp_path / "classes.png").read_bytes().startswith(b"\x89PNG")
+    printed = capsys.readouterr().out
+    for model in sample_classes.MODELS:
+        assert f"growing.tlog; {model}: " in printed
 
 
 @pytest.mark.slow

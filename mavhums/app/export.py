@@ -7,7 +7,9 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from mavhums.actuator.mapping import Mapped, messages_for
@@ -17,6 +19,8 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.core.table_writers import TableWriter, writer_for
+from mavhums.health.sample_answers import answer_samples
+from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.texts import TEXT_MESSAGES
@@ -42,6 +46,8 @@ def export_quantities(
     output: str | os.PathLike[str],
     *,
     airframe: Airframe | str | Path | None = None,
+    classify: bool = False,
+    model: Model | str | Path | None = None,
     progress: Progress = None,
 ) -> dict[Path, int]:
     """Write V1–V12 of every actuator of a log, in constant memory.
@@ -52,6 +58,10 @@ def export_quantities(
     profile, the second column is ``output``: an ESC may drive a propeller, and then is no actuator of a
     surface.
 
+    With ``classify`` three more say what the network says of each sample: ``p_emergency``, the most probable
+    ``class``, both empty where the sample lacks an input of the network, and ``inside``, whether the sample
+    lies within the training range; outside it the network abstains.
+
     Parameters
     ----------
     path
@@ -61,6 +71,11 @@ def export_quantities(
     airframe
         A profile, its name or its path. If None, each vehicle's own, if the log names it; without a profile,
         the data that need none are written, by servo and by ESC.
+    classify
+        Whether to add the network's answers.
+    model
+        The network, its packaged name or its file, for ``classify``. If None, each sample is classified by
+        the first packaged one for its airframe whose inputs it carries.
     progress
         Called with the number of bytes read after each block.
 
@@ -75,26 +90,84 @@ def export_quantities(
         If the log is missing, or of no known format.
     ProfileError
         If the profile cannot be used, or the log comes from the standard input and names none.
+    ModelError
+        If the model cannot be used.
     MavhumsError
-        If the log contains no data of its actuators, or the file cannot be written.
+        If the log contains no data of its actuators, no network covers it, or the file cannot be written.
     MissingExtraError
         If Parquet is wanted and pyarrow is not installed.
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     output = Path(output)
     writer_for(output)
-    decoder, fleet, rows = _write(path, output, given, progress)
+    asked = _Asked(path, _models(model)) if classify else None
+    decoder, fleet, rows = _write(path, output, given, asked, progress)
     if not fleet.airframes:
-        if str(path) == "-":
-            raise ProfileError("-: the log names no airframe profile", "name one with --airframe")
-        decoder, fleet, rows = _write(path, output, _NAMELESS, progress)
+        if str(path) == "-" or asked is not None:
+            raise ProfileError(f"{path}: the log names no airframe profile", "name one with --airframe")
+        decoder, fleet, rows = _write(path, output, _NAMELESS, None, progress)
     if not rows:
         raise MavhumsError(*_nothing(path, given, fleet, _PULSES[decoder.format]))
     return {output: rows}
 
 
+class _Asked:
+    """The networks that a log's samples are shown to, and what came of it.
+
+    Parameters
+    ----------
+    path
+        The log, for the error.
+    models
+        Those that may be asked.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], models: Sequence[Model]) -> None:
+        self._path, self._models = path, models
+        self._answered = False
+        self._carried: set[str] = set()
+
+    def columns(self, mapped: Mapped, airframe: str) -> dict[str, Any]:
+        """Return the columns that hold the answers on these samples."""
+        serving = [model for model in self._models if model.card.airframe == airframe]
+        ema = mapped.actuator.ema
+        answers = answer_samples(serving, mapped.values, ema.gear_ratio if ema else None)
+        names = np.array([*answers.classes, None], dtype=object)[answers.said]
+        self._answered |= bool((answers.said >= 0).any())
+        self._carried |= {KEYS[k] for k in np.flatnonzero(np.isfinite(mapped.values).any(axis=0)).tolist()}
+        return {
+            "p_emergency": answers.p_emergency,
+            "class": pd.array(names, dtype="string"),
+            "inside": answers.inside,
+        }
+
+    def hold(self, airframes: Sequence[str]) -> None:
+        """Raise an error if no sample was classified: three empty columns would look like an answer."""
+        if self._answered:
+            return
+        takes = "; ".join(
+            f"{model.card.name} takes {', '.join(model.keys)} of {model.card.airframe}"
+            for model in self._models
+        )
+        has = ", ".join(key for key in KEYS if key in self._carried)
+        raise MavhumsError(
+            f"{self._path}: no network covers it: it carries {has} of {', '.join(airframes)}, and {takes}",
+            "name a model for it with --model, or export without --classify",
+        )
+
+
+def _models(model: Model | str | Path | None) -> Sequence[Model]:
+    if model is None:
+        return packaged_models()
+    return (model if isinstance(model, Model) else load_model(model),)
+
+
 def _write(
-    path: str | os.PathLike[str], output: Path, airframe: Airframe | None, progress: Progress
+    path: str | os.PathLike[str],
+    output: Path,
+    airframe: Airframe | None,
+    asked: _Asked | None,
+    progress: Progress,
 ) -> tuple[Decoder, VehicleMappers, int]:
     """Write the table of a log by a profile; return decoder, vehicles and rows written; no rows, no file."""
     decoder = Decoder(messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES)
@@ -104,13 +177,17 @@ def _write(
             timed = clocks.feed(tables)
             for _ in fleet.listen(timed):
                 pass
-            for _, mapped in fleet.feed(timed, final=final):
+            for mapper, mapped in fleet.feed(timed, final=final):
                 if mapped.utc_us.size:
-                    table.write(_rows(mapped, decoder.first_time_us or 0, named=airframe is not _NAMELESS))
+                    answers = asked.columns(mapped, mapper.airframe.name) if asked else {}
+                    frame = _rows(mapped, decoder.first_time_us or 0, named=airframe is not _NAMELESS)
+                    table.write(frame.assign(**answers))
             if progress:
                 progress(size)
         if not table.rows:
             raise _EmptyError
+        if asked:
+            asked.hold(fleet.airframes)
     return decoder, fleet, table.rows
 
 

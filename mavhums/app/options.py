@@ -19,6 +19,7 @@ from mavhums.history.index import IndexedFolder
 from mavhums.history.stores import is_store
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
+from mavhums.report.assessment import Decide
 
 __all__ = ["History", "Options"]
 
@@ -35,7 +36,11 @@ class Options:
     airframe
         A profile, its name or its path; if None, the one that the log names.
     model
-        A model or its file, or several models; if None, those that ship with mavhums.
+        A model, its packaged name or its file, or several models; if None, those that ship with mavhums.
+    decide
+        Who decides an actuator's friction: ``physics``; ``network``, where one is for its airframe; or
+        ``both``: the physics decides, and where the network says otherwise is told. Without limits in the
+        profile the physics cannot decide, and the network does.
     history
         The aircraft's earlier flights, or their folder; they provide each actuator's own baseline.
     since
@@ -52,7 +57,8 @@ class Options:
     key
         A MAVLink 2 signing key of 32 bytes, or its file: only frames signed with it count.
     vehicle_states
-        Whether the events include attitude, position and flight mode, as a recording needs them.
+        Whether the events include attitude, position, flight mode, and what a network says of each sample,
+        as a recording needs them.
 
     Examples
     --------
@@ -64,6 +70,7 @@ class Options:
 
     airframe: Airframe | str | Path | None = None
     model: Model | Sequence[Model] | str | Path | None = None
+    decide: Decide = "physics"
     history: History | str | os.PathLike[str] | None = None
     since: Since | None = None
     aircraft: str | None = None
@@ -88,6 +95,7 @@ class Options:
         return EngineOptions(
             airframe=airframe if isinstance(airframe, Airframe | None) else load_airframe(airframe),
             models=self.models(),
+            decide=self.decide,
             baselines=partial(history.baselines, since=self.since),
             past=partial(history.past, since=self.since),
             false_alarms=self.false_alarms,

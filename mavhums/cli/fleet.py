@@ -17,6 +17,7 @@ from mavhums.cli.options import (
     FALSE_ALARMS,
     JSON,
     KEY,
+    MODEL,
     NAMED_DATE,
     PATH,
     REPAIRS,
@@ -60,7 +61,7 @@ def fleet() -> None:
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tcp://….")
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@MODEL
 @DIALECT
 @FALSE_ALARMS
 @REPAIRS

@@ -21,11 +21,13 @@ from mavhums.cli.options import (
     AIRCRAFT_TABLE,
     AIRFRAME,
     BASELINE_FROM,
+    DECIDE,
     DIALECT,
     FALSE_ALARMS,
     HISTORY,
     KEEP,
     KEY,
+    MODEL,
     PATH,
 )
 from mavhums.cli.stopping import Stop
@@ -49,7 +51,8 @@ _LEVELS = ("debug", "info", "warning", "error")
 @click.command(short_help="Judge every actuator while it flies.", epilog=EPILOG)
 @click.argument("urls", nargs=-1, metavar="URL...")
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one.")
+@MODEL
+@DECIDE
 @DIALECT
 @FALSE_ALARMS
 @HISTORY

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from mavhums.app.options import Options
     from mavhums.report.assessment import Assessment
 
+_JUDGED_BY = ("airframe", "model", "decide", "dialect", "false_alarms", "key")
+
 __all__ = ["Keeper"]
 
 
@@ -54,7 +56,10 @@ class Keeper:
             told = "--aircraft NAME: a store holds several" if store else "--history STORE for --aircraft"
             raise click.UsageError(f"name {told}")
         judging = Options(
-            **{name: options[name] for name in ("airframe", "model", "dialect", "false_alarms", "key")},
+            **{
+                name: options[name]
+                for name in ("airframe", "model", "decide", "dialect", "false_alarms", "key")
+            },
             aircraft=f"={aircraft}" if aircraft else None,
             aircraft_table=options["aircraft_table"],
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -20,6 +21,7 @@ from mavhums.cli.options import (
     AIRCRAFT_TABLE,
     AIRFRAME,
     BASELINE_FROM,
+    DECIDE,
     DIALECT,
     FALSE_ALARMS,
     HISTORY,
@@ -29,6 +31,7 @@ from mavhums.cli.options import (
     KEY,
     LOG,
     LOGS,
+    MODEL,
     PATH,
 )
 from mavhums.cli.output import complain, say, say_json, sound_output
@@ -42,6 +45,9 @@ from mavhums.core.collecting import collect_seldom
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.notice import EPILOG
 from mavhums.core.version import __version__
+
+if TYPE_CHECKING:
+    from mavhums.report.assessment import Decide
 
 __all__ = ["main"]
 
@@ -77,7 +83,8 @@ def cli() -> None:
 @cli.command(short_help="Judge every actuator and control axis in logs.", epilog=EPILOG)
 @LOGS
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@MODEL
+@DECIDE
 @DIALECT
 @FALSE_ALARMS
 @HISTORY
@@ -101,6 +108,7 @@ def analyse(
     logs: tuple[Path, ...],
     airframe: str | None,
     model: str | None,
+    decide: Decide,
     dialect: Path | None,
     false_alarms: float,
     history: Path | str | None,
@@ -135,7 +143,7 @@ def analyse(
     from mavhums.actuator.profile import load_airframe
     from mavhums.app.many import Batch, analyse_many
     from mavhums.app.options import Options
-    from mavhums.learn import load_model, packaged_models
+    from mavhums.learn import load_model
     from mavhums.log.mavlink.signing import load_key
 
     if open_viewer and rrd is None:
@@ -146,7 +154,8 @@ def analyse(
     folder, store = divided(history)
     options = Options(
         airframe=load_airframe(airframe) if airframe else None,
-        model=(load_model(model),) if model else packaged_models(),
+        model=load_model(model) if model else None,
+        decide=decide,
         history=indexed_history(folder, may_be_new=keep),
         since=dict(dates),
         aircraft=aircraft,

@@ -12,6 +12,7 @@ __all__ = [
     "AIRCRAFT_TABLE",
     "AIRFRAME",
     "BASELINE_FROM",
+    "DECIDE",
     "DIALECT",
     "FALSE_ALARMS",
     "HISTORY",
@@ -21,6 +22,7 @@ __all__ = [
     "KEY",
     "LOG",
     "LOGS",
+    "MODEL",
     "NAMED_DATE",
     "PATH",
     "PLACE",
@@ -34,6 +36,20 @@ AIRFRAME = click.option(
     "--airframe",
     metavar="NAME|FILE",
     help="Airframe profile: a TOML file or a packaged name. Default: the one that the log names itself.",
+)
+MODEL = click.option(
+    "--model",
+    metavar="NAME|FILE",
+    help="Network: a model file or a packaged name, such as paper-esc. Default: the packaged one for each"
+    " telemetry.",
+)
+DECIDE = click.option(
+    "--decide",
+    type=click.Choice(["physics", "network", "both"]),
+    default="physics",
+    show_default=True,
+    help="Who decides an actuator's friction: the physics, or the network without limits in the profile; the"
+    " network wherever one is for the airframe; or the physics, told where the network disagrees.",
 )
 AIRCRAFT = click.option(
     "--aircraft",

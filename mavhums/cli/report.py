@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,17 +14,22 @@ from mavhums.cli.options import (
     AIRCRAFT_TABLE,
     AIRFRAME,
     BASELINE_FROM,
+    DECIDE,
     DIALECT,
     FALSE_ALARMS,
     HISTORY,
     KEY,
     LOG,
+    MODEL,
     PATH,
 )
 from mavhums.cli.output import say
 from mavhums.cli.progress import reading
 from mavhums.cli.trend import indexed_history
 from mavhums.core.notice import EPILOG
+
+if TYPE_CHECKING:
+    from mavhums.report.assessment import Decide
 
 __all__ = ["report"]
 
@@ -32,7 +38,8 @@ __all__ = ["report"]
 @LOG
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@MODEL
+@DECIDE
 @DIALECT
 @FALSE_ALARMS
 @HISTORY
@@ -45,6 +52,7 @@ def report(
     output: Path,
     airframe: str | None,
     model: str | None,
+    decide: Decide,
     dialect: Path | None,
     false_alarms: float,
     history: Path | str | None,
@@ -66,6 +74,7 @@ def report(
     options = Options(
         airframe=airframe,
         model=model,
+        decide=decide,
         history=indexed_history(folder),
         since=dict(dates),
         aircraft=aircraft,

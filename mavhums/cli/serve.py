@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, PATH
+from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, MODEL, PATH
 from mavhums.cli.output import say
 from mavhums.core.errors import MavhumsError
 from mavhums.core.notice import EPILOG
@@ -74,7 +74,7 @@ LEAST_MEMORY_MB = 512
     "--workers", type=click.IntRange(1, 64), default=2, show_default=True, help="Processes that judge."
 )
 @AIRFRAME
-@click.option("--model", metavar="FILE", help="Model file. Default: the packaged one for each telemetry.")
+@MODEL
 @DIALECT
 @FALSE_ALARMS
 @HISTORY
@@ -100,9 +100,12 @@ def serve(
     when the session ends, unless you keep one in STORE, a store of `mavhums fleet scan`. A log is held
     against the flights of its aircraft in STORE, or against those in --history.
     """
+    from mavhums.learn import load_model
     from mavhums.serve import Judging, Limits, ServeOptions
     from mavhums.serve import serve as serve_page
 
+    if model is not None:
+        load_model(model)  # a wrong name is told now, not with the first log that somebody drops
     judging = Judging(
         airframe=airframe,
         model=model,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from mavhums.cli.options import AIRFRAME, LOG, PATH
+from mavhums.cli.options import AIRFRAME, LOG, MODEL, PATH
 from mavhums.cli.output import say, say_json
 from mavhums.cli.progress import reading
 from mavhums.core.errors import MavhumsError
@@ -30,7 +30,15 @@ _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuat
     "--messages", metavar="NAME,...", help="Write these messages instead of V1–V12, for example ATTITUDE."
 )
 @AIRFRAME
-def export(log: Path, output: Path, messages: str | None, airframe: str | None) -> None:
+@click.option(
+    "--classify",
+    is_flag=True,
+    help="Add what the network says of each sample: p_emergency, class, inside (its training range).",
+)
+@MODEL
+def export(
+    log: Path, output: Path, messages: str | None, airframe: str | None, classify: bool, model: str | None
+) -> None:
     """Write V1–V12 of every actuator of LOG, or its messages, as a table.
 
     V1–V12 are one row per sample: vehicle, actuator, time (UTC), flight_time_s, V1 to V12; rows of one
@@ -39,11 +47,16 @@ def export(log: Path, output: Path, messages: str | None, airframe: str | None) 
     """
     from mavhums.app.export import export_messages, export_quantities
 
-    if messages is not None and airframe is not None:
-        raise click.UsageError("--airframe is for V1–V12; messages are written as they are")
+    if messages is not None and (airframe is not None or classify):
+        given = "--classify" if classify else "--airframe"
+        raise click.UsageError(f"{given} is for V1–V12; messages are written as they are")
+    if model is not None and not classify:
+        raise click.UsageError("--model is for --classify")
     with reading(log) as progress:
         if messages is None:
-            written = export_quantities(log, output, airframe=airframe, progress=progress)
+            written = export_quantities(
+                log, output, airframe=airframe, classify=classify, model=model, progress=progress
+            )
         else:
             names = [name.strip() for name in messages.split(",") if name.strip()]
             written = export_messages(log, output, names, progress=progress)
@@ -57,10 +70,10 @@ def model() -> None:
 
 
 @model.command("show", short_help="Print the card of a model.")
-@click.argument("file", required=False, metavar="[FILE|NAME]", type=PATH)
+@click.argument("name", required=False, metavar="[NAME|FILE]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-def show_model(file: Path | None, as_json: bool) -> None:
-    """Print the card of the model in FILE, or of a packaged one.
+def show_model(name: str | None, as_json: bool) -> None:
+    """Print the card of a packaged model, or of the one in FILE.
 
     The card tells the features, the training, the calibration, what the selection found, the metrics,
     and the command that regenerates the model.
@@ -73,11 +86,9 @@ def show_model(file: Path | None, as_json: bool) -> None:
     """
     import json
 
-    from mavhums.learn import load_model, packaged_models
+    from mavhums.learn import load_model, models
 
-    packaged = {each.card.name: each for each in packaged_models()}
-    wanted = next(iter(packaged)) if file is None else str(file)
-    network = packaged.get(wanted) or load_model(wanted)
+    network = load_model(name or models()[0])
     if as_json:
         card = {"hash": network.hash, **network.card.model_dump(mode="json")}
         say_json(json.dumps(card, indent=2, ensure_ascii=False))

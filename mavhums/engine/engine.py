@@ -24,6 +24,7 @@ from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
+from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
@@ -47,7 +48,6 @@ from mavhums.report.assessment import (
     ALL,
     Assessment,
     LogSummary,
-    ModelSummary,
     Verdict,
 )
 from mavhums.report.flight import FlightIdentity
@@ -118,6 +118,7 @@ class Engine:
         self._temperatures = EscTemperatures()
         self._false_alarms = options.false_alarms
         self._keeps_records = options.recorded
+        self._decide = options.decide
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self._profiles: dict[tuple[int, str], str] = {}
@@ -156,7 +157,7 @@ class Engine:
         names = self._mappers.airframes
         looks = [self._look(vehicle, told.get(vehicle, {}), indicators) for vehicle in vehicles or (None,)]
         verdicts = tuple(verdict for look in looks for verdict in look.verdicts)
-        voted = {verdict.model for verdict in verdicts}
+        voted = {verdict.network.model for verdict in verdicts if verdict.network}
         return Assessment(
             log=LogSummary(
                 path=path,
@@ -170,7 +171,7 @@ class Engine:
                 notices=tuple(self._notices(vehicles)),
             ),
             airframe=", ".join(names) or None,
-            model=next((said for said in map(_summary, self._models) if said in voted), None),
+            model=next((said for said in map(summary_of, self._models) if said in voted), None),
             verdicts=verdicts,
             usage=tuple(look.usage for look in looks if look.usage is not None),
         )
@@ -276,6 +277,8 @@ class Engine:
                 continue
             bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
             monitor = self._monitor(mapper, mapped)
+            if self._states:
+                yield from classified(mapped, time_s, slice(a, b), self._serving(mapper.airframe))
             yield from monitor.feed(
                 time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b]
             )
@@ -288,6 +291,7 @@ class Engine:
                 mapped.vehicle,
                 mapped.actuator,
                 self._serving(mapper.airframe),
+                by_network=self._decide == "network",
                 baselines=self._baselines_of(key, mapper.airframe.name),
                 false_alarms=self._false_alarms,
                 recorded=self._keeps_records,
@@ -394,7 +398,6 @@ class Engine:
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
             else:
-                voted = findings.network
                 verdict = judged(
                     vehicle,
                     actuator,
@@ -405,7 +408,7 @@ class Engine:
                     implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
-                    model=None if voted is None else _summary(self._serving(mapper.airframe)[voted]),
+                    network=network_answer(findings, self._serving(mapper.airframe), self._decide),
                 )
                 flown = past.get((vehicle, actuator.name), ())
                 yield held_against(verdict, flown, self._false_alarms)
@@ -416,10 +419,6 @@ class Engine:
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6
-
-
-def _summary(model: Model) -> ModelSummary:
-    return ModelSummary(name=model.card.name, hash=model.hash)
 
 
 def _utc(time_us: int) -> datetime:

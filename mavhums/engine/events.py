@@ -8,12 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mavhums.actuator.events import AirframeNamed, Samples
-from mavhums.health.events import ConditionChanged, Indication, Window
+from mavhums.health.events import Classified, ConditionChanged, Indication, Window
 from mavhums.vehicle.events import Attitude, FlightMode, Followed, Position
 
 __all__ = [
     "AirframeNamed",
     "Attitude",
+    "Classified",
     "ConditionChanged",
     "Event",
     "FlightMode",
@@ -40,6 +41,7 @@ Event = (
     | Window
     | ConditionChanged
     | Indication
+    | Classified
     | AirframeNamed
     | Notice
     | Attitude

@@ -11,6 +11,7 @@ from mavhums.actuator.profile import Airframe
 from mavhums.health.baseline import BaselineSource
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.own.past import PastSource
+from mavhums.report.assessment import Decide
 
 if TYPE_CHECKING:
     from mavhums.learn import Model
@@ -27,8 +28,11 @@ class EngineOptions:
     airframe
         The profile for every vehicle; if None, each vehicle is judged by the profile that it names.
     models
-        Networks whose votes are shown beside the friction. An actuator uses the first network for its
-        airframe whose quantities its samples contain.
+        Networks that answer beside the physics. An actuator uses the first network for its airframe whose
+        quantities its samples contain.
+    decide
+        Who decides an actuator's friction: the physics, a network where one is for its airframe, or both.
+        With ``both`` the physics decides, and where the network says otherwise is told.
     baselines
         Baselines from the actuators' own earlier flights, or a function that returns them for an airframe
         and a time.
@@ -42,7 +46,8 @@ class EngineOptions:
     key
         32 bytes; only frames signed with it count. If None, signatures are not checked.
     vehicle_states
-        Whether attitude, position and flight mode are reported as well, for a recording.
+        Whether attitude, position, flight mode, and what a network says of each sample, are reported as
+        well, for a recording.
     recorded
         Whether to keep the numbers needed to compare the flight with earlier ones afterwards: some 60 kB
         per minute of flight, for at most eight actuators.
@@ -55,6 +60,7 @@ class EngineOptions:
 
     airframe: Airframe | None = None
     models: Sequence[Model] = ()
+    decide: Decide = "physics"
     baselines: BaselineSource = field(default_factory=dict)
     past: PastSource | None = None
     false_alarms: float = FALSE_ALARMS

@@ -64,6 +64,8 @@ def settings_of(options: Options) -> str:
         "dialect": None if resolved.dialect is None else _hash_of_file(str(resolved.dialect)),
         "key": None if resolved.key is None else hashlib.sha256(resolved.key).hexdigest(),
     }
+    if resolved.decide != "physics":  # left out, so that stores of older versions keep their hashes
+        told["decide"] = resolved.decide
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:32]
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Interval
 
-__all__ = ["ConditionChanged", "Indication", "Window"]
+__all__ = ["Classified", "ConditionChanged", "Indication", "Window"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,3 +64,20 @@ class Indication:
     value: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Classified:
+    """What a network says of single samples, for a recording or a report; arrays of shape (n,).
+
+    ``p_emergency`` is NaN and ``said``, the index into ``classes``, is -1 where a sample lacks an input of
+    every network; where it is not ``inside`` the training range, the network abstains.
+    """
+
+    vehicle: int
+    actuator: str
+    time_s: NDArray[np.float64]
+    p_emergency: NDArray[np.float64]
+    said: NDArray[np.int8]
+    inside: NDArray[np.bool_]
+    classes: tuple[str, ...]

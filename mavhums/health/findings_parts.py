@@ -75,25 +75,6 @@ def ranked(suspects: Iterable[Suspect]) -> tuple[Suspect, ...]:
     return tuple(sorted(suspects, key=lambda suspect: -suspect.confidence))
 
 
-def in_order(
-    evidence: Iterable[Evidence], vote: tuple[float, float] | None, condition: Condition, window_s: float
-) -> tuple[Evidence, ...]:
-    """Return the evidence in time order, followed by the vote of a network.
-
-    ``vote`` holds the end of the last window that a network voted on and its probability of an emergency.
-    """
-    told = sorted(evidence, key=lambda each: each.start_s)
-    return (*told, *([] if vote is None else [_vote_evidence(*vote, condition, window_s)]))
-
-
-def _vote_evidence(end_s: float, p: float, condition: Condition, window_s: float) -> Evidence:
-    opposed = {"normal": p > 0.5, "emergency": p <= 0.5}.get(condition, False)
-    text = "network: probability of an emergency from the window's moving samples; the physics decides"
-    return Evidence(
-        kind="network",
-        start_s=end_s - window_s,
-        end_s=end_s,
-        value=p,
-        limit=0.5,
-        rule=f"{text}, and the network disagrees" if opposed else text,
-    )
+def in_order(evidence: Iterable[Evidence]) -> tuple[Evidence, ...]:
+    """Return the evidence in time order."""
+    return tuple(sorted(evidence, key=lambda each: each.start_s))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.holding import Change, Holding
 from mavhums.health.indicator_tracker import IndicatorTracker
 from mavhums.health.motion import Motion, motion
+from mavhums.health.network_tally import NetworkTally, Tallied
 from mavhums.health.own.method import collector
 from mavhums.health.own.record import OwnSums
 from mavhums.health.own.registry import EQUATIONS
@@ -49,16 +50,17 @@ Array = NDArray[np.float64]
 class Findings:
     """Results of a flight for one actuator.
 
-    ``network`` is the network that gave ``p_emergency``; ``last_s`` is the flight time of the last sample;
-    ``no_friction`` is the reason and the remedy if an undecided flight shows no friction.
+    ``network`` is what the networks say, and ``by_network`` whether that decides; ``last_s`` is the flight
+    time of the last sample; ``no_friction`` is the reason and the remedy if an undecided flight shows no
+    friction.
     """
 
     condition: Condition
     worst: Condition
     since_s: float | None
     friction: Interval | None
-    p_emergency: float | None
-    network: int | None
+    network: Tallied | None
+    by_network: bool
     coverage: Coverage
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
@@ -82,6 +84,9 @@ class Monitor:
         Actuator of the airframe profile; missing constants limit what can be judged.
     networks
         Networks whose votes are shown beside the physics; the one with the most inputs comes first.
+    by_network
+        Whether the networks, if there are any, decide the friction in place of the physics. They do in any
+        case if the profile has no limits, without which the physics decides no friction.
     baselines
         Baselines from the actuator's earlier flights, by fault.
     window_s
@@ -98,6 +103,7 @@ class Monitor:
         actuator: Actuator,
         networks: Sequence[Classifier] = (),
         *,
+        by_network: bool = False,
         baselines: Mapping[str, Baseline] | None = None,
         window_s: float = WINDOW_S,
         false_alarms: float = FALSE_ALARMS,
@@ -138,7 +144,8 @@ class Monitor:
         self._concluded_s: float | None = None
         self._windows = self._decidable = self._samples = self._moving = self._slots = 0
         self._friction: Interval | None = None
-        self._vote: tuple[float, Outcome] | None = None
+        self._tally = NetworkTally(len(self._networks), window_s, recorded=recorded)
+        self._by_network = bool(self._networks) and (by_network or "friction" not in self._trackers)
 
     def feed(
         self,
@@ -174,11 +181,12 @@ class Monitor:
             return
         whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
         self._concluded_s = start_s
-        friction = self._trackers.get("friction")
+        trackers = self._deciding()
+        friction = trackers.get("friction")
         judged = friction.judged if friction else 0
         concluded = [
             (fault, tracker.conclude(whole, start_s, end_s))
-            for fault, tracker in self._trackers.items()
+            for fault, tracker in trackers.items()
             if concludes(tracker.judged, judged)
         ]
         yield from self._changed([(fault, change) for fault, change in concluded if change], end_s)
@@ -200,26 +208,29 @@ class Monitor:
         ``temperature_c`` is the actuator's temperature in this flight, if the log has it.
         """
         whole = self._fits.whole() if indicators else {}
-        trackers = self._trackers.values()
-        suspects = [suspect for tracker in trackers if (suspect := suspect_of(tracker))]
+        trackers, deciding = self._trackers.values(), self._deciding().values()
+        suspects = [suspect for tracker in deciding if (suspect := suspect_of(tracker))]
         shown = [indicator for tracker in trackers if whole and (indicator := indicator_of(tracker, whole))]
-        evidence = (e for tracker in trackers for e in evidence_of(tracker))
+        evidence = [e for tracker in deciding for e in evidence_of(tracker)]
+        if self._by_network:
+            evidence += self._tally.evidence()
+            suspects += filter(None, [self._tally.suspect()])
         return Findings(
             condition=self._held.condition,
             worst=self._held.worst,
             since_s=self._held.since_s,
             friction=self._friction,
-            p_emergency=self._vote[1].p_emergency if self._vote else None,
-            network=self._vote[1].network if self._vote else None,
+            network=self._tally.tallied(),
+            by_network=self._by_network,
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
-                decidable=max([self._decidable, *(t.judged for t in trackers if _is_faulty(t.condition))]),
+                decidable=max([self._decidable, *(t.judged for t in deciding if _is_faulty(t.condition))]),
                 late=self._cutter.late,
             ),
             last_s=self._latest_s,
             suspects=ranked(suspects),
-            evidence=in_order(evidence, self._vote_record(), self._held.condition, self._window_s),
+            evidence=in_order(evidence),
             indicators=tuple(shown),
             own=tuple(
                 record.model_copy(update={"temperature_c": temperature_c})
@@ -230,7 +241,15 @@ class Monitor:
             no_friction=self._why_no_friction() if self._held.condition == "undecided" else None,
         )
 
+    def _deciding(self) -> dict[str, IndicatorTracker]:
+        """Return the trackers that decide the condition: all, or all but that of the friction."""
+        if not self._by_network:
+            return self._trackers
+        return {fault: tracker for fault, tracker in self._trackers.items() if fault != "friction"}
+
     def _why_no_friction(self) -> tuple[str, str] | None:
+        if self._by_network:
+            return self._tally.why_undecided()
         tracker, lasted_s = self._trackers.get("friction"), self._slots * self._slot_s
         return why_no_friction(
             tracker.detector if tracker else None,
@@ -242,19 +261,16 @@ class Monitor:
 
     def record(self) -> ActuatorRecord:
         """Return the flight's record for the comparison with other flights, if it was ``recorded``."""
-        whole = self._fits.whole()
+        whole, latest = self._fits.whole(), self._tally.latest
+        faults = tuple(record_of(tracker, whole) for tracker in self._deciding().values())
         return ActuatorRecord(
             window_s=self._window_s,
             false_alarms=self._false_alarms,
             concluded_s=self._concluded_s,
             end_s=self._latest_s,
-            vote=self._vote_record(),
-            faults=tuple(record_of(tracker, whole) for tracker in self._trackers.values()),
+            vote=None if latest is None else (latest[0], latest[1].p_emergency),
+            faults=(*faults, self._tally.record()) if self._by_network else faults,
         )
-
-    def _vote_record(self) -> tuple[float, float] | None:
-        """Return the end and the probability of the last window that the network voted on."""
-        return (self._vote[0], self._vote[1].p_emergency) if self._vote else None
 
     def _cut(self) -> Slots | None:
         """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
@@ -277,13 +293,21 @@ class Monitor:
         end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
         looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
         changes: dict[int, list[tuple[str, Change]]] = {}
+        deciding = self._deciding()
         for fault, look in looks.items():
             yield from self._indicate(fault, look, end_s)
             for change in self._trackers[fault].feed(look, end_s):
-                changes.setdefault(change.window, []).append((fault, change))
+                if fault in deciding:
+                    changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
-        self._count_decidable(looks.values(), friction)
         voted = outcomes(self._networks, votes[whole].astype(np.int64))
+        for change in self._tally.feed(voted, end_s.tolist()):
+            if self._by_network:
+                changes.setdefault(change.window, []).append(("friction", change))
+        answered = {k for k, vote in enumerate(voted) if vote}
+        self._count_decidable(
+            [looks[fault] for fault in deciding], answered if self._by_network else friction.keys()
+        )
         for k, (end, fraction, vote) in enumerate(
             zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
         ):
@@ -302,16 +326,17 @@ class Monitor:
                 bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
                 ratio = self.actuator.known_ema().gear_ratio
                 ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
+                self._tally.count(ballots)
         self._slots += slots.index.size
         self._samples += int(counts[:, 0].sum())
         self._moving += int(counts[:, 1].sum())
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
         return moving / samples, self._votes.feed(slots.index, ballots)
 
-    def _count_decidable(self, looks: Iterable[Look], friction: Mapping[int, Interval]) -> None:
+    def _count_decidable(self, looks: Iterable[Look], friction: Set[int]) -> None:
         """Count the windows on which a condition can rest: those that show the friction, or a fault."""
         faulty = np.any([look.severity > SEVERITY["normal"] for look in looks], axis=0)
-        self._decidable += len(friction.keys() | set(np.flatnonzero(faulty).tolist()))
+        self._decidable += len(friction | set(np.flatnonzero(faulty).tolist()))
 
     def _indicate(self, fault: str, look: Look, end_s: Array) -> Iterator[Indication]:
         shown = np.isfinite(look.own.value)
@@ -332,8 +357,6 @@ class Monitor:
         self._windows += 1
         if friction is not None:
             self._friction = friction
-        if vote is not None:
-            self._vote = end_s, vote
         return Window(
             vehicle=self.vehicle,
             actuator=self.actuator.name,

@@ -72,7 +72,7 @@ def replay(
             worst=holding.worst,
             since_s=holding.since_s,
             suspects=ranked(suspect for trace in traces if (suspect := trace.suspect())),
-            evidence=in_order(evidence, record.vote, holding.condition, record.window_s),
+            evidence=in_order(evidence),
             baselines=intervals,
             last_s=record.end_s,
             decidable=max([0, *(len(trace.fault.windows) for trace in traces if trace.alarm)]),

@@ -18,7 +18,7 @@ from mavhums.report.assessment import (
     Evidence,
     Indicator,
     Interval,
-    ModelSummary,
+    NetworkAnswer,
     Since,
     Suspect,
     Verdict,
@@ -67,7 +67,7 @@ def judged(
     implausible: Mapping[str, tuple[int, int]],
     provenance: dict[str, str],
     tier: Tier,
-    model: ModelSummary | None = None,
+    network: NetworkAnswer | None = None,
 ) -> Verdict:
     """Return the verdict on an actuator with telemetry.
 
@@ -87,8 +87,7 @@ def judged(
         actuator=actuator.name,
         condition=condition,
         worst=findings.worst,
-        p_emergency=_round(findings.p_emergency),
-        model=model,
+        network=network,
         friction_nm=_rounded(findings.friction),
         suspects=_rounded_suspects(findings.suspects),
         since=_since(None if silent else findings.since_s, start_utc),
@@ -324,10 +323,6 @@ def _since(since_s: float | None, start_utc: datetime) -> Since | None:
         return None
     utc = start_utc + timedelta(seconds=since_s)
     return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())
-
-
-def _round(value: float | None) -> float | None:
-    return None if value is None else round(value, 4)
 
 
 def _rounded(interval: Interval | None) -> Interval | None:

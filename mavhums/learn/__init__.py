@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         ModelError,
         default_model,
         load_model,
+        models,
         packaged_models,
         save_model,
     )
@@ -74,6 +75,7 @@ __all__ = [
     "expected_calibration_error",
     "genetic_search",
     "load_model",
+    "models",
     "network_objective",
     "packaged_models",
     "save_model",
@@ -95,6 +97,7 @@ _MODULES = {
         "ModelError",
         "default_model",
         "load_model",
+        "models",
         "packaged_models",
         "save_model",
     ),

@@ -20,7 +20,16 @@ from mavhums.core.files import written_whole
 from mavhums.learn.card import Card
 from mavhums.learn.inference import Network
 
-__all__ = ["Answers", "Model", "ModelError", "default_model", "load_model", "packaged_models", "save_model"]
+__all__ = [
+    "Answers",
+    "Model",
+    "ModelError",
+    "default_model",
+    "load_model",
+    "models",
+    "packaged_models",
+    "save_model",
+]
 
 _CARD_KEY = "mavhums.card"
 _PACKAGED = ("paper-instrumented", "paper-without-load", "paper-esc")
@@ -119,26 +128,44 @@ def save_model(path: str | Path, network: Network, card: Card) -> Model:
     return Model(network, card, hashlib.sha256(data).hexdigest())
 
 
-def load_model(path: str | Path) -> Model:
-    """Read and validate a model file.
+def models() -> tuple[str, ...]:
+    """Return the names of the packaged models; the one that needs the most telemetry comes first.
+
+    Examples
+    --------
+    >>> models()
+    ('paper-instrumented', 'paper-without-load', 'paper-esc')
+    """
+    return _PACKAGED
+
+
+def load_model(name_or_path: str | Path) -> Model:
+    """Load a packaged model by name, or a model file by path.
 
     Raises
     ------
     ModelError
-        If the file is missing, damaged, of another version, or holds no network over V1–V12.
+        If there is no such model, or its file is damaged, of another version, or holds no network over
+        V1–V12.
 
     Examples
     --------
-    >>> load_model("absent.safetensors")  # doctest: +ELLIPSIS
+    >>> load_model("paper-esc").keys
+    ('V5', 'V7')
+    >>> load_model("paper-ecs")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    mavhums.learn.model.ModelError: absent.safetensors: no readable model file: train one ...
+    mavhums.learn.model.ModelError: paper-ecs: no readable model file, and no packaged model: name one of ...
     """
+    name = str(name_or_path)
+    if name in _PACKAGED:
+        return _packaged(name)
     try:
-        with Path(path).open("rb") as file:
+        with Path(name_or_path).open("rb") as file:
             data = file.read(_LARGEST + 1)
     except (OSError, ValueError) as error:
-        raise ModelError(f"{path}: no readable model file", _REMEDY) from error
-    return _parse(data, str(path))
+        remedy = f"name one of {', '.join(_PACKAGED)}, or {_REMEDY}"
+        raise ModelError(f"{name}: no readable model file, and no packaged model", remedy) from error
+    return _parse(data, name)
 
 
 def default_model() -> Model:

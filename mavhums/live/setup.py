@@ -32,6 +32,7 @@ from mavhums.live.session import Session, Sink
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import Guard, load_key
 from mavhums.log.mavlink.stamping import Piece, Stamper
+from mavhums.report.assessment import Decide
 
 __all__ = ["Options", "prepare"]
 
@@ -54,6 +55,7 @@ class Options:
     urls: Sequence[str]
     airframe: str | None = None
     model: str | None = None
+    decide: Decide = "physics"
     dialect: Path | None = None
     false_alarms: float = FALSE_ALARMS
     history: judging.History | Path | None = None
@@ -71,6 +73,7 @@ class Options:
         return judging.Options(
             airframe=self.airframe,
             model=self.model,
+            decide=self.decide,
             history=self.history,
             aircraft_table=self.aircraft_table,
             since=dict(self.dates),

@@ -183,7 +183,7 @@ class Watch:
             age_s=None if latest_us is None else round((now_us - latest_us) / 1e6, 3),
             rate_hz=0.0 if heard is None else round(heard.samples / elapsed_s, 1),
             friction_nm=verdict.friction_nm,
-            p_emergency=verdict.p_emergency,
+            p_emergency=verdict.network.p_emergency if verdict.network else None,
             suspects=verdict.suspects,
             tier=verdict.tier,
             late=verdict.coverage.late,

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode
@@ -21,6 +21,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.log.losses import Losses
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.report.flight import FlightCopy, FlightIdentity
+from mavhums.report.network import DECIDE, Decide, ModelSummary, NetworkAnswer, with_network
 from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:
@@ -28,16 +29,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ALL",
+    "DECIDE",
     "NOTICE",
     "READABLE",
     "SCHEMA",
     "Assessment",
     "Coverage",
+    "Decide",
     "Evidence",
     "Indicator",
     "Interval",
     "LogSummary",
     "ModelSummary",
+    "NetworkAnswer",
     "OwnRecord",
     "Since",
     "Suspect",
@@ -48,7 +52,7 @@ __all__ = [
 
 SCHEMA = "mavhums.assessment/2"
 READABLE = ("mavhums.assessment/1", SCHEMA)
-"""Versions whose objects are still read: version 2 only adds fields."""
+"""Versions whose objects are still read: version 2 adds fields; ``network`` replaces one number."""
 
 
 ALL = "all"
@@ -177,13 +181,6 @@ class OwnRecord(Contract):
     groups: tuple[tuple[float, ...], ...]
 
 
-class ModelSummary(Contract):
-    """A network whose votes are among the evidence."""
-
-    name: str
-    hash: str
-
-
 class Verdict(Contract):
     """What the log says of one actuator, or of one axis of the aircraft.
 
@@ -192,9 +189,8 @@ class Verdict(Contract):
     and ``limits`` are those by which it was judged.
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
-    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``model``
-    is the network that ``p_emergency`` is of, the probability that its friction lies nearer to an emergency
-    than to normal.
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``network``
+    is what a network says of its friction; None if none covers the log.
 
     Examples
     --------
@@ -210,8 +206,7 @@ class Verdict(Contract):
     worst: Condition
     effectiveness: Interval | None = None
     limits: AxisLimits | None = None
-    p_emergency: float | None = Field(default=None, ge=0, le=1)
-    model: ModelSummary | None = None
+    network: NetworkAnswer | None = None
     friction_nm: Interval | None = None
     suspects: tuple[Suspect, ...] = ()
     since: Since | None = None
@@ -223,6 +218,11 @@ class Verdict(Contract):
     own: tuple[OwnRecord, ...] = ()
     reason: str | None = None
     remedy: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_one_number(cls, data: Any) -> Any:
+        return with_network(data)
 
     @property
     def gravest(self) -> Condition:
@@ -286,11 +286,12 @@ class Assessment(Contract):
 
         rows = []
         for verdict in self.verdicts:
-            row = verdict.model_dump(
-                include={"subject", "vehicle", "actuator", "condition", "worst", "p_emergency"}
-            )
-            friction = verdict.friction_nm
+            row = verdict.model_dump(include={"subject", "vehicle", "actuator", "condition", "worst"})
+            friction, network = verdict.friction_nm, verdict.network
             row |= {
+                "network": network.condition if network else None,
+                "network_first_emergency_s": network.first_emergency_s if network else None,
+                "network_share_of_samples": network.share_of_samples if network else None,
                 "effectiveness": verdict.effectiveness.estimate if verdict.effectiveness else None,
                 "friction_nm": friction.estimate if friction else None,
                 "friction_low_nm": friction.low if friction else None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from mavhums.report.assessment import Evidence, Verdict
+from mavhums.show._network import told
 from mavhums.show._standing import control_left, effectiveness
 from mavhums.show._words import friction, percent
 
@@ -18,7 +19,7 @@ _BY_ITSELF: Final = {
 
 
 def certainty(verdict: Verdict) -> str:
-    """Return the estimates with their intervals, the network's vote, and how much could be judged.
+    """Return the estimates with their intervals, the network's part, and how much could be judged.
 
     Examples
     --------
@@ -31,8 +32,7 @@ def certainty(verdict: Verdict) -> str:
         sure.append(f"{left} of the reference's control effectiveness with its 95 % interval")
     if verdict.friction_nm:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
-    if verdict.p_emergency is not None:
-        sure.append(f"the network says emergency with {percent(verdict.p_emergency)}")
+    sure += filter(None, [told(verdict)])
     alarms = {item.kind: item for item in verdict.evidence if item.kind in _BY_ITSELF}
     sure += [_beyond(item) for item in alarms.values() if item.limit is not None]
     return "; ".join([*sure, _judged(verdict, apart=bool(alarms))])

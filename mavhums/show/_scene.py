@@ -14,6 +14,7 @@ from mavhums.core.conditions import URGENCY, Condition
 from mavhums.engine.events import (
     AirframeNamed,
     Attitude,
+    Classified,
     ConditionChanged,
     Event,
     FlightMode,
@@ -77,7 +78,7 @@ class Scene:
         """Process the engine's events, in order."""
         for event in events:
             match event:
-                case Samples() | Window() | Indication() | Followed():
+                case Samples() | Window() | Indication() | Followed() | Classified():
                     self._track(event.vehicle, event.actuator).take(event)
                 case ConditionChanged():
                     self._track(event.vehicle, event.actuator).changed(event)

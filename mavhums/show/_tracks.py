@@ -12,10 +12,11 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.engine.events import ConditionChanged, Followed, Indication, Samples, Window
+from mavhums.engine.events import Classified, ConditionChanged, Followed, Indication, Samples, Window
 from mavhums.health.detector import Detector
 from mavhums.report.assessment import Verdict
 from mavhums.report.axis_limits import AxisLimits
+from mavhums.show._classes import Classes
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
@@ -34,7 +35,7 @@ _ANGLE_STYLE: Final = rr.SeriesLines(names=["demanded", "flown"], colors=[YELLOW
 _ROWS_PER_CHUNK: Final = 4096
 _BEFORE_S, _AFTER_S = 10.0, 10.0
 _HALF_WINDOW_S: Final = 5.0
-_NETWORK_STYLE: Final = rr.SeriesLines(names="probability of emergency", colors=BLUE, widths=2.5)
+_NETWORK_STYLE: Final = rr.SeriesLines(names="of ten seconds", colors=BLUE, widths=2.5)
 
 
 def actuator_path(vehicle: int | None, actuator: str) -> str:
@@ -128,6 +129,7 @@ class Track:
         self.faults: dict[str, str] = {}
         self._stream = stream
         self._signals = Signals(stream, f"{self.root}/quantities", live=live, moved=self._move)
+        self._classes = Classes(stream, f"{self.root}/network", live=live)
         self._drawn: set[str] = set()
         self._windows: list[Window] = []
         self._states: list[tuple[float, str]] = []
@@ -139,12 +141,14 @@ class Track:
 
     @property
     def present(self) -> frozenset[str]:
-        """Quantities with data in the log, and ``friction`` and ``network`` if they are estimated."""
-        return frozenset(self._signals.present | self._drawn)
+        """Quantities with data, and ``friction``, ``network`` and its ``classes`` if there are any."""
+        return frozenset(self._signals.present | self._drawn | ({"classes"} if self._classes.any else set()))
 
-    def take(self, event: Samples | Window | Indication | Followed) -> None:
+    def take(self, event: Samples | Window | Indication | Followed | Classified) -> None:
         """Add data of any kind."""
         match event:
+            case Classified():
+                self._classes.add(event)
             case Samples():
                 self.samples(event)
             case Window():
@@ -248,6 +252,7 @@ class Track:
         if self._state_s is None and self._first_s < np.inf:
             self._state(self._first_s, self.held)
         self._signals.flush()
+        self._classes.flush()
         self._flush_windows()
         self._flush_states()
         self._flush_limits()
@@ -257,6 +262,7 @@ class Track:
         if self._state_s is None:
             self._state(self._first_s if self._first_s < np.inf else 0.0, self.held)
         self._signals.finish()
+        self._classes.finish()
         self.flush()
 
     def lane(self, path: str) -> None:

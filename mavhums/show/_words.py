@@ -175,7 +175,7 @@ def finding(item: Evidence) -> str:
     """
     when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
-        return f"{when}: {percent(item.value)} {item.rule}"
+        return f"{when}: {item.rule} (highest {percent(item.value)})"
     if item.kind in ("effectiveness", "slow", "hard_over", "tracking"):
         return f"{when}: {item.rule}"
     if item.kind == "friction":

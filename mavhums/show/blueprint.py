@@ -56,7 +56,7 @@ class Lane(NamedTuple):
     condition, worst
         Its current and its worst condition.
     present
-        Data to draw: the quantities in the log, ``friction`` and ``network``.
+        Data to draw: the quantities in the log, ``friction``, ``network`` and its ``classes`` of samples.
     faults
         Indicators of other faults.
     cause
@@ -201,9 +201,8 @@ def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
     answer: list[rrb.View | rrb.Container] = list(_faults(lane, axes.evidence))
     if len(answer) > 1:
         answer = [rrb.Tabs(*answer, active_tab=0)]
-    if "network" in keys:
-        title = "Network: P(emergency)"
-        answer.append(_plot(title, [f"{root}/network"], axes.evidence, legend=False, span=(-0.05, 1.05)))
+    if keys & {"network", "classes"}:
+        answer.append(_network(root, axes.evidence, classes="classes" in keys))
     groups = [(subject, [key for key in members if key in keys]) for subject, members in _PLOTS]
     signals = [_signals(root, subject, found, axes.signals) for subject, found in groups if found]
     if lane.angles:
@@ -216,6 +215,21 @@ def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
     return rrb.Vertical(
         *rows, row_shares=[1, 1 if lane.angles else 2] if len(rows) == 2 else None, name=_tab(lane)
     )
+
+
+def _network(root: str, axis: rrb.TimeAxis, *, classes: bool) -> rrb.View | rrb.Container:
+    """Return the network's answer: its probability, of windows and samples, and behind it their class."""
+    contents = [f"{root}/network", f"{root}/network/samples"]
+    plot = _plot("Network: P(emergency)", contents, axis, legend=classes, span=(-0.05, 1.05))
+    if not classes:
+        return plot
+    lane = rrb.StateTimelineView(
+        origin="/",
+        contents=[f"{root}/network/class"],
+        name="Class of each sample",
+        time_view=axis,
+    )
+    return rrb.Tabs(plot, lane, active_tab=0)
 
 
 def _faults(lane: Lane, axis: rrb.TimeAxis) -> list[rrb.View]:

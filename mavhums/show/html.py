@@ -26,6 +26,7 @@ from mavhums.show._words import (
     join,
     losses,
     name,
+    percent,
     whose,
 )
 from mavhums.show.html_craft import Part, outline
@@ -230,7 +231,7 @@ def _usage_tables(assessment: Assessment) -> Iterator[_Usage]:
 
 def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:
     """Yield the evidence of each subject, the worst first: what raised an alarm, friction, effectiveness."""
-    curves, attitudes = gathered.curves(), gathered.attitudes()
+    curves, attitudes, networks = gathered.curves(), gathered.attitudes(), gathered.networks()
     drawn = 0
     for verdict in assessment.ranked():
         if verdict.vehicle is None or verdict.actuator == ALL:
@@ -260,6 +261,21 @@ def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:
             bounds = "; ".join(f"{limit.name} {limit.value:.3g}" for limit in limits)
             title = f"{name(verdict, assessment)}: {what}"
             yield _Shown(title, f"{told}; {bounds}" if bounds else told, drawing)
+        said = networks.get((verdict.vehicle, verdict.actuator))
+        if said is not None and drawn < _PLOTS:
+            drawn += 1
+            yield _network(verdict, said, assessment)
+
+
+def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> _Shown:
+    """Return the network's answer over the flight, as the paper's figures 16 to 19 show it."""
+    drawing = plot(said, [Limit(0.5, "emergency above")], assessment.log.duration_s)
+    network = verdict.network.model.name if verdict.network else "the network"
+    told = "probability of an emergency; thick: ten seconds, at their middle; thin: each sample inside the"
+    told += " training range"
+    if verdict.network and verdict.network.share_of_samples is not None:
+        told += f"; it calls {percent(verdict.network.share_of_samples)} of those in motion an emergency"
+    return _Shown(f"{name(verdict, assessment)}: {network} on each sample", told, drawing)
 
 
 def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment) -> _Shown:

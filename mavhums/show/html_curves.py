@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.engine.events import Event, Followed, Indication, Notice
+from mavhums.engine.events import Classified, Event, Followed, Indication, Notice, Window
 from mavhums.show._thin import Thinner
 
 __all__ = ["Curve", "Gathered", "Key"]
@@ -39,11 +39,14 @@ class Curve(NamedTuple):
         Lower bound, value and upper bound of the 95 % interval, shape (n, 3).
     demanded
         What the value should follow, shape (n,), NaN where it is not known; None of an indicator.
+    samples
+        Times and values of single samples that the value sums up, shape (2, m); None of an indicator.
     """
 
     time_s: _Floats
     rows: _Floats
     demanded: _Floats | None = None
+    samples: _Floats | None = None
 
 
 class Gathered:
@@ -69,6 +72,8 @@ class Gathered:
         self.texts = 0
         self._thinners: dict[Key, Thinner] = {}
         self._followed: dict[tuple[int, str], Thinner] = {}
+        self._samples: dict[tuple[int, str], Thinner] = {}
+        self._votes: dict[tuple[int, str], Thinner] = {}
         self._first: list[Notice] = []
         self._last: list[Notice] = []
 
@@ -79,6 +84,8 @@ class Gathered:
                 self._indication(event)
             elif isinstance(event, Followed) and event.time_s.size:
                 self._follow(event)
+            elif isinstance(event, Classified | Window):
+                self._network(event)
             elif isinstance(event, Notice):
                 self._notice(event)
 
@@ -99,6 +106,16 @@ class Gathered:
             found[key] = Curve(time_s, flown, angles[:, 0])
         return found
 
+    def networks(self) -> dict[tuple[int, str], Curve]:
+        """Return, by vehicle and actuator, the probability of an emergency: of windows, and of samples."""
+        found = {}
+        for key, thinner in self._samples.items():
+            samples = _known(*thinner.rows())
+            votes = _known(*self._votes[key].rows()) if key in self._votes else samples
+            if votes.size and samples.size:
+                found[key] = Curve(votes[0], np.repeat(votes[1][:, None], 3, axis=1), samples=samples)
+        return found
+
     def notices(self) -> list[Notice]:
         """Return the texts that are kept, in their order."""
         return [*self._first, *self._last]
@@ -112,6 +129,22 @@ class Gathered:
         rows = np.column_stack([event.low, event.value, event.high])
         known = np.isfinite(rows).all(axis=1)
         self._thinners[key].add(event.end_s[known], rows[known])
+
+    def _network(self, event: Classified | Window) -> None:
+        if isinstance(event, Classified):
+            kept, time_s = self._samples, event.time_s
+            values = np.where(event.inside, event.p_emergency, np.nan)
+        elif event.p_emergency is not None:
+            kept, time_s = self._votes, np.array([(event.start_s + event.end_s) / 2])
+            values = np.array([event.p_emergency])
+        else:
+            return
+        key = event.vehicle, event.actuator
+        if key not in kept:
+            if len(kept) == _CURVES:
+                return
+            kept[key] = Thinner(1, _POINTS)
+        kept[key].add(time_s, values[:, None])
 
     def _follow(self, event: Followed) -> None:
         key = event.vehicle, event.actuator
@@ -127,3 +160,9 @@ class Gathered:
             self._first.append(event)
         else:
             self._last = [*self._last, event][-_LAST:]
+
+
+def _known(time_s: _Floats, values: _Floats) -> _Floats:
+    """Return times and values without gaps, shape (2, m)."""
+    known = np.isfinite(values[:, 0])
+    return np.stack([time_s[known], values[known, 0]])

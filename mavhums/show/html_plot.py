@@ -5,7 +5,7 @@ matplotlib would fix the colours, which here follow light, dark and paper, and i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from math import ceil, floor, log10
 from typing import Final, NamedTuple
@@ -22,6 +22,10 @@ WIDTH, HEIGHT = 640, 220
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 10, 26
 _GAP_S: Final = 3.0
 _TIME_STEPS: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000)
+
+
+_Floats = NDArray[np.float64]
+_Scale = Callable[[_Floats], _Floats]
 
 
 class Limit(NamedTuple):
@@ -43,8 +47,9 @@ class Plot(NamedTuple):
 
     Attributes
     ----------
-    band, line, demand
-        SVG paths of the interval, of the value, and of what it should follow, empty if nothing.
+    band, line, demand, samples
+        SVG paths of the interval, of the value, of what it should follow, and of the single samples that it
+        sums up; empty if nothing.
     x, y
         Marks of the axes.
     limits
@@ -63,6 +68,7 @@ class Plot(NamedTuple):
     since: float | None
     marks: tuple[Tick, ...] = ()
     demand: str = ""
+    samples: str = ""
     left: int = _LEFT
     right: int = WIDTH - _RIGHT
     top: int = _TOP
@@ -98,6 +104,8 @@ def plot(
     end_s = max(duration_s, float(curve.time_s[-1]), 1.0)
     levels = [limit.value for limit in limits]
     known = np.empty(0) if curve.demanded is None else curve.demanded[np.isfinite(curve.demanded)]
+    if curve.samples is not None:
+        levels += [float(curve.samples[1].min()), float(curve.samples[1].max())]
     low, high = _range(curve.rows, [*levels, *known.tolist()])
 
     def x(seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
@@ -128,7 +136,14 @@ def plot(
         since=None if since_s is None else float(x(min(since_s, end_s))),
         marks=tuple(Tick(float(x(min(mark.at, end_s))), mark.text) for mark in marks),
         demand="".join(demand),
+        samples="" if curve.samples is None else "".join(_samples(curve.samples, x, y)),
     )
+
+
+def _samples(samples: _Floats, x: _Scale, y: _Scale) -> Iterator[str]:
+    """Yield the path of single samples, as a line that crosses wherever neighbours differ."""
+    for part in _parts(samples[0]):
+        yield _path(x(samples[0][part]), y(samples[1][part]))
 
 
 def _range(rows: NDArray[np.float64], levels: Sequence[float]) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from mavhums.show import _usage
 from mavhums.show._certainty import certainty
 from mavhums.show._headline import headline
 from mavhums.show._listing import heading, listed, together, without_wingless
+from mavhums.show._network import beside, in_column
 from mavhums.show._standing import control_left, course, word
 from mavhums.show._words import (
     advice,
@@ -65,6 +66,7 @@ def markdown(assessment: Assessment) -> str:
     sections += _explained(assessment)
     sections += _doubtful(assessment)
     sections += _undecided(assessment)
+    sections += _beside(assessment)
     sections += _used(assessment)
     sections.append(_log(assessment))
     sections += _provenance(assessment)
@@ -116,7 +118,7 @@ def _cells(verdict: Verdict, title: str) -> tuple[str, ...]:
         _condition(verdict),
         control_left(verdict) or "—",
         friction(verdict.friction_nm) if verdict.friction_nm else "—",
-        percent(verdict.p_emergency) if verdict.p_emergency is not None else "—",
+        in_column(verdict),
         clock(verdict.since.flight_time_s) if verdict.since else "—",
     )
 
@@ -207,6 +209,13 @@ def _undecided(assessment: Assessment) -> Iterator[str]:
         names = _literal(join(name(verdict, assessment) for verdict in verdicts))
         why, todo = _literal(reason), _literal(remedy)
         yield f"## {names}: unmonitored\n\n**Why:** {why}.\n\n**What to do:** {todo}."
+
+
+def _beside(assessment: Assessment) -> Iterator[str]:
+    said = beside(assessment)
+    if said:
+        lines = "\n".join(f"- {_literal(sentence)}." for sentence in said)
+        yield f"## Physics and network\n\n{lines}"
 
 
 def _used(assessment: Assessment) -> Iterator[str]:

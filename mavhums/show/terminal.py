@@ -16,6 +16,7 @@ from mavhums.report.assessment import Assessment, Verdict
 from mavhums.show import _reserve, _usage
 from mavhums.show._headline import headline
 from mavhums.show._listing import heading, listed, without_wingless
+from mavhums.show._network import beside, in_column
 from mavhums.show._standing import control_left, course, judged, word
 from mavhums.show._words import (
     COLOURS,
@@ -127,7 +128,7 @@ def _row(verdict: Verdict, assessment: Assessment) -> list[Text]:
         _condition(verdict),
         Text(control_left(verdict) or _NOTHING),
         Text(friction(verdict.friction_nm) if verdict.friction_nm else _NOTHING),
-        Text(percent(verdict.p_emergency) if verdict.p_emergency is not None else _NOTHING),
+        Text(in_column(verdict)),
         Text(clock(verdict.since.flight_time_s) if verdict.since else _NOTHING),
         Text(percent(coverage.moving_fraction) if "V7" in verdict.provenance else _NOTHING),
         Text(judged(verdict) or _NOTHING),
@@ -167,6 +168,9 @@ def _findings(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
 
 def _remarks(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
     """Yield a title and lines on what else the log tells."""
+    said = beside(assessment)
+    if said:
+        yield ("Physics and network", said)
     left = list(_reserve.lines(assessment))
     if left:
         yield (_reserve.TITLE, left)

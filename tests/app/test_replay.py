@@ -16,7 +16,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.health.baseline import Baseline, Baselines
 from mavhums.history.comparison import LoneFlight, compared, packed, unpacked
-from mavhums.report.assessment import Assessment
+from mavhums.report.assessment import DECIDE, Assessment, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters
@@ -96,6 +96,7 @@ def baselines_about(flight: LoneFlight, shifts: list[float], spread: float) -> B
     shifts=st.lists(st.sampled_from([-0.2, 0.0, 0.01, 0.03, 0.1, 0.5, 3.0]), min_size=1, max_size=7),
     spread=st.sampled_from([1e-5, 1e-4, 1e-3, 1e-2]),
     false_alarms=st.sampled_from([0.01, 1.0, 100.0]),
+    decide=st.sampled_from(DECIDE),
 )
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_replayed_verdicts_are_those_of_the_drift_followed_in_flight(
@@ -105,10 +106,23 @@ def test_replayed_verdicts_are_those_of_the_drift_followed_in_flight(
     shifts: list[float],
     spread: float,
     false_alarms: float,
+    decide: Decide,
 ) -> None:
-    options = replace(Options().resolved(), false_alarms=false_alarms)
+    options = replace(Options().resolved(), false_alarms=false_alarms, decide=decide)
     baselines = baselines_about(alone[kind], shifts, spread)
     assert judged_later(logs[kind], options, baselines) == in_flight(logs[kind], options, baselines)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_the_network_decided_no_baseline_of_the_friction_overrules(
+    logs: dict[str, Path], alone: dict[str, LoneFlight], kind: str
+) -> None:
+    baselines = baselines_about(alone[kind], [0.5], 1e-4)
+    friction = {key: own for key, own in baselines.items() if key[2] == "friction"}
+    options = replace(Options().resolved(), decide="network")
+    later = judged_later(logs[kind], options, friction)
+    assert later == in_flight(logs[kind], options, friction)
+    assert "friction_drift" not in {one.kind for verdict in later.verdicts for one in verdict.evidence}
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -18,7 +18,7 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.core.table_writers import writer_for
-from mavhums.learn import default_model
+from mavhums.learn import default_model, save_model
 from tests.conftest import Run
 from tests.logs import heartbeat, write_log
 
@@ -43,9 +43,43 @@ def test_exported_quantities_are_the_histories(run: Run, short_log: Path, tmp_pa
         pd.testing.assert_frame_equal(own[list(KEYS)], history.frame, check_freq=False)
 
 
+@pytest.mark.parametrize("name", [None, *mavhums.models()])
+def test_classified_samples_are_what_the_model_says_of_the_exported_quantities(
+    run: Run, growing_log: Path, tmp_path: Path, name: str | None
+) -> None:
+    chosen = ["--model", name] if name else []
+    assert run("export", growing_log, "-o", tmp_path / "c.csv", "--classify", *chosen).code == 0
+    table = pd.read_csv(tmp_path / "c.csv")
+    assert list(table.columns)[-3:] == ["p_emergency", "class", "inside"]
+    model = mavhums.load_model(name or "paper-instrumented")
+    values = table[list(KEYS)].to_numpy()
+    carried = np.isfinite(values[:, [KEYS.index(key) for key in model.keys]]).all(axis=1)
+    assert carried.mean() > 0.9
+    told, answers = table[carried], model.classify(values[carried])
+    expected = answers.probabilities[:, model.emergency]
+    np.testing.assert_allclose(told["p_emergency"], expected, rtol=0, atol=1e-9)
+    assert told["class"].tolist() == [model.classes[k] for k in answers.probabilities.argmax(axis=1)]
+    assert told["inside"].tolist() == answers.inside.tolist()
+    if name:  # without a name, another network may take the samples that lack one quantity
+        assert table[~carried][["p_emergency", "class"]].isna().all(axis=None)
+        assert not table[~carried]["inside"].any()
+
+
+def test_what_no_network_covers_is_not_classified(run: Run, short_log: Path, tmp_path: Path) -> None:
+    known, other = mavhums.load_model("paper-esc"), tmp_path / "mine.safetensors"
+    save_model(other, known.network, known.card.model_copy(update={"airframe": "mine", "name": "my-net"}))
+    outcome = run("export", short_log, "-o", tmp_path / "c.csv", "--classify", "--model", other)
+    assert outcome.code == ExitCode.ERROR
+    assert "no network covers it: it carries V1, " in outcome.err
+    assert "my-net takes V5, V7 of mine" in outcome.err
+    assert not (tmp_path / "c.csv").exists()
+    for wrong in (["--messages", "ATTITUDE", "--classify"], ["--model", "paper-esc"]):
+        assert run("export", short_log, "-o", tmp_path / "c.csv", *wrong).code == ExitCode.USAGE
+
+
 def test_parquet_holds_the_same_as_csv(run: Run, short_log: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
-    for arguments in ([], ["--messages", "ATTITUDE"], ["--messages", "STATUSTEXT"]):
+    for arguments in ([], ["--messages", "ATTITUDE"], ["--messages", "STATUSTEXT"], ["--classify"]):
         csv, parquet = tmp_path / "t.csv", tmp_path / "t.parquet"
         assert run("export", short_log, "-o", csv, *arguments).code == 0
         assert run("export", short_log, "-o", parquet, *arguments).code == 0
@@ -186,9 +220,27 @@ def test_each_packaged_model_is_shown_by_its_name(run: Run, tier: str) -> None:
     assert measured["expected_calibration_error"] < measured["expected_calibration_error_of_the_share"]
 
 
-def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
-    from mavhums.learn import save_model
+def test_every_command_takes_a_model_by_name_and_lists_the_names_for_a_wrong_one(
+    run: Run, short_log: Path, tmp_path: Path
+) -> None:
+    shown = json.loads(run("model", "show", "paper-esc", "--json").out)
+    judged = json.loads(run("analyse", short_log, "--model", "paper-esc", "--json").out)
+    assert shown["name"] == "paper-esc"
+    assert judged["model"] == {"name": "paper-esc", "hash": shown["hash"]}
+    for command in (
+        ["model", "show", "paper-ecs"],
+        ["analyse", short_log, "--model", "paper-ecs"],
+        ["report", short_log, "-o", tmp_path / "r.html", "--model", "paper-ecs"],
+        ["live", "udpin:0", "--model", "paper-ecs"],
+        ["fleet", "scan", short_log, "--to", tmp_path / "store", "--model", "paper-ecs"],
+        ["serve", "--port", "0", "--model", "paper-ecs"],
+    ):
+        outcome = run(*command)
+        assert outcome.code == ExitCode.ERROR, command
+        assert all(name in outcome.err for name in mavhums.models()), command
 
+
+def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
     model = default_model()
     path = tmp_path / "copy.safetensors"
     save_model(path, model.network, model.card)

@@ -10,16 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
 from mavhums.actuator import load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples, Window
+from mavhums.engine.events import AirframeNamed, Classified, ConditionChanged, Notice, Samples, Window
 from mavhums.engine.options import EngineOptions
 from mavhums.health.baseline import Baseline
 from mavhums.learn import Model, default_model, packaged_models
@@ -84,6 +86,30 @@ def test_the_verdicts_do_not_depend_on_the_blocks(
     assert judge(blocks(content, places), models=models).to_json() == short_verdicts
 
 
+@given(data=st.data())
+@settings(max_examples=4, deadline=None)
+def test_neither_the_networks_decision_nor_its_samples_depend_on_the_blocks(
+    data: st.DataObject, growing_log: Path, models: tuple[Model, ...]
+) -> None:
+    content = growing_log.read_bytes()
+
+    def decided(parts: Iterable[bytes]) -> tuple[str, list[NDArray[np.float64]]]:
+        engine = Engine(EngineOptions(models=models, decide="network", vehicle_states=True))
+        events = [event for part in parts for event in engine.feed(part)] + engine.finish()
+        said = [e for e in events if isinstance(e, Classified) and e.actuator == "elevator"]
+        arrays = ("time_s", "p_emergency", "said", "inside")
+        columns = [np.concatenate([getattr(e, name) for e in said]) for name in arrays]
+        return engine.assessment().to_json(), columns
+
+    verdicts, columns = decided([content])
+    assert '"decides": "network"' in verdicts
+    assert '"kind": "network"' in verdicts
+    again, others = decided(blocks(content, data.draw(cuts(len(content)))))
+    assert again == verdicts
+    for own, other in zip(columns, others, strict=True):
+        np.testing.assert_allclose(other, own, rtol=0, atol=1e-12)
+
+
 @pytest.mark.slow
 def test_even_one_byte_at_a_time(short_log: Path, short_verdicts: str, models: tuple[Model, ...]) -> None:
     content = short_log.read_bytes()
@@ -129,11 +155,11 @@ def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Mode
     assessment = judge([growing_log.read_bytes()], models=(model,))
     assert assessment.model is not None
     assert assessment.model.hash == model.hash
-    elevator, rudder = of(assessment, "elevator").p_emergency, of(assessment, "rudder").p_emergency
+    elevator, rudder = of(assessment, "elevator").network, of(assessment, "rudder").network
     assert elevator is not None
     assert rudder is not None
-    assert elevator > 0.9
-    assert rudder < 0.1
+    assert (elevator.p_emergency or 0) > 0.9
+    assert (rudder.p_emergency or 0) < 0.1
 
 
 def test_a_model_serves_only_the_airframe_of_its_card(growing_log: Path, model: Model) -> None:
@@ -141,7 +167,7 @@ def test_a_model_serves_only_the_airframe_of_its_card(growing_log: Path, model: 
     assessment = judge([growing_log.read_bytes()], airframe=other, models=(model,))
     assert assessment.airframe == "other"
     assert assessment.model is None
-    assert of(assessment, "elevator").p_emergency is None
+    assert of(assessment, "elevator").network is None
     assert of(assessment, "elevator").condition == "emergency"
 
 
@@ -443,16 +469,16 @@ def test_each_telemetry_gets_the_network_for_what_it_carries(
     assessment = judge_records(records, models=models)
     assert (assessment.model and assessment.model.name) == name
     elevator, rudder = of(assessment, "elevator"), of(assessment, "rudder")
-    assert (elevator.model and elevator.model.name) == name
     if name is None:
-        assert elevator.p_emergency is None
+        assert elevator.network is None
     else:
-        assert elevator.p_emergency is not None
-        assert rudder.p_emergency is not None
-        assert elevator.p_emergency > 0.9
-        assert rudder.p_emergency < 0.1
+        assert elevator.network is not None
+        assert rudder.network is not None
+        assert elevator.network.model.name == name
+        assert (elevator.network.p_emergency or 0) > 0.9
+        assert (rudder.network.p_emergency or 0) < 0.1
     if name == "paper-esc":
-        assert of(judge_records(records, models=models[:1]), "elevator").p_emergency is None
+        assert of(judge_records(records, models=models[:1]), "elevator").network is None
 
 
 def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
@@ -464,15 +490,15 @@ def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
         if surface != "rudder":
             actuator.values[:, 10:] = float("nan")
     assessment = judge_records((data for _, data in packed(record)), models=models)
-    said = {verdict.actuator: verdict.model.name for verdict in assessment.verdicts if verdict.model}
+    said = {v.actuator: v.network.model.name for v in assessment.verdicts if v.network}
     assert said.pop("rudder") == "paper-instrumented"
     assert set(said.values()) == {"paper-without-load"}
     assert len(said) == 3
     assert assessment.model is not None
     assert assessment.model.name == "paper-instrumented"
-    elevator = of(assessment, "elevator").p_emergency
+    elevator = of(assessment, "elevator").network
     assert elevator is not None
-    assert elevator > 0.9
+    assert (elevator.p_emergency or 0) > 0.9
 
 
 def test_a_bus_side_esc_is_undecided_with_its_reason() -> None:

@@ -166,28 +166,63 @@ def test_an_indication_is_a_95_percent_interval_of_every_window_that_shows_the_f
     assert (friction.limit, friction.baseline) == (0.375, None)
 
 
+class Contrary:
+    """Says the contrary of the packaged network."""
+
+    def __init__(self) -> None:
+        self._network = default_model()
+        self.keys = self._network.keys
+
+    def votes(self, values: Array) -> NDArray[np.int8]:
+        votes = self._network.votes(values)
+        return np.where(votes >= 0, 1 - votes, votes).astype(np.int8)
+
+    def probability(self, share: float) -> float:
+        return share
+
+
 @pytest.mark.parametrize(("friction", "condition"), [(0.225, "normal"), (1.0, "emergency")])
-def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said(
-    friction: float, condition: str
-) -> None:
-    network = default_model()
+@pytest.mark.parametrize("contrary", [False, True])
+def test_who_decides_decides_alone(friction: float, condition: str, contrary: bool) -> None:
+    judge = Contrary() if contrary else default_model()
+    other = {"normal": "emergency", "emergency": "normal"}[condition]
+    said = other if contrary else condition
+    events, findings = watch(data_sheet(friction), networks=[judge])
+    assert [e.after for e in events if isinstance(e, ConditionChanged)] == [condition]
+    assert findings.network is not None
+    assert (findings.by_network, findings.network.condition) == (False, said)
+    assert (findings.network.share_of_samples > 0.5) == (said == "emergency")
+    assert (findings.network.first_emergency_s is None) == (said == "normal")
+    assert "network" not in {item.kind for item in findings.evidence}
+    events, findings = watch(data_sheet(friction), networks=[judge], by_network=True)
+    assert [e.after for e in events if isinstance(e, ConditionChanged)] == [said]
+    assert (findings.condition, findings.by_network) == (said, True)
+    assert {item.kind for item in findings.evidence} == {"network"}
+    assert [suspect.fault for suspect in findings.suspects] == ["friction"] * (said == "emergency")
 
-    class Contrary:
-        keys = network.keys
 
-        def votes(self, values: Array) -> NDArray[np.int8]:
-            votes = network.votes(values)
-            return np.where(votes >= 0, 1 - votes, votes).astype(np.int8)
+def test_without_limits_the_network_decides_and_without_a_network_nobody() -> None:
+    bare = actuator_of().model_copy(update={"limits": None})
+    _, findings = watch(data_sheet(1.0), actuator=bare, networks=[default_model()])
+    assert (findings.condition, findings.by_network) == ("emergency", True)
+    _, findings = watch(data_sheet(1.0), actuator=bare)
+    assert (findings.condition, findings.by_network) == ("undecided", False)
+    _, findings = watch(data_sheet(1.0), by_network=True)  # no network is for this airframe
+    assert (findings.condition, findings.by_network) == ("emergency", False)
 
-        def probability(self, share: float) -> float:
-            return share
 
-    for judge, disagrees in ((network, False), (Contrary(), True)):
-        events, findings = watch(data_sheet(friction), networks=[judge])
-        assert [e.after for e in events if isinstance(e, ConditionChanged)] == [condition]
-        vote = next(e for e in findings.evidence if e.kind == "network")
-        assert ("disagrees" in vote.rule) == disagrees
-        assert (vote.value > 0.5) == (disagrees != (condition == "emergency"))
+def test_the_first_emergency_is_the_first_window_in_which_the_network_says_so() -> None:
+    """Its boundary, 0.625 N·m, is crossed at 30 s."""
+    flight = Flight(seed=41, duration_s=60.0, rate_hz=50.0, friction_nm={"elevator": (0.225, 1.025)})
+    growing = telemetry(sensed(fly(flight)))
+    events, findings = watch(growing, networks=[default_model()], by_network=True)
+    windows = [e for e in events if isinstance(e, Window) and (e.p_emergency or 0) > 0.5]
+    assert findings.network is not None
+    assert findings.network.first_emergency_s == windows[0].start_s + 5.0
+    assert 25.0 < findings.network.first_emergency_s < 35.0
+    told = [item for item in findings.evidence if item.kind == "network"]
+    assert [item.rule.split(":")[0] for item in told] == ["normal", "emergency"]
+    assert told[1].start_s == pytest.approx(findings.network.first_emergency_s, abs=3.0)
 
 
 def test_the_suspect_is_friction_with_its_probability() -> None:

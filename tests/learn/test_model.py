@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+import mavhums
 from mavhums.learn import (
     Calibration,
     Card,
@@ -267,6 +268,15 @@ def test_a_calibration_is_kept_and_used(path: Path, network: Network, card: Card
     assert model.card.calibration == calibration
     assert model.probability(0.5) == pytest.approx(1 / (1 + np.exp(-1)))
     assert model.keys == network.keys
+
+
+def test_a_packaged_model_has_a_name_and_a_wrong_name_lists_the_right_ones() -> None:
+    assert mavhums.models() == tuple(model.card.name for model in packaged_models())
+    for name, model in zip(mavhums.models(), packaged_models(), strict=True):
+        assert mavhums.load_model(name).hash == model.hash
+    with pytest.raises(ModelError, match=r"paper-ecs: .*no packaged model: name one of") as caught:
+        load_model("paper-ecs")
+    assert all(name in caught.value.remedy for name in mavhums.models())
 
 
 def test_the_packaged_models_are_small_and_ask_for_less_and_less() -> None:

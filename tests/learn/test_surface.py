@@ -18,8 +18,8 @@ PUBLIC = {
     "RegressionRedundancyFilter", "Scheme", "Selection", "SubsetSearch", "TanhNetwork",
     "TanhNetworkClassifier", "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "brier_score",
     "calibrate", "check_command", "default_model", "exhaustive_search", "expected_calibration_error",
-    "genetic_search", "load_model", "network_objective", "packaged_models", "save_model", "select_features",
-    "train_network",
+    "genetic_search", "load_model", "models", "network_objective", "packaged_models", "save_model",
+    "select_features", "train_network",
 }  # fmt: skip
 
 

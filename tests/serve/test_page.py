@@ -53,7 +53,7 @@ def test_a_dropped_log_becomes_the_answer_with_its_plots(
     assert violations(browser) == [], "the empty page"
     browser.drop([growing_log])
     assert "elevator: EMERGENCY" in browser.wait(HEADLINE)
-    assert browser.wait(f"{LINES}?.length") == 4
+    assert browser.wait(f"{LINES}?.length") == 8
     drawn = browser.js(f"[...{LINES}].map(line => line.getTotalLength())")
     assert min(drawn) > 100
     answer = browser.js(f"{INSIDE}.body.innerText")
@@ -103,7 +103,7 @@ def test_the_3d_view_opens_in_the_same_page(page: Served, browser: Browser, grow
         assert time.monotonic() < end, seen
         time.sleep(1)
     browser.press("Show the answer")
-    assert browser.wait(f"{LINES}?.length") == 4
+    assert browser.wait(f"{LINES}?.length") == 8
 
 
 def test_several_logs_progress_and_what_is_refused(

@@ -340,7 +340,7 @@ def test_an_alarm_by_the_attitude_shows_demanded_against_flown(
             "suspects": (Suspect(fault=fault, confidence=0.99),),
             "coverage": Coverage(moving_fraction=0.0, windows=34, decidable=0),
             "friction_nm": None,
-            "p_emergency": None,
+            "network": None,
         }
     )
     text = page(new_assessment(verdict), gathered(followed))

@@ -41,7 +41,8 @@ def test_it_says_what_to_do_why_how_sure_and_what_was_lost(assessment: Assessmen
         in text
     )
     assert "friction 1.003 (0.973–1.033) N·m with its 95 % interval" in text
-    assert "the network says emergency with >99 %" in text
+    assert "| 1.003 (0.973–1.033) | emergency | 1m12s |" in text
+    assert "the network" not in text  # the physics decides, and the column has what the network says
     assert "91 of 91 windows are decidable, the actuator moved 72 % of the time" in text
     assert "**Suspected:** friction (97 %)." in text
     assert "2025-06-01T10:01:12Z" in text
@@ -77,9 +78,9 @@ def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Ass
 
 
 def test_the_networks_vote_is_told_as_a_share(new_verdict: New, new_assessment: Assess) -> None:
-    vote = Evidence(kind="network", start_s=90, end_s=100, value=0.03, rule="network: of an emergency")
+    vote = Evidence(kind="network", start_s=90, end_s=100, value=0.03, rule="emergency: above 0.5")
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"evidence": (vote,)})
-    assert "- 1m30s to 1m40s: 3 % network: of an emergency" in markdown(new_assessment(verdict))
+    assert "- 1m30s to 1m40s: emergency: above 0.5 (highest 3 %)" in markdown(new_assessment(verdict))
 
 
 def test_a_log_without_a_profile_speaks_of_every_actuator(new_verdict: New, new_assessment: Assess) -> None:
@@ -141,7 +142,7 @@ def test_what_was_an_emergency_is_not_forgotten(new_verdict: New, new_assessment
 
 
 def test_an_emergency_by_other_means_than_friction(new_verdict: New, new_assessment: Assess) -> None:
-    bare = {"friction_nm": None, "p_emergency": None, "since": None}
+    bare = {"friction_nm": None, "network": None, "since": None}
     suspects = (Suspect(fault="friction", confidence=0.1), Suspect(fault="jam", confidence=0.9))
     verdict = new_verdict("elevator", "emergency", 1.0, 3.0).model_copy(update={**bare, "suspects": suspects})
     text = markdown(new_assessment(verdict))

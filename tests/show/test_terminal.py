@@ -37,7 +37,7 @@ def test_the_answer_first_then_the_worst_actuator_first(assessment: Assessment) 
     assert rows == ["elevator", "rudder", "aileron_left", "aileron_right"]
     elevator = next(line for line in lines if "91 of 91 s" in line)
     assert elevator.split() == [
-        *("elevator", "EMERGENCY", "1.003", "(0.973–1.033)", ">99", "%", "1m12s", "91", "of", "91", "s")
+        *("elevator", "EMERGENCY", "1.003", "(0.973–1.033)", "emergency", "1m12s", "91", "of", "91", "s")
     ]
 
 
@@ -89,8 +89,8 @@ def test_what_was_worse_is_shown(new_verdict: New, new_assessment: Assess) -> No
 
 def test_a_long_list_of_findings_is_cut_and_says_so(new_verdict: New, new_assessment: Assess) -> None:
     verdict = new_verdict("elevator", "emergency", 1.0, 5.0)
-    many = verdict.model_copy(update={"evidence": verdict.evidence * 3})
-    assert "and 4 more findings (--json has them all)" in rendered(new_assessment(many))
+    many = verdict.model_copy(update={"evidence": verdict.evidence * 4})
+    assert "and 3 more findings (--json has them all)" in rendered(new_assessment(many))
 
 
 def test_markup_and_control_codes_from_outside_are_inert(new_verdict: New, new_assessment: Assess) -> None:

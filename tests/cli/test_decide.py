@@ -1,0 +1,161 @@
+"""Who decides: the physics, a network, or both; said once, and the same in the JSON and in words."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mavhums
+from mavhums.core.errors import ExitCode
+from mavhums.learn import Network, save_model
+from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.conditions import Condition
+from tests.conftest import Run
+
+DECIDE = ("physics", "network", "both")
+
+
+@pytest.fixture(scope="module")
+def wound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Forty seconds in which the elevator's winding has three times its resistance, at healthy friction."""
+    path = tmp_path_factory.mktemp("wound") / "wound.tlog"
+    faults = {"elevator": (Condition("resistance", 2.0, 2.0),)}
+    write_tlog(fly(Flight(seed=5, duration_s=40.0, rate_hz=50.0, conditions=faults)), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def by_voltage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A network that takes a high voltage, whatever raises it, for friction."""
+    known = mavhums.load_model("paper-esc")
+    steep, volts, half = 80.0, 4.0, 60.0
+    high = (half + np.array([volts, -volts])) / (2 * half)  # thresholds on the unit interval
+    network = Network(
+        keys=("V4",),
+        minimum=np.array([-half]),
+        maximum=np.array([half]),
+        w1=np.array([[steep, -steep]]),
+        b1=np.array([-steep * high[0], steep * high[1]]),
+        w2=np.array([[1.0, -1.0], [1.0, -1.0]]),
+        b2=np.array([1.0, -1.0]),
+    )
+    card = known.card.model_copy(update={"name": "by-voltage", "features": ("V4",), "calibration": None})
+    path = tmp_path_factory.mktemp("model") / "by-voltage.safetensors"
+    save_model(path, network, card)
+    return path
+
+
+def elevator(text: str) -> dict[str, Any]:
+    verdicts = json.loads(text)["verdicts"]
+    return next(verdict for verdict in verdicts if verdict["actuator"] == "elevator")
+
+
+def flat(text: str) -> str:
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("decide", DECIDE)
+def test_a_network_that_takes_the_winding_for_friction(
+    run: Run, wound: Path, by_voltage: Path, decide: str
+) -> None:
+    options = ["--model", by_voltage, "--decide", decide]
+    outcome = run("analyse", wound, *options, "--json")
+    verdict = elevator(outcome.out)
+    network, faults = verdict["network"], {suspect["fault"] for suspect in verdict["suspects"]}
+    assert network["model"]["name"] == "by-voltage"
+    assert network["inputs"] == ["V4"]
+    assert (network["condition"], network["decides"]) == ("emergency", decide)
+    assert network["windows"] > 20
+    assert 5.0 <= network["first_emergency_s"] < 15.0
+    assert 0.5 < network["share_of_samples"] <= 1.0
+    kinds = {item["kind"] for item in verdict["evidence"]}
+    told = flat(run("analyse", wound, *options).out)
+    if decide == "network":
+        assert outcome.code == ExitCode.EMERGENCY
+        assert (verdict["condition"], faults) == ("emergency", {"friction", "winding_resistance"})
+        assert "network" in kinds
+        assert "friction" not in kinds
+        assert "elevator: the network by-voltage decides, not the physics: it calls" in told
+    else:
+        assert outcome.code == ExitCode.DEGRADED
+        assert (verdict["condition"], faults) == ("degraded", {"winding_resistance"})
+        assert "network" not in kinds
+    disagrees = "it takes the higher winding resistance for friction"
+    assert (disagrees in told) == (decide == "both")
+    assert ("the network by-voltage" in told) == (decide != "physics")
+
+
+def test_report_and_markdown_say_it_in_one_sentence(
+    run: Run, wound: Path, by_voltage: Path, tmp_path: Path
+) -> None:
+    from mavhums.show import markdown
+
+    sentence = "the network by-voltage disagrees: it calls"
+    page = tmp_path / "r.html"
+    assert run("report", wound, "-o", page, "--model", by_voltage, "--decide", "both").code == 10
+    assert sentence in page.read_text()
+    assert 'class="samples"' in page.read_text()
+    for decide, times in (("physics", 0), ("both", 2)):  # how sure, and physics beside network
+        options = mavhums.Options(model=by_voltage, decide=decide)  # type: ignore[arg-type]
+        assert markdown(mavhums.analyse(wound, options)).count(sentence) == times
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A minute in which the elevator's friction grows from 0.2 to 1.2 N·m; 0.625 are crossed at 25.5 s."""
+    path = tmp_path_factory.mktemp("worn") / "worn.tlog"
+    flight = Flight(seed=11, duration_s=60.0, rate_hz=50.0, friction_nm={"elevator": (0.2, 1.2)})
+    write_tlog(fly(flight), path)
+    return path
+
+
+@pytest.mark.parametrize("decide", DECIDE)
+def test_where_they_agree_the_verdict_is_the_same(run: Run, worn: Path, decide: str) -> None:
+    verdict = elevator(run("analyse", worn, "--decide", decide, "--json").out)
+    assert (verdict["condition"], verdict["network"]["condition"]) == ("emergency", "emergency")
+    assert verdict["network"]["first_emergency_s"] == pytest.approx(25.5, abs=4.0)
+    evidence = [item for item in verdict["evidence"] if item["kind"] == "network"]
+    assert bool(evidence) == (decide == "network")
+    if evidence:  # from when on the network says so, and not the last window alone
+        assert [item["rule"].split(":")[0] for item in evidence] == ["normal", "emergency"]
+        assert evidence[1]["start_s"] == pytest.approx(25.5, abs=6.0)
+    told = "the network paper-instrumented agrees"
+    assert (told in flat(run("analyse", worn, "--decide", decide).out)) == (decide == "both")
+
+
+def test_fewer_windows_than_must_agree_are_undecided_with_the_reason(run: Run, growing_log: Path) -> None:
+    verdict = elevator(run("analyse", growing_log, "--decide", "network", "--json").out)
+    assert (verdict["condition"], verdict["network"]["condition"]) == ("undecided", "undecided")
+    assert "fewer than 20 in a row agree" in verdict["reason"]
+
+
+def test_a_file_of_one_number_is_still_read() -> None:
+    old = {
+        "vehicle": 1,
+        "actuator": "elevator",
+        "condition": "emergency",
+        "worst": "emergency",
+        "p_emergency": 0.93,
+        "model": {"name": "paper-ema", "hash": "ab"},
+    }
+    network = mavhums.Verdict.model_validate(old).network
+    assert network is not None
+    assert (network.model.name, network.p_emergency, network.windows) == ("paper-ema", 0.93, None)
+    none = mavhums.Verdict.model_validate({**old, "p_emergency": None, "model": None})
+    assert none.network is None
+    again = mavhums.Verdict.model_validate_json(mavhums.Verdict.model_validate(old).model_dump_json())
+    assert again.network == network
+
+
+def test_a_history_keeps_the_networks_decision(run: Run, worn: Path, tmp_path: Path) -> None:
+    """Held against earlier flights, the verdict is still the network's."""
+    alone = elevator(run("analyse", worn, "--decide", "network", "--json").out)
+    folder = tmp_path / "flights"
+    for _ in range(2):
+        kept = run("analyse", worn, "--decide", "network", "--json", "--history", folder, "--keep")
+        assert elevator(kept.out)["condition"] == alone["condition"]
+        assert elevator(kept.out)["evidence"] == alone["evidence"]
