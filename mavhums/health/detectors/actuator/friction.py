@@ -13,7 +13,7 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.decision import FALSE_ALARMS, half_width, tail_of
-from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.detector import EquationDetector, Estimates, Levels, sharp
 from mavhums.health.detectors.actuator.torque_constant import relative_constant
 from mavhums.health.least_squares import Fit
 
@@ -88,6 +88,7 @@ class Detector(EquationDetector):
         friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
         shown = fit.spread & (fit.count >= MIN_SAMPLES)
-        shown &= (2 * 2 * whole_error < self._widest) & (friction > -CONTRADICTION * error)
+        shown &= sharp(friction * scale, whole_error, self._widest / 4, self.levels.emergency)
+        shown &= friction > -CONTRADICTION * error
         shown &= (friction + 2 * error) * scale > FRICTIONLESS * self.actuator.known_limits().normal
         return Estimates.of(friction * scale, whole_error, fit.freedom, shown)
