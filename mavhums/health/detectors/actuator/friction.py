@@ -13,7 +13,7 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.decision import FALSE_ALARMS, half_width, tail_of
-from mavhums.health.detector import EquationDetector, Estimates, Levels, sharp
+from mavhums.health.detector import EquationDetector, Estimates, Levels
 from mavhums.health.detectors.actuator.torque_constant import relative_constant
 from mavhums.health.least_squares import Fit
 
@@ -39,7 +39,7 @@ class Detector(EquationDetector):
         super().__init__(actuator)
         limits = actuator.known_limits()
         self.levels = Levels(limits.normal, limits.emergency)
-        self._widest = limits.emergency - limits.normal
+        self._normal, self._widest = limits.normal, limits.emergency - limits.normal
 
     @staticmethod
     def suits(actuator: Actuator) -> bool:
@@ -73,7 +73,8 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction; undecidable without motion both ways in several slots.
 
-        An estimate well below zero contradicts the balance: the constants are not this actuator's, or a
+        Its 95 % interval is narrower than what lies between the limits or, of a grave friction, which scatters more,
+        than what lies between it and the normal limit. An estimate well below zero contradicts the balance: the constants are not this actuator's, or a
         sensor lies. So does one that is surely next to nothing, as a current has that stands still.
         """
         return self._scaled(fits["torque"], flight)
@@ -88,7 +89,7 @@ class Detector(EquationDetector):
         friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
         shown = fit.spread & (fit.count >= MIN_SAMPLES)
-        shown &= sharp(friction * scale, whole_error, self._widest / 4, self.levels.emergency)
+        shown &= 2 * 2 * whole_error < np.maximum(self._widest, friction * scale - self._normal)
         shown &= friction > -CONTRADICTION * error
         shown &= (friction + 2 * error) * scale > FRICTIONLESS * self.actuator.known_limits().normal
         return Estimates.of(friction * scale, whole_error, fit.freedom, shown)

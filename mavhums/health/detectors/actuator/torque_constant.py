@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, Ema
-from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.detector import EquationDetector, Estimates, Levels, sharp
 from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector", "contradicts", "relative_constant"]
@@ -44,7 +44,7 @@ class Detector(EquationDetector):
         ema = self.actuator.known_ema()
         fit = fits["voltage"]
         constant, error = _seen(fit, ema)
-        shown = fit.spread & (error < _WIDEST)
+        shown = fit.spread & sharp(1.0 - constant, error, _WIDEST, self.levels.normal)
         shown &= (constant > _TURNS) & (constant < 1.0 + _CONTRADICTION)
         return Estimates.of(1.0 - constant, error, fit.freedom, shown)
 
