@@ -182,7 +182,7 @@ class Monitor:
         concluded = [
             (fault, tracker.conclude(whole, start_s, end_s))
             for fault, tracker in self._trackers.items()
-            if concludes(tracker.judged, judged)
+            if concludes(tracker.judged, judged) or tracker.surely_grave(whole)
         ]
         yield from self._changed([(fault, change) for fault, change in concluded if change], end_s)
         self._friction = (friction and friction.concluded) or self._friction
@@ -217,7 +217,7 @@ class Monitor:
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
-                decidable=max([self._decidable, *(t.judged for t in trackers if _is_faulty(t.condition))]),
+                decidable=max([self._decidable, *(_rests_on(t) for t in trackers)]),
                 late=self._cutter.late,
             ),
             last_s=self._latest_s,
@@ -349,8 +349,10 @@ class Monitor:
         )
 
 
-def _is_faulty(condition: Condition) -> bool:
-    return SEVERITY[condition] > SEVERITY["normal"]
+def _rests_on(tracker: IndicatorTracker) -> int:
+    """Return the number of windows on which a fault rests; the whole flight is one."""
+    faulty = SEVERITY[tracker.condition] > SEVERITY["normal"]
+    return max(tracker.judged, int(tracker.concluded is not None)) if faulty else 0
 
 
 def _intervals(look: Look) -> dict[int, Interval]:

@@ -7,6 +7,9 @@ with the rotor, which moves through the gear's play and winds up the gear even i
 A speed without its sign bounds the travel: no shaft travels farther than the integral of its speed. That a shaft
 moves to and fro does not show that it follows, so the bound shows a jam, and ends one only where it is twice what
 was commanded.
+
+Where little is commanded, the current shows a jam: a shaft that stands although the motor pushes with most of its
+torque at stall, for a second of ten altogether. The current's sign does not matter.
 """
 
 from __future__ import annotations
@@ -35,8 +38,14 @@ _LASTING = (11, 40)  # parts: 2.75 s and 10 s
 _FOLLOWING = 4  # parts: 1 s
 _WOUND_UP_DEG = 1.5  # of a gear of 400 N·m/rad and 0.1° of play, by 5 N·m to either side
 _LONGEST_STEP_S = 0.15  # between speeds: a shaft may travel and stop again between two that are farther apart
-_SURELY_FOLLOWS = 2.0  # integral of the speed over the travel commanded; a held rotor reaches 1.6, winding its gear
+_SURELY_FOLLOWS = (
+    2.0  # integral of the speed over the travel commanded; a held rotor reaches 1.6, winding its gear
+)
+_STALLED = (
+    0.8  # of the current at stall; at 1.0 N·m of friction a standing shaft takes up to 0.66, healthy 0.3
+)
 _DEGREES_S = 6.0  # of one rev/min
+_V5, _V7 = column("V5"), column("V7")
 
 Array = NDArray[np.float64]
 
@@ -60,8 +69,13 @@ class Detector:
     def __init__(self, actuator: Actuator, slot_s: float = 1.0) -> None:
         self.levels = Levels(_STANDS, _STANDS)
         self._slot_s = slot_s
-        self._ratio = actuator.ema.gear_ratio if actuator.ema else np.nan
+        ema, supply_v = actuator.ema, actuator.known_supply_v
+        self._ratio = ema.gear_ratio if ema else np.nan
+        self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
+        self._standing = actuator.moving_speed_rev_min if ema else np.nan
+        self._least_samples = actuator.min_rate_hz * slot_s
         self._windows = Windows(6, max(_LASTING), empty=-np.inf)
+        self._in_vain = Windows(1)
 
     @staticmethod
     def suits(actuator: Actuator) -> bool:
@@ -90,6 +104,7 @@ class Detector:
             left_out = np.where(np.isnan(left_out), share, left_out)
         slot = part[start] // _PARTS
         most = np.fmax.reduceat(left_out, np.flatnonzero(np.diff(slot, prepend=slot[0] - 1)))
+        most = np.where(self._stalls(seen.slots), 1.0, most)
         return Estimates.of(most, np.zeros_like(most), np.ones_like(most), np.isfinite(most))
 
     def _parts(self, slots: Slots) -> NDArray[np.int64]:
@@ -101,6 +116,20 @@ class Detector:
         within = (slots.time_s[slots.judged] + GUARD_S) / self._slot_s - slot
         part = np.clip(np.floor(within * _PARTS), 0, _PARTS - 1).astype(np.int64)
         return np.asarray(slot * _PARTS + part)
+
+    def _stalls(self, slots: Slots) -> NDArray[np.bool_]:
+        """Return in which windows the shaft stands while the motor pushes, a second altogether, shape (k,)."""
+        values, time_s = slots.values, slots.time_s
+        _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
+        pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= _STALLED * self._stall_a
+        moves = ~(np.fmax(np.abs(values[:, _V7]), unsigned_rev_min) < self._standing)
+        moved_s = np.concatenate([[-np.inf], time_s[moves], [np.inf]])
+        at = np.searchsorted(moved_s, time_s)
+        apart_s = np.minimum(moved_s[at] - time_s, time_s - moved_s[at - 1])
+        in_vain = (pushes & (apart_s >= GUARD_S))[slots.judged, None].astype(np.float64)
+        share = slots.sums(in_vain)[:, 0] / np.maximum(slots.count(), self._least_samples)
+        stalled: NDArray[np.bool_] = self._in_vain.feed(slots.index, share[:, None]).sum(axis=(1, 2)) >= 1.0
+        return stalled
 
     def _most_travel(self, slots: Slots) -> Array:
         """Return how far the shaft travelled at most since the sample before, °; NaN where that is unknown."""
