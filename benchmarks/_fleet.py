@@ -144,7 +144,7 @@ def measured(tier: str, count: int) -> NDArray[np.bool_] | None:
 
 
 def magnitudes(record: ActuatorRecord, tier: str) -> Array | None:
-    """Return those of V4, V5 and V7 as ESC_TELEMETRY rounds them, shape (n, 3); None where signs are measured."""
+    """Return those of V4, V5 and V7 as ESC_TELEMETRY rounds them, shape (n, 3); None of other tiers."""
     if tier != "esc-unsigned":
         return None
     quanta = np.array([0.01, 0.01, 1.0])

@@ -1,9 +1,9 @@
 """False alarms of healthy actuators: ``python benchmarks/false_alarms.py [--hours 100] [--first 0]``.
 
-Flights of ten minutes by two-mass individuals, each with sample rate, flight mode and telemetry tier drawn at
-random, judged against the limits alone. No rule was developed on these flights: their seeds and individuals are
-used nowhere else. An alarm is an actuator whose ``worst`` is degraded or an emergency. A flight-hour is an hour
-of one flight; its four actuators make four actuator-hours.
+Flights of ten minutes by two-mass individuals, each with sample rate, flight mode and telemetry tier drawn
+at random, judged against the limits alone. No rule was developed on these flights: their seeds and
+individuals are used nowhere else. An alarm is an actuator whose ``worst`` is degraded or an emergency. A
+flight-hour is an hour of one flight; its four actuators make four actuator-hours.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def _judged(name: str, record: FlightRecord) -> list[tuple[str, str, str]]:
     """Return of each actuator the condition, the worst, and the faults suspected."""
     return [
         (one.findings.condition, one.findings.worst, ", ".join(s.fault for s in one.findings.suspects))
-        for one in judge(name, record, tier=name.split("/")[0])
+        for one in judge(name, record, tier=name.split("/", maxsplit=1)[0])
     ]
 
 

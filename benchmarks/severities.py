@@ -1,4 +1,4 @@
-"""Verdicts over the severity of each fault: ``python benchmarks/severities.py [FAULT…] [--seeds 3] [--first 0]``.
+"""Verdicts over the severity of each fault: ``python benchmarks/severities.py [FAULT…] [--first 0]``.
 
 Every fault that the simulator flies, from nothing to its end in ten steps, constant over flights of 60 s
 of two-mass individuals, in each telemetry tier. A cell has a letter for every surface of every seed:
