@@ -135,7 +135,7 @@ class IndicatorTracker:
     def surely_grave(self, flight: Mapping[str, Fit]) -> bool:
         """Return whether the whole interval over the flight lies beyond the emergency limit.
 
-        A shaft that hardly moves for friction gives no window enough samples, and the flight may still be clear.
+        A shaft that friction hardly lets move gives no window enough samples; the flight may still be clear.
         """
         judged, (_, emergency) = self.detector.conclusion(flight), bounds(self.detector.levels)
         if judged is None or self.detector.two_sided:

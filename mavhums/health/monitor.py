@@ -154,8 +154,8 @@ class Monitor:
         ``measured`` (n, 12) marks measured values, as opposed to derived ones; all if omitted. The rotor's
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
         of the supply bus, where an ESC there measures it, and ``airspeed`` (n,) the aircraft's, m/s, where it
-        is known. ``magnitudes`` (n, 3) are those of V4, V5 and V7 where the source does not measure their signs.
-        What no actuator can reach counts as missing.
+        is known. ``magnitudes`` (n, 3) are those of V4, V5 and V7 from a source without signs. What no
+        actuator can reach counts as missing.
         """
         if not time_s.size:
             return

@@ -30,9 +30,9 @@ Array = NDArray[np.float64]
 def prior(actuator: Actuator) -> Prior:
     """Return the prior of backlash and wind-up: between zero and their largest plausible values.
 
-    Backlash is at most twice its limit, half of it on either flank; the gear twists at most twice as far as its
-    stiffness says, or else grave play under a small load reads as twist; wind-up is at most that of the normal
-    friction.
+    Backlash is at most twice its limit, half of it on either flank; the gear twists at most twice as far as
+    its stiffness says, or else grave play under a small load reads as twist; wind-up is at most that of the
+    normal friction.
     """
     limits, stiffness = actuator.known_limits(), actuator.known_ema().stiffness
     flank = _up_to(-limits.backlash_deg if limits.backlash_deg else None)

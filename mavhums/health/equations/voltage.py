@@ -4,8 +4,8 @@
 
 It holds moving or standing. In SI units the back-EMF constant k_e is the torque constant k_t.
 
-Telemetry without signs shows the resistance where the shaft stands: |V4| = R·|V5|, whichever the signs are. Their
-sign being unknown, these samples say nothing of the offset.
+Telemetry without signs shows the resistance where the shaft stands: |V4| = R·|V5|, whichever the signs are.
+Their sign being unknown, these samples say nothing of the offset.
 """
 
 from __future__ import annotations

@@ -73,8 +73,8 @@ class Detector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction; undecidable without motion both ways in several slots.
 
-        Its 95 % interval is narrower than what lies between the limits or, of a grave friction, which scatters
-        more, than what lies between it and the normal limit.
+        Its 95 % interval is narrower than what lies between the limits or, of a grave friction, which
+        scatters more, than what lies between it and the normal limit.
 
         An estimate well below zero contradicts the balance: the constants are not this actuator's, or a
         sensor lies. So does one that is surely next to nothing, as a current has that stands still.

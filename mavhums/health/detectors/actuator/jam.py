@@ -4,12 +4,12 @@ It needs the command and the output shaft's angle, and none of the actuator's co
 from a speed whose sign is derived from the command is no evidence. An angle calculated from the rotor's moves
 with the rotor, which moves through the gear's play and winds up the gear even if the shaft is jammed.
 
-A speed without its sign bounds the travel: no shaft travels farther than the integral of its speed. That a shaft
-moves to and fro does not show that it follows, so the bound shows a jam, and ends one only where it is twice what
-was commanded.
+A speed without its sign bounds the travel: no shaft travels farther than the integral of its speed. That a
+shaft moves to and fro does not show that it follows, so the bound shows a jam, and ends one only where it is
+twice what was commanded.
 
-Where little is commanded, the current shows a jam: a shaft that stands although the motor pushes with most of its
-torque at stall, for a second of ten altogether. The current's sign does not matter.
+Where little is commanded, the current shows a jam: a shaft that stands although the motor pushes with most of
+its torque at stall, for a second of ten altogether. The current's sign does not matter.
 """
 
 from __future__ import annotations
@@ -38,12 +38,8 @@ _LASTING = (11, 40)  # parts: 2.75 s and 10 s
 _FOLLOWING = 4  # parts: 1 s
 _WOUND_UP_DEG = 1.5  # of a gear of 400 N·m/rad and 0.1° of play, by 5 N·m to either side
 _LONGEST_STEP_S = 0.15  # between speeds: a shaft may travel and stop again between two that are farther apart
-_SURELY_FOLLOWS = (
-    2.0  # integral of the speed over the travel commanded; a held rotor reaches 1.6, winding its gear
-)
-_STALLED = (
-    0.8  # of the current at stall; at 1.0 N·m of friction a standing shaft takes up to 0.66, healthy 0.3
-)
+_SURELY_FOLLOWS = 2.0  # integral of the speed over the commanded travel; a held rotor's reaches 1.6
+_STALLED = 0.8  # of the current at stall; a standing shaft takes up to 0.3, with 1.0 N·m of friction 0.66
 _DEGREES_S = 6.0  # of one rev/min
 _V5, _V7 = column("V5"), column("V7")
 
@@ -118,7 +114,7 @@ class Detector:
         return np.asarray(slot * _PARTS + part)
 
     def _stalls(self, slots: Slots) -> NDArray[np.bool_]:
-        """Return in which windows the shaft stands while the motor pushes, a second altogether, shape (k,)."""
+        """Return in which windows the shaft stands while the motor pushes, for a second, shape (k,)."""
         values, time_s = slots.values, slots.time_s
         _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
         pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= _STALLED * self._stall_a
@@ -132,7 +128,7 @@ class Detector:
         return stalled
 
     def _most_travel(self, slots: Slots) -> Array:
-        """Return how far the shaft travelled at most since the sample before, °; NaN where that is unknown."""
+        """Return how far the shaft travelled at most since the sample before, °; NaN where unknown."""
         speed = slots.values[:, MAGNITUDES][:, -1] * _DEGREES_S / self._ratio
         step_s = np.diff(slots.time_s, prepend=np.nan)
         faster = np.maximum(speed, np.concatenate([[np.nan], speed[:-1]]))
