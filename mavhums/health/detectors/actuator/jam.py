@@ -30,7 +30,7 @@ from mavhums.health.windows import Windows
 
 __all__ = ["Detector"]
 
-_V1 = column("V1")
+_V1, _V5, _V7 = (column(key) for key in ("V1", "V5", "V7"))
 _STANDS = 0.8  # of healthy actuators none leaves out more than 0.15, of 1.5 N·m of friction 0.4
 _LEAST_COMMAND_DEG = 4.0
 _PARTS = 4  # of a slot: a jam of 3 s holds 11 whole quarters of a second, whenever it begins
@@ -41,7 +41,6 @@ _LONGEST_STEP_S = 0.15  # between speeds: a shaft may travel and stop again betw
 _SURELY_FOLLOWS = 2.0  # integral of the speed over the commanded travel; a held rotor's reaches 1.6
 _STALLED = 0.8  # of the current at stall; a standing shaft takes up to 0.3, with 1.0 N·m of friction 0.66
 _DEGREES_S = 6.0  # of one rev/min
-_V5, _V7 = column("V5"), column("V7")
 
 Array = NDArray[np.float64]
 
