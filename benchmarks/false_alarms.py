@@ -14,10 +14,10 @@ import argparse
 from collections import Counter
 from functools import partial
 
-import mavhums_sim.flight
 import numpy as np
 from _fleet import MODES, SURFACES, Task, flight, fly_all, judge
 
+import mavhums_sim.flight
 from mavhums.core.conditions import SEVERITY
 from mavhums_sim import FlightRecord
 from mavhums_sim.motion import simulate

@@ -24,17 +24,18 @@ __all__ = [
     "MAGNITUDES",
     "SENSED",
     "SHAFT",
+    "TURNED",
     "SlotCutter",
     "Slots",
     "widen",
 ]
 
-BUS, SHAFT, SENSED, APART, AIRSPEED = (len(KEYS) + k for k in range(5))
-MAGNITUDES = slice(len(KEYS) + 5, len(KEYS) + 8)
-COLUMNS = len(KEYS) + 8
+BUS, SHAFT, SENSED, APART, AIRSPEED, TURNED = (len(KEYS) + k for k in range(6))
+MAGNITUDES = slice(len(KEYS) + 6, len(KEYS) + 9)
+COLUMNS = len(KEYS) + 9
 GUARD_S = 0.06
 _ABSURD = 1e9
-_V2, _V3, _V7 = (column(key) for key in ("V2", "V3", "V7"))
+_V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
 
 Array = NDArray[np.float64]
 
@@ -84,6 +85,7 @@ def widen(
     Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle if it does not
     depend on a derived sign; ``SENSED`` is 1 where a sensor measured that angle, as opposed to the rotor's;
     ``APART`` is 1 where separate sensors measured V2 and V3; ``AIRSPEED`` is the aircraft's, m/s;
+    ``TURNED`` is 1 where the rotor's speed follows from the measured one of the output shaft;
     ``MAGNITUDES`` are those of V4, V5 and V7 from a source that does not measure their signs.
     Values that are not finite or not plausible are NaN.
 
@@ -102,6 +104,7 @@ def widen(
     wide[:, : len(KEYS)] = values
     wide[:, SHAFT] = values[:, _V3]
     wide[:, [SENSED, APART]] = 1.0
+    wide[:, TURNED] = 0.0
     if bus_v is not None:
         wide[:, BUS] = bus_v
     if airspeed is not None:
@@ -111,6 +114,7 @@ def widen(
     if measured is not None:
         wide[:, SENSED] = measured[:, _V3]
         wide[:, APART] = measured[:, _V2] & measured[:, _V3]
+        wide[:, TURNED] = measured[:, _V10] & ~measured[:, _V7]
         wide[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan
     wide[~(np.abs(wide) < _ABSURD)] = np.nan
     return wide
