@@ -61,8 +61,8 @@ class OwnEquation:
         Whether the wear coefficient depends on how fast the commands change: a flight is then compared with
         the baseline at its own acceleration.
     blurs
-        Whether a grave fault makes the quantity as uncertain as it makes it large. A flight's error then counts
-        at most as threefold that of the baseline.
+        Whether a grave fault makes the quantity as uncertain as it makes it large. A flight's error then
+        counts at most as threefold that of the baseline.
     """
 
     name: str

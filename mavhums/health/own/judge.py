@@ -27,7 +27,7 @@ _WINDOW_S = 10.0
 _MOST_TAIL = 0.01
 _TRAILING = 100
 _LEAST_FLIGHTS = 4
-_BLURRED = 3.0  # times the baseline's largest error, by information: healthy flights stay below twice of it
+_BLURRED = 3.0  # times the baseline's largest error, by information; of healthy flights at most 2.4
 
 Array = NDArray[np.float64]
 

@@ -87,7 +87,9 @@ class Detector(EquationDetector):
 
     def _scaled(self, fit: Fit, flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction of a torque balance with the torque constant that the flight shows."""
-        scale, scale_error = relative_constant(flight["voltage"], self.actuator.known_ema())
+        scale, scale_error = relative_constant(
+            flight["voltage"], self.actuator.known_ema(), turned=self.turned
+        )
         friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
         shown = fit.spread & (fit.count >= MIN_SAMPLES)
