@@ -99,7 +99,7 @@ class Detector:
             left_out = np.where(np.isnan(left_out), share, left_out)
         slot = part[start] // _PARTS
         most = np.fmax.reduceat(left_out, np.flatnonzero(np.diff(slot, prepend=slot[0] - 1)))
-        most = np.where(self._stalls(seen.slots), 1.0, most)
+        most = np.where(np.isnan(most) & self._stalls(seen.slots), 1.0, most)
         return Estimates.of(most, np.zeros_like(most), np.ones_like(most), np.isfinite(most))
 
     def _parts(self, slots: Slots) -> NDArray[np.int64]:

@@ -78,5 +78,8 @@ def _seen(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]
     shaft moves so much by itself that a tenth of the back-EMF seems lost.
     """
     nominal = ema.torque_constant * ema.gear_ratio
-    constant, error = voltage.corrected("back_emf", noisy="back_emf" if turned else "resistance")
+    if turned:
+        constant, error = voltage.corrected("back_emf", noisy="back_emf", healthy=nominal)
+    else:
+        constant, error = voltage.corrected("back_emf", noisy="resistance")
     return constant / nominal, error / nominal
