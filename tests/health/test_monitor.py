@@ -320,7 +320,7 @@ def test_motion_too_brief_for_most_windows_decides_the_flight(friction: float, e
 
 @pytest.mark.parametrize(
     ("fault", "severity", "said", "seed"),
-    [("backlash", 0.3, "backlash reliably above", 902), ("sensor_bias", 0.8, "bias of", 901)],
+    [("backlash", 0.3, "backlash reliably above", 902), ("sensor_bias", 0.4, "bias of", 901)],
 )
 def test_a_fault_that_no_run_of_windows_shows_is_an_alarm_at_the_finish(
     fault: str, severity: float, said: str, seed: int
