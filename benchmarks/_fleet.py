@@ -143,6 +143,15 @@ def measured(tier: str, count: int) -> NDArray[np.bool_] | None:
     return np.tile(np.isin(KEYS, given[tier]), (count, 1)) if tier in given else None
 
 
+def magnitudes(record: ActuatorRecord, tier: str) -> Array | None:
+    """Return those of V4, V5 and V7 as ESC_TELEMETRY rounds them, shape (n, 3); None of other tiers."""
+    if tier != "esc-unsigned":
+        return None
+    quanta = np.array([0.01, 0.01, 1.0])
+    found: Array = np.rint(np.abs(record.esc) / quanta) * quanta
+    return found
+
+
 def judge(
     name: str,
     record: FlightRecord,
@@ -159,7 +168,9 @@ def judge(
         actuator = ACTUATORS[surface]
         monitor = Monitor(1, actuator, baselines=known.get(surface), window_s=window_s)
         times, values = quantities(flown, actuator, tier)
-        events = [*monitor.feed(times, values, measured(tier, times.size)), *monitor.finish()]
+        unsigned = magnitudes(flown, tier)
+        events = [*monitor.feed(times, values, measured(tier, times.size), magnitudes=unsigned)]
+        events += monitor.finish()
         windows = tuple(event for event in events if isinstance(event, Window))
         changes = tuple(event for event in events if isinstance(event, ConditionChanged))
         truth = {

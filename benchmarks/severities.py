@@ -1,4 +1,4 @@
-"""Verdicts over the severity of each fault: ``python benchmarks/severities.py [FAULT…] [--seeds 3]``.
+"""Verdicts over the severity of each fault: ``python benchmarks/severities.py [FAULT…] [--first 0]``.
 
 Every fault that the simulator flies, from nothing to its end in ten steps, constant over flights of 60 s
 of two-mass individuals, in each telemetry tier. A cell has a letter for every surface of every seed:
@@ -80,7 +80,7 @@ def rows(args: argparse.Namespace) -> Iterator[str]:
         yield ""
         yield f"| {fault} | " + " | ".join(f"{step:g}" for step in steps) + " | milder |"
         yield "|---" * (STEPS + 3) + "|"
-        for tier, verdicts in swept(fault, range(args.seeds), args).items():
+        for tier, verdicts in swept(fault, range(args.first, args.first + args.seeds), args).items():
             cells = ["".join(_LETTERS[c] for c in step) for step in verdicts]
             parts = [
                 " ".join(cell[k : k + len(SURFACES)] for k in range(0, len(cell), len(SURFACES)))
@@ -95,6 +95,7 @@ def main() -> None:
     )
     parser.add_argument("faults", nargs="*", choices=[[], *ENDS], help="all if omitted")
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=50.0)
     parser.add_argument("--workers", type=int, default=2)

@@ -43,6 +43,9 @@ class Mapped:
         Which of the values the log carries and which were derived, shape (n, 12).
     bus_v
         Voltage of the supply bus, V, shape (n,); None unless an ESC measures there.
+    magnitudes
+        Of V4, V5 and V7, shape (n, 3), from a source without signs; V4 and V5 are NaN if it measures at the
+        supply bus. None if the source is signed.
     """
 
     vehicle: int
@@ -51,6 +54,7 @@ class Mapped:
     values: NDArray[np.float64]
     measured: NDArray[np.bool_]
     bus_v: NDArray[np.float64] | None = None
+    magnitudes: NDArray[np.float64] | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -135,7 +139,10 @@ class Mapper:
                 measured = aligned.origin >= 0
                 if not aligned.signed:  # a magnitude's sign is derived
                     measured[:, _SIGNED] = False
+                magnitudes = None if aligned.signed else aligned.values[:, _SIGNED]
                 at_bus = track.actuator.esc_side == "bus" and aligned.tier.startswith(REPORTED)
+                if at_bus and magnitudes is not None:
+                    magnitudes[:, :2] = np.nan
                 out.append(
                     Mapped(
                         track.vehicle,
@@ -144,6 +151,7 @@ class Mapper:
                         values,
                         measured,
                         aligned.values[:, column("V4")] if at_bus else None,
+                        magnitudes,
                     )
                 )
         return out

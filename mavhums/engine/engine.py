@@ -276,11 +276,12 @@ class Engine:
                 yield from self._forget(mapped.vehicle, actuator.name, float(time_s[a]))
                 continue
             bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
+            magnitudes = None if mapped.magnitudes is None else mapped.magnitudes[a:b]
             monitor = self._monitor(mapper, mapped)
             if self._states:
                 yield from classified(mapped, time_s, slice(a, b), self._serving(mapper.airframe))
             yield from monitor.feed(
-                time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b]
+                time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b], magnitudes
             )
 
     def _monitor(self, mapper: Mapper, mapped: Mapped) -> Monitor:

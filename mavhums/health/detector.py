@@ -139,7 +139,14 @@ class Detector(Protocol):
 
 
 class EquationDetector:
-    """A detector that reads its quantity from fits of equations, for windows and whole flights alike."""
+    """A detector that reads its quantity from fits of equations, for windows and whole flights alike.
+
+    Attributes
+    ----------
+    turned
+        Whether the rotor's speed follows from the output shaft's, as the first known speed tells. The shaft's
+        differs by what play and torsion of the gear let it move by itself.
+    """
 
     equations: ClassVar[tuple[str, ...]]
     two_sided: ClassVar[bool] = False
@@ -147,6 +154,7 @@ class EquationDetector:
 
     def __init__(self, actuator: Actuator) -> None:
         self.actuator = actuator
+        self.turned: bool | None = None
 
     @staticmethod
     def suits(actuator: Actuator) -> bool:
@@ -155,6 +163,8 @@ class EquationDetector:
 
     def feed(self, seen: Seen) -> Estimates:
         """Return the quantity in the windows that end with each new slot."""
+        if self.turned is None and seen.motion is not None and np.isfinite(seen.motion.speed).any():
+            self.turned = bool(seen.motion.turned[np.isfinite(seen.motion.speed).argmax()])
         return self.read(seen.windows, seen.flight)
 
     def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:

@@ -34,7 +34,8 @@ def concludes(windows: int, friction_windows: int) -> bool:
 
     What no window shows the whole flight may show, as play that the load seldom crosses, if the actuator was
     judged at all: if windows show its friction. The friction itself needs such windows. Samples too few or
-    too doubtful for any window do not become evidence by their number.
+    too doubtful for any window do not become evidence by their number. (What is surely an emergency over the
+    flight needs none: a grave fault leaves few samples in motion.)
     """
     return bool(windows or friction_windows)
 

@@ -132,6 +132,17 @@ class IndicatorTracker:
         self.latest = Estimate(*(float(column[at[-1]]) for column in look.own))
         return changes
 
+    def surely_grave(self, flight: Mapping[str, Fit]) -> bool:
+        """Return whether the whole interval over the flight lies beyond the emergency limit.
+
+        A shaft that friction hardly lets move gives no window enough samples; the flight may still be clear.
+        """
+        judged, (_, emergency) = self.detector.conclusion(flight), bounds(self.detector.levels)
+        if judged is None or self.detector.two_sided:
+            return False
+        low = judged.value - half_width(judged, tail=tail_of(self.false_alarms))
+        return bool(low[0] > emergency)
+
     def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> Change | None:
         """Judge by the whole flight, which may have evidence that no run of windows has; return the change.
 

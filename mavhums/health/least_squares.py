@@ -115,17 +115,20 @@ class Fit:
         slots = [np.count_nonzero(count + signed > 0.5, axis=1) for signed in (balance, -balance)]
         return np.asarray(np.minimum(*slots))
 
-    def corrected(self, term: str, *, noisy: str) -> Coefficient:
+    def corrected(self, term: str, *, noisy: str, healthy: float = 0.0) -> Coefficient:
         """Return the coefficient of a term, and a standard error that allows for noise in a ``noisy`` term.
 
         Noise in a term biases its coefficient towards zero, and the others with it. The true coefficient
         lies between the estimate and 1/r² times the estimate, where r is the term's partial correlation
         with the left side. The midpoint is returned, with an error that covers both ends.
+
+        The noise is at most that which explains all residuals by the noisy term's coefficient, or by the
+        ``healthy`` one if that is larger: a fault that takes the coefficient away adds no noise to the term.
         """
         coefficients, errors, variance, inverse = self._solution
         noise, place = self._places[noisy], self._places[term]
         own = np.copysign(np.maximum(np.abs(coefficients[:, noise]), _LEAST), coefficients[:, noise])
-        most = self.count * variance / own * inverse[:, place, noise]
+        most = self.count * variance * own / np.maximum(np.abs(own), healthy) ** 2 * inverse[:, place, noise]
         std_error = np.hypot(errors[:, place], most / np.sqrt(12.0))
         return Coefficient(coefficients[:, place] + most / 2, std_error)
 

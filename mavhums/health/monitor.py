@@ -115,7 +115,7 @@ class Monitor:
         self._slot_s = window_s / WINDOW_SLOTS
         self._window_s = window_s
         self._cutter = SlotCutter(self._slot_s)
-        self._waiting: list[tuple[Array, Array, NDArray[np.bool_], Array, Array]] = []
+        self._waiting: list[tuple[Array, Array, NDArray[np.bool_], Array, Array, Array]] = []
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
         self._own: list[OwnSums | VoltageSums] = [
             collector(equation, actuator) for equation in EQUATIONS if open_limits
@@ -154,20 +154,23 @@ class Monitor:
         measured: NDArray[np.bool_] | None = None,
         bus_v: Array | None = None,
         airspeed: Array | None = None,
+        magnitudes: Array | None = None,
     ) -> Iterator[Window | ConditionChanged | Indication]:
         """Process samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12).
 
         ``measured`` (n, 12) marks measured values, as opposed to derived ones; all if omitted. The rotor's
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
         of the supply bus, where an ESC there measures it, and ``airspeed`` (n,) the aircraft's, m/s, where it
-        is known. What no actuator can reach counts as missing.
+        is known. ``magnitudes`` (n, 3) are those of V4, V5 and V7 from a source without signs. What no
+        actuator can reach counts as missing.
         """
         if not time_s.size:
             return
         count = len(values)
         known = np.ones(values.shape, dtype=np.bool_) if measured is None else measured
         bus, air = (np.full(count, np.nan) if given is None else given for given in (bus_v, airspeed))
-        self._waiting.append((time_s, values, known, bus, air))
+        unsigned = np.full((count, 3), np.nan) if magnitudes is None else magnitudes
+        self._waiting.append((time_s, values, known, bus, air, unsigned))
         self._latest_s = max(self._latest_s, float(time_s.max()))
         if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
             yield from self._judge(self._cut())
@@ -187,7 +190,7 @@ class Monitor:
         concluded = [
             (fault, tracker.conclude(whole, start_s, end_s))
             for fault, tracker in trackers.items()
-            if concludes(tracker.judged, judged)
+            if concludes(tracker.judged, judged) or tracker.surely_grave(whole)
         ]
         yield from self._changed([(fault, change) for fault, change in concluded if change], end_s)
         self._friction = (friction and friction.concluded) or self._friction
@@ -225,7 +228,7 @@ class Monitor:
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
-                decidable=max([self._decidable, *(t.judged for t in deciding if _is_faulty(t.condition))]),
+                decidable=max([self._decidable, *(_rests_on(t) for t in deciding)]),
                 late=self._cutter.late,
             ),
             last_s=self._latest_s,
@@ -369,8 +372,10 @@ class Monitor:
         )
 
 
-def _is_faulty(condition: Condition) -> bool:
-    return SEVERITY[condition] > SEVERITY["normal"]
+def _rests_on(tracker: IndicatorTracker) -> int:
+    """Return the number of windows on which a fault rests; the whole flight is one."""
+    faulty = SEVERITY[tracker.condition] > SEVERITY["normal"]
+    return max(tracker.judged, int(tracker.concluded is not None)) if faulty else 0
 
 
 def _intervals(look: Look) -> dict[int, Interval]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import KEYS, column
-from mavhums.health.slots import APART, BUS, GUARD_S, Slots
+from mavhums.health.slots import APART, BUS, GUARD_S, MAGNITUDES, TURNED, Slots
 
 __all__ = ["Motion", "lasting", "motion"]
 
@@ -41,6 +41,10 @@ class Motion(NamedTuple):
         Voltage of the supply bus, V; NaN if the log does not carry it.
     apart
         Whether separate sensors measured V2 and V3.
+    turned
+        Whether the rotor's speed follows from the output shaft's.
+    magnitudes
+        Of V4, V5 and V7 from a source that does not measure their signs, else NaN; shape (n, 3).
     """
 
     moving: NDArray[np.bool_]
@@ -50,6 +54,8 @@ class Motion(NamedTuple):
     values: Array
     bus_v: Array
     apart: NDArray[np.bool_]
+    turned: NDArray[np.bool_]
+    magnitudes: Array
 
 
 def motion(actuator: Actuator, slots: Slots) -> Motion:
@@ -73,6 +79,8 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
         values[:, : len(KEYS)],
         values[:, BUS],
         values[:, APART] > 0,
+        values[:, TURNED] > 0,
+        values[:, MAGNITUDES],
     )
 
 

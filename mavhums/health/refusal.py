@@ -60,7 +60,7 @@ def _too_few(usable: int, moving: int, samples: int) -> tuple[str, str]:
 def _contradiction(detector: Friction, flight: Mapping[str, Fit]) -> tuple[str, str] | None:
     """Return what contradicts the torque balance, if anything does."""
     ema, limits = detector.actuator.known_ema(), detector.actuator.known_limits()
-    contradicted, constant = contradicts(flight["voltage"], ema)
+    contradicted, constant = contradicts(flight["voltage"], ema, turned=detector.turned)
     if contradicted[0]:
         share = f"the back-EMF shows {100 * constant[0]:.0f} % of the profile's torque constant"
         return f"{share}, so the current does not tell the torque", _CHECK

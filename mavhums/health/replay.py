@@ -58,7 +58,7 @@ def replay(
         concluded = [
             (trace.fault.fault, trace.conclude(record.concluded_s))
             for trace in traces
-            if concludes(len(trace.fault.windows), judged)
+            if concludes(len(trace.fault.windows), judged) or trace.fault.settled is not None
         ]
         for fault, change in concluded:
             if change is not None:

@@ -21,18 +21,21 @@ __all__ = [
     "BUS",
     "COLUMNS",
     "GUARD_S",
+    "MAGNITUDES",
     "SENSED",
     "SHAFT",
+    "TURNED",
     "SlotCutter",
     "Slots",
     "widen",
 ]
 
-BUS, SHAFT, SENSED, APART, AIRSPEED = (len(KEYS) + k for k in range(5))
-COLUMNS = len(KEYS) + 5
+BUS, SHAFT, SENSED, APART, AIRSPEED, TURNED = (len(KEYS) + k for k in range(6))
+MAGNITUDES = slice(len(KEYS) + 6, len(KEYS) + 9)
+COLUMNS = len(KEYS) + 9
 GUARD_S = 0.06
 _ABSURD = 1e9
-_V2, _V3, _V7 = (column(key) for key in ("V2", "V3", "V7"))
+_V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
 
 Array = NDArray[np.float64]
 
@@ -51,7 +54,7 @@ class Slots:
     judged
         Mask of the samples that belong to the slots; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, 17), increasing in time; the columns are those of :func:`widen`.
+        Shapes (n,) and (n, ``COLUMNS``), increasing in time; the columns are those of :func:`widen`.
     """
 
     index: NDArray[np.int64]
@@ -75,12 +78,15 @@ def widen(
     measured: NDArray[np.bool_] | None = None,
     bus_v: Array | None = None,
     airspeed: Array | None = None,
+    magnitudes: Array | None = None,
 ) -> Array:
     """Return V1…V12 with the additional columns of some detectors, shape (n, ``COLUMNS``).
 
     Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle if it does not
     depend on a derived sign; ``SENSED`` is 1 where a sensor measured that angle, as opposed to the rotor's;
-    ``APART`` is 1 where separate sensors measured V2 and V3; ``AIRSPEED`` is the aircraft's, m/s.
+    ``APART`` is 1 where separate sensors measured V2 and V3; ``AIRSPEED`` is the aircraft's, m/s;
+    ``TURNED`` is 1 where the rotor's speed follows from the measured one of the output shaft;
+    ``MAGNITUDES`` are those of V4, V5 and V7 from a source that does not measure their signs.
     Values that are not finite or not plausible are NaN.
 
     Parameters
@@ -91,18 +97,24 @@ def widen(
         Mask of the measured values, as opposed to derived ones, shape (n, 12); all if omitted.
     bus_v, airspeed
         Shape (n,); NaN if omitted.
+    magnitudes
+        Shape (n, 3); NaN if omitted.
     """
     wide = np.full((len(values), COLUMNS), np.nan)
     wide[:, : len(KEYS)] = values
     wide[:, SHAFT] = values[:, _V3]
     wide[:, [SENSED, APART]] = 1.0
+    wide[:, TURNED] = 0.0
     if bus_v is not None:
         wide[:, BUS] = bus_v
     if airspeed is not None:
         wide[:, AIRSPEED] = airspeed
+    if magnitudes is not None:
+        wide[:, MAGNITUDES] = magnitudes
     if measured is not None:
         wide[:, SENSED] = measured[:, _V3]
         wide[:, APART] = measured[:, _V2] & measured[:, _V3]
+        wide[:, TURNED] = measured[:, _V10] & ~measured[:, _V7]
         wide[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan
     wide[~(np.abs(wide) < _ABSURD)] = np.nan
     return wide
@@ -139,7 +151,7 @@ class SlotCutter:
         return bool(np.floor(latest_s / self._slot_s) * self._slot_s > self._closed)
 
     def feed(self, time_s: Array, values: Array) -> Slots | None:
-        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, 17)."""
+        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, ``COLUMNS``)."""
         if time_s.size == 0:
             return None
         latest = np.maximum(np.maximum.accumulate(time_s), self.latest_s)

@@ -59,16 +59,17 @@ def flown(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Telemetry:
-    """What a monitor is fed: shapes (n,), (n, 12) and, from an ESC at the bus, (n,)."""
+    """What a monitor is fed: shapes (n,), (n, 12), from an ESC at the bus (n,), without signs (n, 3)."""
 
     time_s: Array
     values: Array
     bus_v: Array | None = None
+    magnitudes: Array | None = None
 
     def between(self, a: int, b: int) -> Telemetry:
         """Return some of the samples."""
-        bus_v = None if self.bus_v is None else self.bus_v[a:b]
-        return Telemetry(self.time_s[a:b], self.values[a:b], bus_v)
+        bus_v, unsigned = (None if all_ is None else all_[a:b] for all_ in (self.bus_v, self.magnitudes))
+        return Telemetry(self.time_s[a:b], self.values[a:b], bus_v, unsigned)
 
 
 def sensed(record: FlightRecord) -> dict[str, Telemetry]:
@@ -105,6 +106,6 @@ def watch_blocks(
     events: list[Event] = []
     for block in blocks:
         gave = None if measured is None else np.tile(measured, (block.time_s.size, 1))
-        events.extend(monitor.feed(block.time_s, block.values, gave, block.bus_v))
+        events.extend(monitor.feed(block.time_s, block.values, gave, block.bus_v, None, block.magnitudes))
     events.extend(monitor.finish())
     return events, monitor.findings()

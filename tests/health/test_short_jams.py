@@ -6,11 +6,15 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
 
+Array = NDArray[np.float64]
 _V1, _V3 = column("V1"), column("V3")
 BARE = actuator_of().model_copy(update={"ema": None, "limits": None})
 
@@ -55,6 +59,62 @@ def test_a_pause_of_the_link_is_no_jam() -> None:
     values[(time_s > 19.9) & (time_s < 22.5), _V3] = 0.0
     _, findings = watch(Telemetry(time_s[there], values[there]), BARE)
     assert findings.worst == "undecided"
+
+
+def unsigned(time_s: Array, moves: NDArray[np.bool_]) -> Telemetry:
+    """Return a command of ±8°, and the magnitude of the speed of a shaft that follows it in some samples."""
+    values = np.full((time_s.size, 12), np.nan)
+    values[:, _V1] = 8.0 * np.sin(2.0 * time_s)
+    speed = np.abs(16.0 * np.cos(2.0 * time_s)) * actuator_of().known_ema().gear_ratio / 6.0
+    magnitudes = np.full((time_s.size, 3), np.nan)
+    magnitudes[:, 2] = np.where(moves, speed, 0.0)
+    return Telemetry(time_s, values, magnitudes=magnitudes)
+
+
+NOTHING = np.isin(np.arange(12), [_V1])
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 25.0, 100.0])
+def test_a_speed_without_sign_shows_a_shaft_that_cannot_have_moved(rate_hz: float) -> None:
+    time_s = np.arange(0.0, 40.0, 1.0 / rate_hz)
+    assert watch(unsigned(time_s, time_s > -1), measured=NOTHING)[1].worst == "undecided"
+    held = (time_s > 20.0) & (time_s < 24.0)
+    _, findings = watch(unsigned(time_s, ~held), measured=NOTHING)
+    assert (findings.condition, findings.worst) == ("undecided", "emergency")
+
+
+def test_speeds_far_apart_show_no_jam() -> None:
+    """The shaft may have moved between them."""
+    time_s = np.arange(0.0, 40.0, 0.2)
+    assert watch(unsigned(time_s, time_s < 0), measured=NOTHING)[1].worst == "undecided"
+
+
+@given(cut=st.lists(st.integers(0, 1000), max_size=6).map(sorted))
+@settings(max_examples=20, deadline=None)
+def test_a_bound_of_the_travel_does_not_depend_on_the_blocks(cut: list[int]) -> None:
+    time_s = np.arange(0.0, 40.0, 0.04)
+    seen = unsigned(time_s, (time_s < 20.0) | (time_s > 24.0))
+    whole = watch(seen, measured=NOTHING)[1].evidence
+    assert whole
+    parts = [seen.between(a, b) for a, b in itertools.pairwise([0, *cut, time_s.size])]
+    assert watch_blocks(parts, measured=NOTHING)[1].evidence == whole
+
+
+@pytest.mark.parametrize(("share", "worst"), [(0.95, "emergency"), (0.6, "undecided")])
+@pytest.mark.parametrize("signed", [True, False])
+def test_a_shaft_that_stands_at_stall_has_jammed(share: float, worst: str, *, signed: bool) -> None:
+    """Too little is commanded to see it by the angle."""
+    time_s, ema = np.arange(0.0, 30.0, 0.04), actuator_of().known_ema()
+    current = share * 27.0 / ema.resistance * np.sign(np.sin(time_s))
+    pushes = (time_s > 15.0) & (time_s < 16.5)
+    values = np.full((time_s.size, 12), np.nan)
+    values[:, _V1] = values[:, _V3] = np.sin(time_s)
+    magnitudes = np.full((time_s.size, 3), np.nan)
+    columns, there = (values, [4, 6]) if signed else (magnitudes, [1, 2])
+    columns[:, there] = 0.0
+    columns[pushes, there[0]] = current[pushes] if signed else np.abs(current[pushes])
+    _, findings = watch(Telemetry(time_s, values, magnitudes=magnitudes))
+    assert findings.worst == worst
 
 
 def test_a_jam_does_not_depend_on_the_blocks() -> None:

@@ -30,13 +30,15 @@ Array = NDArray[np.float64]
 def prior(actuator: Actuator) -> Prior:
     """Return the prior of backlash and wind-up: between zero and their largest plausible values.
 
-    Backlash is at most twice its limit, half of it on either flank; wind-up is at most that of the normal
-    friction.
+    Backlash is at most twice its limit, half of it on either flank; the gear twists at most twice as far as
+    its stiffness says, or else grave play under a small load reads as twist; wind-up is at most that of the
+    normal friction.
     """
     limits, stiffness = actuator.known_limits(), actuator.known_ema().stiffness
     flank = _up_to(-limits.backlash_deg if limits.backlash_deg else None)
     drag = _up_to(-np.degrees(limits.normal / stiffness) if stiffness else None)
-    known = (flank, _up_to(None), drag, _up_to(None))
+    twist = _up_to(-2.0 * np.degrees(1.0 / stiffness) if stiffness else None)
+    known = (flank, twist, drag, _up_to(None))
     return Prior(np.array([mean for mean, _ in known]), np.array([deviation for _, deviation in known]))
 
 

@@ -50,4 +50,5 @@ EQUATION = OwnEquation(
     left=_error,
     speed=_speed,
     by_activity=True,
+    blurs=True,  # a servo without power or torque falls behind by whole degrees, now more and now less
 )

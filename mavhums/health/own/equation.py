@@ -60,6 +60,9 @@ class OwnEquation:
     by_activity
         Whether the wear coefficient depends on how fast the commands change: a flight is then compared with
         the baseline at its own acceleration.
+    blurs
+        Whether a grave fault makes the quantity as uncertain as it makes it large. A flight's error then
+        counts at most as threefold that of the baseline.
     """
 
     name: str
@@ -73,3 +76,4 @@ class OwnEquation:
     left: Callable[[Actuator, Slots], Array]
     speed: Callable[[Actuator, Slots], Speed | None]
     by_activity: bool = False
+    blurs: bool = False

@@ -12,7 +12,7 @@ from mavhums.health.own.grams import eliminated, unpacked
 from mavhums.health.own.record import KEPT
 from mavhums.report.assessment import OwnRecord
 
-__all__ = ["Nuisances", "Wear", "grams_of", "learned", "shows", "wear"]
+__all__ = ["Nuisances", "Wear", "grams_of", "information", "learned", "shows", "wear"]
 
 _SIGN, _LEFT = KEPT.index("sign"), KEPT.index("left")
 _SPEED, _ACCELERATION = KEPT.index("speed"), KEPT.index("acceleration")
@@ -63,9 +63,12 @@ def _columns(record: OwnRecord) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 def shows(record: OwnRecord) -> bool:
     """Return whether a flight has enough motion in both directions to determine the wear."""
-    information = 1 + KEPT.index("sign")
-    enough = sum(row[information] for row in record.groups) >= _LEAST_INFORMATION
-    return enough and len(record.groups) >= _LEAST_GROUPS
+    return information(record) >= _LEAST_INFORMATION and len(record.groups) >= _LEAST_GROUPS
+
+
+def information(record: OwnRecord) -> float:
+    """Return the number of samples in a flight that determine its wear, as many to either side."""
+    return sum(row[1 + _SIGN] for row in record.groups)
 
 
 def learned(records: Sequence[OwnRecord]) -> Nuisances | None:

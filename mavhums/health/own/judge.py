@@ -15,7 +15,7 @@ from mavhums.core.conditions import Condition
 from mavhums.health.decision import FALSE_ALARMS, tail_of
 from mavhums.health.own.differences import Difference, differences
 from mavhums.health.own.equation import OwnEquation
-from mavhums.health.own.fit import Wear
+from mavhums.health.own.fit import Wear, information
 from mavhums.health.own.method import Individual, learned, wear
 from mavhums.health.own.past import PastRecord, compared
 from mavhums.health.random_effects import Population, population
@@ -27,6 +27,7 @@ _WINDOW_S = 10.0
 _MOST_TAIL = 0.01
 _TRAILING = 100
 _LEAST_FLIGHTS = 4
+_BLURRED = 3.0  # times the baseline's largest error, by information; of healthy flights at most 2.4
 
 Array = NDArray[np.float64]
 
@@ -122,13 +123,18 @@ def compare(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Healthy:
-    """The reference flights: their population, and their known differences."""
+    """The reference flights: their population, and their known differences.
+
+    ``noise`` is the largest error of a flight with one sample of information; infinite if a flight's own
+    error counts however large it is.
+    """
 
     nuisances: Individual
     flights: Population
     differences: tuple[Difference, ...]
     sign: float
     shown: int
+    noise: float
 
     @classmethod
     @lru_cache(maxsize=1024)
@@ -142,7 +148,9 @@ class _Healthy:
         errors = np.array([w.error for w, _ in shown])
         known = tuple(differences(equation, [r for _, r in shown], warm=warm))
         flights = population(np.array([_row(known, r) for _, r in shown]), values, errors)
-        return cls(nuisances, flights, known, float(np.sign(flights.coefficients[0])) or 1.0, len(shown))
+        noise = max(w.error * information(r) ** 0.5 for w, r in shown) if equation.blurs else np.inf
+        sign = float(np.sign(flights.coefficients[0])) or 1.0
+        return cls(nuisances, flights, known, sign, len(shown), _BLURRED * noise)
 
     def _row(self, record: OwnRecord) -> Array:
         return _row(self.differences, record)
@@ -158,7 +166,7 @@ class _Healthy:
     def rise(self, held: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
         """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
         variance = self.flights.variance_at(self._row(record))
-        own = held.error**2
+        own = min(held.error, self.noise / information(record) ** 0.5) ** 2
         freedom = (variance + own) ** 2 / (variance**2 / self.flights.freedom + own**2 / held.freedom)
         tail = min(tail_of(false_alarms) * max(record.duration_s / _WINDOW_S, 1.0), _MOST_TAIL)
         error = (variance + own) ** 0.5

@@ -69,6 +69,17 @@ def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row() -> None:
     assert "since flight 23 (2026-03-23): friction" in text
 
 
+def test_a_fault_that_blurs_its_own_quantity_is_changed() -> None:
+    """Sometimes the servo follows and sometimes it is far behind: the mean is as uncertain as it is large."""
+    fair, grave = flight(85), flight(86, 0.5)
+    blurred = fair.model_copy(update={"groups": (*fair.groups[:4], *grave.groups[4:])})
+    assert compare(EQUATION, blurred, HEALTHY).condition == "unchanged"
+    tracking = replace(EQUATION, blurs=True)
+    assert compare(tracking, blurred, HEALTHY).condition == "changed"
+    assert compare(tracking, flight(87), HEALTHY).condition == "unchanged"
+    assert own_tracking.EQUATION.blurs
+
+
 def test_a_reversed_current_wears_as_well() -> None:
     def turned(record: OwnRecord) -> OwnRecord:
         groups = tuple(

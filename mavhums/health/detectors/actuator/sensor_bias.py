@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
-from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.detector import EquationDetector, Estimates, Levels, sharp
 from mavhums.health.equations.gear import LEAST_SLOTS, TERMS, prior
 from mavhums.health.least_squares import Fit
 
@@ -43,5 +43,5 @@ class Detector(EquationDetector):
         one_sided = fit.both_ways("flank", "bias") < LEAST_SLOTS
         bias, error = fit["bias"]
         error = np.maximum(error, np.where(one_sided, self._play, 0.0))
-        shown = fit.spread & (error < _WIDEST_DEG)
+        shown = fit.spread & sharp(bias, error, _WIDEST_DEG, self.levels.normal)
         return Estimates.of(bias, error, fit.freedom, shown)

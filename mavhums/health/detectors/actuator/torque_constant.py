@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, Ema
-from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.detector import EquationDetector, Estimates, Levels, sharp
 from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector", "contradicts", "relative_constant"]
@@ -43,36 +43,43 @@ class Detector(EquationDetector):
         """
         ema = self.actuator.known_ema()
         fit = fits["voltage"]
-        constant, error = _seen(fit, ema)
-        shown = fit.spread & (error < _WIDEST)
+        constant, error = _seen(fit, ema, turned=self.turned)
+        shown = fit.spread & sharp(1.0 - constant, error, _WIDEST, self.levels.normal)
         shown &= (constant > _TURNS) & (constant < 1.0 + _CONTRADICTION)
         return Estimates.of(1.0 - constant, error, fit.freedom, shown)
 
 
-def contradicts(voltage: Fit, ema: Ema) -> tuple[NDArray[np.bool_], Array]:
+def contradicts(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[NDArray[np.bool_], Array]:
     """Return whether the back-EMF surely departs from the data sheet by half or more, and its share of it.
 
     Then nobody knows what torque a current is worth, and no torque balance holds.
     """
-    shown, error = _seen(voltage, ema)
+    shown, error = _seen(voltage, ema, turned=turned)
     return (error < _SURE) & (np.abs(1.0 - shown) >= _CONTRADICTION), shown
 
 
-def relative_constant(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
+def relative_constant(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]:
     """Return torque constant over the data sheet's, and its standard error, shapes (k,).
 
     What the back-EMF shows and what the profile knows, each weighted with its certainty. NaN where the
     back-EMF contradicts the data sheet: then nobody knows what torque a current is worth.
     """
-    shown, error = _seen(voltage, ema)
+    shown, error = _seen(voltage, ema, turned=turned)
     known = max(ema.torque_uncertainty / 2, 1e-6)
     weight = known**2 / (known**2 + error**2)
-    contradicted, _ = contradicts(voltage, ema)
+    contradicted, _ = contradicts(voltage, ema, turned=turned)
     return np.where(contradicted, np.nan, 1.0 + weight * (shown - 1.0)), np.sqrt(weight) * error
 
 
-def _seen(voltage: Fit, ema: Ema) -> tuple[Array, Array]:
-    """Return what the back-EMF alone shows of it; noise in the current is allowed for."""
+def _seen(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]:
+    """Return what the back-EMF alone shows of it.
+
+    Noise in the current is allowed for, or that of a speed which is the output shaft's: in calm cruise the
+    shaft moves so much by itself that a tenth of the back-EMF seems lost.
+    """
     nominal = ema.torque_constant * ema.gear_ratio
-    constant, error = voltage.corrected("back_emf", noisy="resistance")
+    if turned:
+        constant, error = voltage.corrected("back_emf", noisy="back_emf", healthy=nominal)
+    else:
+        constant, error = voltage.corrected("back_emf", noisy="resistance")
     return constant / nominal, error / nominal

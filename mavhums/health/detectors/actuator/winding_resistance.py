@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from mavhums.actuator.profile import Actuator
-from mavhums.health.detector import EquationDetector, Estimates, Levels
+from mavhums.health.detector import EquationDetector, Estimates, Levels, sharp
 from mavhums.health.least_squares import Fit
 
 __all__ = ["Detector"]
@@ -36,5 +36,5 @@ class Detector(EquationDetector):
         """Return the resistance; undecidable if the current varies too little."""
         fit, nominal = fits["voltage"], self.actuator.known_ema().resistance
         resistance, error = fit.corrected("resistance", noisy="resistance")
-        shown = fit.spread & (error < _WIDEST * nominal)
+        shown = fit.spread & sharp(resistance, error, _WIDEST * nominal, self.levels.normal)
         return Estimates.of(resistance, error, fit.freedom, shown)
