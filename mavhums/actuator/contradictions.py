@@ -16,6 +16,7 @@ from mavhums.actuator.surfaces import named_surface, of_airframe
 from mavhums.vehicle.outputs import Output, assigned_outputs
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import AXES, Moved, Surfaces, of_parameters
+from mavhums.vehicle.vtol import Lift
 
 __all__ = ["Contradiction", "against_log", "contradictions", "reconciled", "remedy"]
 
@@ -123,7 +124,7 @@ def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | 
             confirmed.add(axis)
             outputs = _directed(outputs, unturned, logged)
         moved |= {one.servo: one for one in outputs}
-    lift = told.lift if told else ()
+    lift = told.lift if told else Lift()
     return Surfaces(
         tuple(moved.values()), "profile", lift, frozenset(by_log), contradicted, frozenset(confirmed)
     )

@@ -10,7 +10,8 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.engine.axes import VehicleAxes
-from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
+from mavhums.health.axis.obstacles import why_not_at_all
+from mavhums.health.axis.verdict import judged_axis, unjudged_axes
 from mavhums.health.verdict import contradicted_actuator, unjudged_actuator, unjudged_vehicle
 from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import Judgeable

@@ -28,6 +28,7 @@ from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
 from mavhums.vehicle.signals import Signal
 from mavhums.vehicle.surfaces import Demands, Surfaces
 from mavhums.vehicle.usage import Usage
+from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
 __all__ = ["MESSAGES", "Axes", "VehicleAxes"]
 
@@ -42,7 +43,7 @@ _INFERENCES: Final = 3
 _TRIES_S: Final = (60, 120, 180)  # of forward flight: a reference takes 45 s, and none begins later
 _RECENT_S: Final = 180  # before an alarm: with 120, two of seven wrong profiles raised it all the same
 _NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
-_FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT")
+_FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT", *VTOL_PARAMETERS)
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -249,7 +250,7 @@ class VehicleAxes:
 
     def _ask(self, surfaces: Surfaces, axes: Sequence[str], until_s: int, alarmed: str = "") -> None:
         """Ask the motion up to a flight second whether it answers to the outputs of axes."""
-        known = self.flight.past.last(_RECENT_S, until_s)
+        known = self.flight.last(_RECENT_S, until_s)
         if known is None:
             return
         rows, pulses = known
@@ -306,7 +307,7 @@ class VehicleAxes:
         since_s = self.flight.flown_s - self._hoped_s
         self._next_try_s = self.flight.flown_s + max(_RETRY_S, since_s // 4)
         hopeful = since_s <= _LATEST_S and self._inferences < _INFERENCES
-        known = self.flight.past.last(_INFERRED_FROM_S) if hopeful else None
+        known = self.flight.last(_INFERRED_FROM_S) if hopeful else None
         if known is None:
             return
         rows, pulses = known

@@ -27,8 +27,9 @@ from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
+from mavhums.health.axis.obstacles import why_not_at_all
 from mavhums.health.axis.past import against_flights
-from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
+from mavhums.health.axis.verdict import judged_axis, unjudged_axes
 from mavhums.health.baseline import Baseline, Baselines, of_subject
 from mavhums.health.flight_record import ActuatorRecord
 from mavhums.health.monitor import Monitor

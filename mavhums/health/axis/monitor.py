@@ -22,12 +22,14 @@ from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
 
-__all__ = ["AxisFindings", "AxisMonitor", "explained_by", "new_gain"]
+__all__ = ["NORMAL_S", "AxisFindings", "AxisMonitor", "explained_by", "new_gain"]
 
 Array = NDArray[np.float64]
 
 _WAITS_S: Final = 10  # a log that begins in flight is known to within seconds
-_NORMAL_S: Final = 30
+NORMAL_S: Final = 30
+"""Judged seconds without a loss that show that an axis is normal."""
+
 _WINDOW_S: Final = 10
 _MASKED_S: Final = 20
 _MOST_EPISODES: Final = 100
@@ -142,9 +144,10 @@ class AxisFindings:
     effectiveness, windows
         The mean since the last change of the condition, or of a loss the value since its onset, with its
         95 % interval; and the number of windows in the mean, 0 for a loss.
-    spacing_s, slowest_s
-        Time between samples of the outputs or the rates, where a reference was sought, and the longest that
-        is sufficient.
+    spacing_s
+        Time between samples of the outputs or the rates, where a reference was sought.
+    needs
+        Requirements on a reference.
     limits
         Limits by which the axis was judged.
     from_take_off
@@ -164,7 +167,7 @@ class AxisFindings:
     best: Reference | None
     usable_s: int
     spacing_s: float
-    slowest_s: float
+    needs: Standards
     limits: AxisLimits
     from_take_off: bool
 
@@ -309,7 +312,7 @@ class AxisMonitor:
         """Return whether the axis is known to respond as in the reference."""
         if SEVERITY[held.condition] > SEVERITY["normal"]:
             return held.full >= FULL_S
-        return held.judged >= _NORMAL_S and held.value is not None and held.value.low > 0.6
+        return held.judged >= NORMAL_S and held.value is not None and held.value.low > 0.6
 
     def _extend(self, held: _Axis, one: Shown) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
@@ -370,7 +373,7 @@ class AxisMonitor:
             best=gain.best,
             usable_s=gain.usable_s,
             spacing_s=gain.spacing_s,
-            slowest_s=_STANDARDS[axis].spacing_s,
+            needs=_STANDARDS[axis],
             limits=self.limits,
             from_take_off=self._waited_rows >= _WAITS_S * RATE_HZ,
         )
