@@ -19,7 +19,7 @@ from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.speed import Speed
 from mavhums.vehicle.surfaces import AXES, Demands, Surfaces
-from mavhums.vehicle.vtol import Lift
+from mavhums.vehicle.vtol import NO_LIFT
 
 __all__ = ["LEAST_SPEED", "Flight", "Rows"]
 
@@ -88,10 +88,10 @@ class Flight:
         return self._past
 
     def lasted_s(self, what: str) -> float:
-        """Return for how many seconds the vehicle was ``armed``, or ``fast``: armed above :data:`LEAST_SPEED`.
+        """Return for how many seconds the vehicle was ``armed``, ``fast``, or why fast seconds do not count.
 
-        Or how many of the latter are no forward flight, by the first reason: ``vtol`` state, hovering ``mode``,
-        landed on the ``ground``, ``slow`` over ground, ``lift`` motors.
+        Fast is armed above :data:`LEAST_SPEED`. It is no forward flight for the first of these reasons: the
+        ``vtol`` state, a hovering ``mode``, on the ``ground``, ``slow`` over ground, ``lift`` motors.
         """
         return self._rows_of[what] / RATE_HZ
 
@@ -103,7 +103,7 @@ class Flight:
         return 1.0 / (_SPACING_S * (int(np.searchsorted(counts, counts[-1] / 2)) + 0.5))
 
     def _know(self, surfaces: Surfaces | None) -> None:
-        self._lift = surfaces.lift if surfaces else Lift()
+        self._lift = surfaces.lift if surfaces else NO_LIFT
         self._demands = Demands(surfaces) if surfaces else None
         self.parted_s = 0.0
 
@@ -206,7 +206,8 @@ class Flight:
         for why, stopped in zip(_STOPPED_BY, (~wing, hovering, landed, slow), strict=True):
             self._rows_of[why] += int((up & stopped).sum())
             up = up & ~stopped
-        return up
+        known: Flags = up
+        return known
 
     def _lasting(self, up: Flags, fresh: bool) -> Flags:
         """Return where the vehicle has flown for seconds without a break."""

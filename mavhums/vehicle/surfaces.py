@@ -17,7 +17,7 @@ from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.signals import ALL_OUTPUTS
-from mavhums.vehicle.vtol import Lift, lift_of
+from mavhums.vehicle.vtol import NO_LIFT, Lift, lift_of
 
 __all__ = ["ALIKE_US", "AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
 
@@ -74,7 +74,7 @@ class Surfaces:
 
     moved: tuple[Moved, ...]
     origin: str
-    lift: Lift = Lift()
+    lift: Lift = NO_LIFT
     by_log: frozenset[str] = frozenset()
     contradicted: Mapping[str, str] = field(default_factory=dict)
     confirmed: frozenset[str] = frozenset()

@@ -1,7 +1,8 @@
 """What keeps an ArduPlane VTOL in the air: its lift motors, which of them tilt, and how far.
 
-Quadplanes report the type of a fixed wing. Their parameters tell what they are: Q_ENABLE, Q_TILT_MASK for the motors
-that tilt, Q_TAILSIT_MOTMX for those that pull a tailsitter forward.
+Quadplanes report the type of a fixed wing, and helicopters run the firmware of multirotors. Their parameters
+tell what they are: Q_ENABLE, Q_TILT_MASK for the motors that tilt, Q_TAILSIT_MOTMX for those that pull a
+tailsitter forward; FRAME_CLASS of a helicopter, whose "motors" are the servos of its rotors.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from numpy.typing import NDArray
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.signals import ALL_OUTPUTS
 
-__all__ = ["VTOL_PARAMETERS", "Lift", "known_as", "lift_of"]
+__all__ = ["NO_LIFT", "VTOL_PARAMETERS", "Lift", "known_as", "lift_of", "rotor_servos"]
 
-VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_CLASS", "Q_M_", "Q_T")
+VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_CLASS", "Q_M_", "Q_T", "FRAME_CLASS")
 """First letters of the parameters that tell what lifts."""
 
 _MOTORS: Final = {33 + k: k for k in range(8)} | {82 + k: k + 8 for k in range(4)}  # SERVOn_FUNCTION
@@ -27,15 +28,17 @@ _FIXED_WING: Final = "fixed wing"
 _TRICOPTER: Final = 7  # Q_FRAME_CLASS, whose motor 7 is the servo that tilts the tail
 _TAIL_SERVO: Final = 6
 _TAILSITTER: Final = 10  # Q_FRAME_CLASS
+_HELICOPTERS: Final = {6: 3, 11: 6, 13: 8}  # FRAME_CLASS: number of servos that move the main rotors
+_TAIL_ROTOR: Final = 3  # motor number, of the helicopter with one rotor
 
 _CARRIES: Final = 0.05
-"""Share of its range above its idle speed from which a lift motor carries. Two tiltrotors that cruise keep theirs
-within 0.05 for 93 % of the time; in a hover every motor is above 0.2. Less loses cruise, more judges transitions,
-in which the lift motors answer for the surfaces."""
+"""Share of its range above its idle speed from which a lift motor carries. A tiltrotor that cruises keeps its
+fixed motors within 0.05 for 93 % of the time; in a hover every motor is above 0.2. Less loses cruise, more
+judges transitions, in which the lift motors answer for the surfaces."""
 
 _FORWARD: Final = 0.8
-"""Share of their servos' travel from which tilted motors pull: 72° or more, where under a third of the thrust lifts.
-A transition waits at Q_TILT_MAX, which is 45° by default: half of the travel."""
+"""Share of their servos' travel from which tilted motors pull: 72° or more, where under a third of the thrust
+lifts. A transition waits at Q_TILT_MAX, which is 45° by default: half of the travel."""
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -95,7 +98,12 @@ class Lift:
         up, forward = np.array([tilt[1:] for tilt in self.tilts]).T
         share = (sent - up) / (forward - up)
         turned = (np.isnan(share) | (share >= _FORWARD)).all(axis=1)
-        return np.where(np.isnan(share).all(axis=1), bool(self.fixed), turned)
+        told: Flags = np.where(np.isnan(share).all(axis=1), bool(self.fixed), turned)
+        return told
+
+
+NO_LIFT: Final = Lift()
+"""What carries a vehicle that does not hover."""
 
 
 def _carries(motors: tuple[_Motor, ...], pulses: Array) -> Flags:
@@ -115,7 +123,7 @@ def lift_of(values: Mapping[str, float]) -> Lift:
     functions = {n: int(values.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, ALL_OUTPUTS + 1)}
     numbers = {n: _MOTORS[function] for n, function in functions.items() if function in _MOTORS}
     if values.get("Q_ENABLE") == 0.0:
-        return Lift()
+        return NO_LIFT
     low, high = (
         next((values[name] for name in names if values.get(name, 0.0) > 0.0), usual)
         for names, usual in (
@@ -146,10 +154,31 @@ def known_as(identity: Identity, values: Mapping[str, float]) -> Identity:
     >>> known_as(Identity(1, "fixed wing"), {"Q_ENABLE": 1.0, "Q_TILT_MASK": 5.0}).kind
     'tiltrotor'
     """
+    if values.get("FRAME_CLASS") in _HELICOPTERS and (identity.multirotor or identity.kind is None):
+        return replace(identity, kind="helicopter", multirotor=False)
     if identity.kind != _FIXED_WING or not values.get("Q_ENABLE", 0.0) > 0.0:
         return identity
     kind = "tailsitter" if _is_tailsitter(values) else "tiltrotor" if _tilts(values) else "quadplane"
     return replace(identity, kind=kind)
+
+
+def rotor_servos(values: Mapping[str, float]) -> dict[int, str]:
+    """Return what the servos of a helicopter's rotors move, by output; empty for any other vehicle.
+
+    Examples
+    --------
+    >>> rotor_servos({"FRAME_CLASS": 6.0, "SERVO1_FUNCTION": 33.0, "SERVO4_FUNCTION": 36.0})
+    {1: 'swashplate 1', 4: 'tail rotor'}
+    """
+    count = _HELICOPTERS.get(int(values.get("FRAME_CLASS", 0.0)), 0)
+    found = {}
+    for n in range(1, ALL_OUTPUTS + 1):
+        number = _MOTORS.get(int(values.get(f"SERVO{n}_FUNCTION", 0.0)), count + 1)
+        if number < count:
+            found[n] = f"swashplate {number + 1}"
+        elif number == count == _TAIL_ROTOR:
+            found[n] = "tail rotor"
+    return found
 
 
 def _mask(values: Mapping[str, float], name: str) -> int:

@@ -113,8 +113,8 @@ def _on_ground(flight: Flight) -> Obstacle:
     lasted = [
         f"in {flight.lasted_s(why):.0f} s {_STOPPED[why]}" for why in stops if flight.lasted_s(why) >= 1
     ]
-    reason = f"it never flew forward: of {fast_s:.0f} s above {LEAST_SPEED:.0f} m/s (fastest {flight.fastest:.0f} m/s), "
-    return Obstacle(reason + ", ".join(lasted or [longest]), _LONGER)
+    above = f"of {fast_s:.0f} s above {LEAST_SPEED:.0f} m/s (fastest {flight.fastest:.0f} m/s)"
+    return Obstacle(f"it never flew forward: {above}, {', '.join(lasted or [longest])}", _LONGER)
 
 
 def disorder(received: Mapping[str, Received]) -> str:
