@@ -217,10 +217,11 @@ def unjudged_vehicle(
     If the servos give no feedback, each servo that is known to move a surface, or a helicopter's rotor, is
     unmonitored.
     """
-    moved = rotors or ({one.servo: one.surface for one in surfaces.moved} if surfaces else {})
-    if vehicle is not None and moved and (rotors or tier is None or not tier.judged):
-        for servo, what in moved.items():
-            yield _unmonitored(vehicle, f"{what} (servo {servo})", tier, {})
+    names = [f"{what} (servo {servo})" for servo, what in rotors.items()]
+    if surfaces is not None and (tier is None or not tier.judged):
+        names = names or [surfaces.named(moved) for moved in surfaces.moved]
+    if vehicle is not None and names:
+        yield from (_unmonitored(vehicle, name, tier, {}) for name in names)
         return
     if vehicle is None:
         reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"

@@ -122,6 +122,8 @@ class Surfaces:
         'aileron L/R'
         """
         moved = self.of_axis(axis)
+        if moved and self.origin == "inferred":
+            return f"servo {'/'.join(str(one.servo) for one in moved)}"
         if len(moved) < 2:
             return moved[0].kind if moved else ""
         marks = [one.side[:1].upper() or str(one.servo) for one in moved]
@@ -129,7 +131,29 @@ class Surfaces:
 
     def names(self, axis: str) -> tuple[str, ...]:
         """Return the surfaces of an axis, each with its servo."""
-        return tuple(f"{moved.surface} (servo {moved.servo})" for moved in self.of_axis(axis))
+        return tuple(map(self.named, self.of_axis(axis)))
+
+    def named(self, moved: Moved) -> str:
+        """Return what is known of an output: its surface, or of an inferred one what the motion shows.
+
+        Examples
+        --------
+        >>> one = Moved(4, "aileron", 1500, 500)
+        >>> Surfaces((one,), "profile").named(one), Surfaces((one,), "inferred").named(one)
+        ('aileron (servo 4)', 'servo 4, moves with roll')
+        """
+        if self.origin != "inferred":
+            return f"{moved.surface} (servo {moved.servo})"
+        return f"servo {moved.servo}, {self.what(moved)}"
+
+    def what(self, moved: Moved) -> str:
+        """Return the surface of an output, or of an inferred one the axis that it moves with.
+
+        An output that the roll rate answers to may be a rudder's: in turns both move together.
+        """
+        if self.origin != "inferred":
+            return moved.surface
+        return f"moves with {next(axis for axis in AXES if moved in self.of_axis(axis))}"
 
 
 def of_parameters(parameters: Parameters) -> Surfaces | None:

@@ -191,20 +191,17 @@ def _unmeasured(
 ) -> Iterator[Obstacle]:
     """Yield what no flight as it was recorded can tell: streams that are too slow or absent."""
     axis, needed_hz = findings.axis, 10 if findings.axis == "pitch" else 3
-    rates = {
-        "the servo outputs": flight.rate_hz("outputs"),
-        "the rates": flight.rate_hz("rates"),
-    }
+    rates = {"the servo outputs": flight.rate_hz("outputs"), "the rates": flight.rate_hz("rates")}
     slow = [
-        f"{stream} come {hz:.1f} times a second"
+        f"{stream} come {hz:.1f}"
         for stream, hz in rates.items()
         if hz is not None and 1.0 / hz > findings.needs.spacing_s
     ]
     if not slow and findings.spacing_s > findings.needs.spacing_s:
-        slow = [f"the servo outputs or the rates come {1 / findings.spacing_s:.1f} times a second"]
+        slow = [f"the servo outputs or the rates come {1 / findings.spacing_s:.1f}"]
     if slow:
         yield Obstacle(
-            f"{' and '.join(slow)}, {needed_hz} are needed to judge {axis}",
+            f"{' and '.join(slow)} times a second, {needed_hz} are needed to judge {axis}",
             f"record {_streams(flight, received)} at 10 Hz or more",
         )
     if axis in _ACCELEROMETER and "force" not in flight.heard:
