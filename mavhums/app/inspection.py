@@ -83,6 +83,7 @@ def inspect_log(
             if named is not None:
                 axes.announce(said.vehicle, said.frame, named)
         for _ in (
+            *fleet.draft(tables),
             *axes.feed(tables, start_us, admits=crowd.admits, final=final),
             *fleet.feed(tables, final=final),
         ):

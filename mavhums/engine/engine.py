@@ -198,6 +198,9 @@ class Engine:
             if followed is not None and self._crowd.admits(vehicle):
                 whose = f"vehicle {vehicle}: " if len(vehicles) > 1 else ""
                 yield from (f"{whose}{said}" for said in notices(followed.told.last, followed.surfaces))
+                draft = self._mappers.drafts.get(vehicle)
+                if draft is not None:
+                    yield f"{whose}{draft.notice}"
 
     def _usage(self, vehicle: int) -> VehicleUsage | None:
         followed, mapper = self._axes.vehicle(vehicle), self._mappers.mapper(vehicle)
@@ -256,9 +259,12 @@ class Engine:
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
                 self._axes.announce(said.vehicle, said.frame, airframe)
+                self._monitors.forget_all(said.vehicle)
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
+        for draft in self._mappers.draft(tables):
+            yield AirframeNamed(self._flight_time(draft.time_us), draft.vehicle, draft.airframe)
         for spoken in texts(tables):
             if spoken.text and not spoken.text.startswith("mavhums airframe="):
                 yield Notice(self._flight_time(spoken.time_us), spoken.vehicle, spoken.text)

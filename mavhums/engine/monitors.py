@@ -53,6 +53,11 @@ class Monitors:
         """Give an actuator's monitor up; return it, if there was one."""
         return self._monitors.pop((vehicle, actuator), None)
 
+    def forget_all(self, vehicle: int) -> None:
+        """Give up the monitors of a vehicle that names another profile."""
+        for key in [key for key in self._monitors if key[0] == vehicle]:
+            del self._monitors[key]
+
     def of(self, airframe: Airframe, mapped: Mapped, begun: datetime | None) -> Monitor:
         """Return the monitor of an actuator that sends; ``begun`` is the start of the flight, if known."""
         key = (mapped.vehicle, mapped.actuator.name)

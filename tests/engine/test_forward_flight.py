@@ -97,7 +97,10 @@ def test_a_tilt_that_the_log_does_not_carry_is_told_by_the_motors_that_do_not_ti
     ("options", "why"),
     [
         ({"speed": 6.0}, "its highest speed while armed was 6 m/s, 8 are needed"),
-        ({"kind": 20}, "of 148 s above 8 m/s (fastest 18 m/s), in 148 s its VTOL state was not forward flight"),
+        (
+            {"kind": 20},
+            "of 148 s above 8 m/s (fastest 18 m/s), in 148 s its VTOL state was not forward flight",
+        ),
     ],
 )
 def test_the_condition_that_failed_is_named(options: dict[str, float], why: str) -> None:
