@@ -1,4 +1,4 @@
-"""Every requirement that an axis does not meet is told, with its figure and its limit, the binding one first."""
+"""Every requirement that an axis does not meet is told, with figure and limit, the binding one first."""
 
 from __future__ import annotations
 
