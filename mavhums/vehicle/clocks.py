@@ -148,7 +148,8 @@ class Clocks:
             if time_us[0] <= latest_us or (np.diff(time_us) <= 0).any():
                 copied[rows] = again = _repeated(known)[before.size :]
                 if again.any():
-                    self._routes.setdefault(sender, int(table.frame[rows][again][0]))
+                    first = int(table.frame[rows][again][0])
+                    self._routes[sender] = min(first, self._routes.get(sender, first))
             self._seen[table.name, sender] = max(latest_us, int(time_us.max())), known[-_REMEMBERED:]
         return copied
 

@@ -150,7 +150,6 @@ def test_a_kind_of_message_to_come_is_counted_and_passed_over() -> None:
         "topic:",
         "topic",
         "topic:float[x] what;",
-        "STATUSTEXT:uint64_t timestamp;char[50] text;",
         "parameter:uint64_t timestamp;",
     ],
 )
