@@ -182,7 +182,7 @@ def _obstacles(
         yield Obstacle(f"{reason}, so that the rest is too little", "inspect the pitot tube, then fly again")
     if findings.reference is not None:
         yield _unclear(findings)
-    elif outputs and usable_s >= REFERENCE_S:
+    elif outputs and usable_s >= REFERENCE_S and not _slow(findings, flight):
         yield from _no_reference(findings)
 
 
@@ -191,14 +191,7 @@ def _unmeasured(
 ) -> Iterator[Obstacle]:
     """Yield what no flight as it was recorded can tell: streams that are too slow or absent."""
     axis, needed_hz = findings.axis, 10 if findings.axis == "pitch" else 3
-    rates = {"the servo outputs": flight.rate_hz("outputs"), "the rates": flight.rate_hz("rates")}
-    slow = [
-        f"{stream} come {hz:.1f}"
-        for stream, hz in rates.items()
-        if hz is not None and 1.0 / hz > findings.needs.spacing_s
-    ]
-    if not slow and findings.spacing_s > findings.needs.spacing_s:
-        slow = [f"the servo outputs or the rates come {1 / findings.spacing_s:.1f}"]
+    slow = _slow(findings, flight)
     if slow:
         yield Obstacle(
             f"{' and '.join(slow)} times a second, {needed_hz} are needed to judge {axis}",
@@ -211,9 +204,24 @@ def _unmeasured(
         )
 
 
+def _slow(findings: AxisFindings, flight: Flight) -> list[str]:
+    """Return which streams come too rarely for an axis, and how often a second."""
+    rates = {"the servo outputs": flight.rate_hz("outputs"), "the rates": flight.rate_hz("rates")}
+    longest_s = findings.needs.spacing_s
+    slow = [
+        f"{stream} come {hz:.1f}" for stream, hz in rates.items() if hz is not None and 1.0 / hz > longest_s
+    ]
+    if not slow and findings.spacing_s > longest_s:
+        return [f"the servo outputs or the rates come {1 / findings.spacing_s:.1f}"]
+    return slow
+
+
 def _unnamed(axis: str, surfaces: Surfaces | None, flight: Flight) -> Obstacle:
     name = f'[[actuators]] with name = "{_NAMES[axis]}", its servo and its pwm_us'
     remedy = f"download the parameters while recording, or name the outputs in an airframe file: {name}"
+    if surfaces is not None and surfaces.origin == "parameters":
+        reason = f"by its parameters no output of this vehicle moves it in {axis}"
+        return Obstacle(reason, f"if one does, name it in an airframe file: {name}")
     if surfaces is not None:
         return Obstacle(f"no output of this vehicle is known to move it in {axis}", remedy)
     why = "the flight's beginning does not tell it clearly"
@@ -240,8 +248,6 @@ def _unclear(findings: AxisFindings) -> Obstacle:
 def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
     """Yield why enough seconds with known outputs make no reference."""
     axis, best, needs = findings.axis, findings.best, findings.needs
-    if findings.spacing_s > needs.spacing_s:
-        return
     if best is None:
         reason = (
             f"no {REFERENCE_S} s within two minutes were flown within 60° of bank, 34° of pitch and 85 % of "
