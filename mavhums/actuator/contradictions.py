@@ -16,19 +16,20 @@ from mavhums.actuator.surfaces import named_surface, of_airframe
 from mavhums.vehicle.outputs import Output, assigned_outputs
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import AXES, Moved, Surfaces, of_parameters
+from mavhums.vehicle.vtol import NO_LIFT
 
 __all__ = ["Contradiction", "against_log", "contradictions", "reconciled", "remedy"]
 
 _ALIKE: Final = {
-    "aileron": ("aileron", "flaperon", "spoiler"),
+    "aileron": ("aileron", "flaperon", "spoiler", "split elevon"),
     "flaperon": ("flaperon", "aileron"),
     "elevon": ("elevon", "spoiler"),
     "elevator": ("elevator",),
     "rudder": ("rudder",),
     "tail": ("tail",),
-    "spoiler": ("spoiler", "airbrake"),
-    "flap": ("flap", "spoiler"),
-    "airbrake": ("airbrake", "spoiler"),
+    "spoiler": ("spoiler", "airbrake", "split elevon"),
+    "flap": ("flap", "spoiler", "split elevon"),
+    "airbrake": ("airbrake", "spoiler", "split elevon"),
 }
 """The functions in a log that a profile's surface may have: both move the same axes, or the function moves
 none for certain, as a spoiler's."""
@@ -123,7 +124,7 @@ def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | 
             confirmed.add(axis)
             outputs = _directed(outputs, unturned, logged)
         moved |= {one.servo: one for one in outputs}
-    lift = told.lift if told else ()
+    lift = told.lift if told else NO_LIFT
     return Surfaces(
         tuple(moved.values()), "profile", lift, frozenset(by_log), contradicted, frozenset(confirmed)
     )

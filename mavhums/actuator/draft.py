@@ -5,15 +5,21 @@ from __future__ import annotations
 import json
 import os
 import re
+import tomllib
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
+from typing import Final
 
 from mavhums.actuator.named_guess import Guess, guesses_for, named_values
+from mavhums.actuator.profile import Airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.vehicle.outputs import Output, control_surfaces
 from mavhums.vehicle.parameters import Parameters, read_parameters
 
-__all__ = ["draft_profile"]
+__all__ = ["DRAFTED", "draft_profile", "drafted_airframe"]
+
+DRAFTED: Final = "drafted"
+"""Name of a profile that nobody has named: the same for every flight, so that these can be compared."""
 
 _HEAD = """\
 # DRAFT of an airframe profile, from the parameters of vehicle {vehicle} in {log}.
@@ -79,9 +85,26 @@ def draft_profile(
         by_hand = "if a servo moves a surface after all, write the profile by hand: docs/profile.md tells how"
         raise MavhumsError(f"{path}: {_no_surface(parameters)}", by_hand)
     head = _HEAD.format(vehicle=parameters.vehicle, log=_plain(path.name), name=_text(name or path.stem))
-    named = named_values(path, parameters)
-    sections = zip(_names(outputs), outputs, strict=True)
-    return head + "".join(_section(own, output, named) for own, output in sections)
+    return head + _sections(outputs, named_values(path, parameters))
+
+
+def drafted_airframe(parameters: Parameters, named: Collection[str]) -> Airframe | None:
+    """Return the unedited draft as a profile; None if the parameters name no control surface.
+
+    Parameters
+    ----------
+    parameters
+        Of one vehicle.
+    named
+        Names of its named values.
+    """
+    outputs = control_surfaces(parameters)
+    text = f'name = "{DRAFTED}"\n{_sections(outputs, named)}'
+    return Airframe.model_validate(tomllib.loads(text)) if outputs else None
+
+
+def _sections(outputs: Sequence[Output], named: Collection[str]) -> str:
+    return "".join(_section(own, one, named) for own, one in zip(_names(outputs), outputs, strict=True))
 
 
 def _section(name: str, output: Output, named: Collection[str]) -> str:

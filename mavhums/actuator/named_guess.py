@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.parameters import Parameters
 
-__all__ = ["Guess", "guesses_for", "named_values"]
+__all__ = ["Guess", "guesses_for", "is_guessed", "named_values"]
 
 _NAME: Final = re.compile(r"S(\d{1,2})(Cmd|Pos|V|A|Spd|RPM)")
 _MOST_NAMES: Final = 1000
@@ -33,6 +33,17 @@ _MEANINGS: Final[dict[str, tuple[str, float, str]]] = {
     "RPM": ("V7", 1.0, "rotor speed, rev/min"),
     "Spd": ("V10", 1.0 / 6.0, "output speed, degrees per second"),
 }
+
+
+def is_guessed(name: str) -> bool:
+    """Return whether a named value seems to be a servo's quantity.
+
+    Examples
+    --------
+    >>> is_guessed("S1Pos"), is_guessed("S1MT")
+    (True, False)
+    """
+    return _NAME.fullmatch(name) is not None
 
 
 def guesses_for(servo: int, names: Collection[str]) -> Iterator[Guess]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from mavhums.actuator.airframe_name import Announcement, announcements
+from mavhums.actuator.drafted import Draft, Drafts
 from mavhums.actuator.mapping import Mapped, Mapper
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.tiers import Tier, best_tier, tiers_by_content
@@ -21,14 +22,21 @@ class VehicleMappers:
     Parameters
     ----------
     airframe
-        The profile for every vehicle; if None, each vehicle is mapped by the profile that it names,
-        from there on.
+        The profile for every vehicle; if None, each vehicle is mapped by the profile that it names, from
+        there on, or else by one that is drafted from its parameters.
+
+    Attributes
+    ----------
+    drafts
+        The drafted profiles in use, by vehicle.
     """
 
     def __init__(self, airframe: Airframe | None = None) -> None:
         self._given = airframe
         self._mappers = [] if airframe is None else [Mapper(airframe)]
         self._told: set[tuple[int, str]] = set()
+        self._drafting = Drafts()
+        self.drafts: dict[int, Draft] = {}
 
     @property
     def airframes(self) -> list[str]:
@@ -39,13 +47,30 @@ class VehicleMappers:
         """Yield the vehicles' profile messages, and the profile used; None if it is not known."""
         self._told |= tiers_by_content(tables)
         for said in announcements(tables):
-            if self._given is None and self.mapper(said.vehicle) is None:
+            if self._given is None and (said.vehicle in self.drafts or self.mapper(said.vehicle) is None):
                 if said.known:
+                    self._drafting.give_up(said.vehicle)
+                    drafted = self.drafts.pop(said.vehicle, None)
+                    if drafted is not None:
+                        self._mappers.remove(self._mapper_of(drafted))
                     self._mappers.append(
                         Mapper(load_airframe(said.name), vehicle=said.vehicle, from_frame=said.frame)
                     )
                 mapper = self.mapper(said.vehicle)
                 yield said, mapper.airframe if mapper else None
+
+    def draft(self, tables: Mapping[str, Table]) -> Iterator[Draft]:
+        """Yield the profiles that are drafted with these messages; after :meth:`listen`."""
+        if self._given is not None:
+            return
+        for draft in self._drafting.feed(tables):
+            if self.mapper(draft.vehicle) is None:
+                self.drafts[draft.vehicle] = draft
+                self._mappers.append(Mapper(draft.airframe, vehicle=draft.vehicle, from_frame=draft.frame))
+                yield draft
+
+    def _mapper_of(self, draft: Draft) -> Mapper:
+        return next(mapper for mapper in self._mappers if mapper.airframe is draft.airframe)
 
     def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[tuple[Mapper, Mapped]]:
         """Yield the samples that these messages complete; ``final`` marks the end of the log."""

@@ -33,6 +33,7 @@ from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.named_values import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.texts import TEXT_MESSAGES
+from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["inspect_log"]
 
@@ -82,6 +83,7 @@ def inspect_log(
             if named is not None:
                 axes.announce(said.vehicle, said.frame, named)
         for _ in (
+            *fleet.draft(tables),
             *axes.feed(tables, start_us, admits=crowd.admits, final=final),
             *fleet.feed(tables, final=final),
         ):
@@ -135,6 +137,8 @@ def _iso(time_us: int) -> str:
 def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes: Axes) -> VehicleTelemetry:
     """Return the known data of a vehicle; ``sent`` is its richest tier, on any of its actuators."""
     vehicle = identity.vehicle
+    followed, parameters = axes.vehicle(vehicle), axes.parameters(vehicle)
+    identity = known_as(identity, parameters.values)
     airframe = mapper.airframe if mapper else None
     rows, own = [], set()
     for actuator in airframe.actuators if airframe and mapper else ():
@@ -149,7 +153,6 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
             )
         )
     tier = sent if airframe is None else next((tier for tier in TIERS if tier.name in own), None)
-    followed, parameters = axes.vehicle(vehicle), axes.parameters(vehicle)
     judged = tier is not None and tier.judged and not (airframe is None and identity.multirotor)
     return VehicleTelemetry(
         vehicle=vehicle,
@@ -163,7 +166,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
         judged=judged,
         remedy=_remedy(airframe, tier, sent, identity, followed.told.last.found if followed else ()),
         actuators=tuple(rows),
-        subjects=tuple(judgeable(identity, sent, mapper, followed)),
+        subjects=tuple(judgeable(identity, sent, mapper, followed, rotors=rotor_servos(parameters.values))),
         usage=vehicle_usage(identity, followed, parameters, airframe) if followed else None,
     )
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
+from types import MappingProxyType
 from typing import Final
 
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.engine.axes import VehicleAxes
-from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
+from mavhums.health.axis.obstacles import why_not_at_all
+from mavhums.health.axis.verdict import judged_axis, unjudged_axes
 from mavhums.health.verdict import contradicted_actuator, unjudged_actuator, unjudged_vehicle
 from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import Judgeable
@@ -23,7 +25,12 @@ _UNDATED: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def judgeable(
-    identity: Identity, sent: Tier | None, mapper: Mapper | None, axes: VehicleAxes | None
+    identity: Identity,
+    sent: Tier | None,
+    mapper: Mapper | None,
+    axes: VehicleAxes | None,
+    *,
+    rotors: Mapping[int, str] = MappingProxyType({}),
 ) -> Iterator[Judgeable]:
     """Yield what can and cannot be judged of a vehicle, with reasons: its axes first, then its actuators.
 
@@ -37,13 +44,15 @@ def judgeable(
         The mapper of its profile; None without one.
     axes
         The axes that followed its flight; None if it reported nothing about its flight.
+    rotors
+        What the servos of a helicopter's rotors move, by output.
     """
     for verdict in _axes(identity, axes):
         told = {verdict.condition, verdict.worst} != {"undecided"}
         yield _said(verdict, judged=told)
     if mapper is None:
         surfaces = axes.surfaces if axes else None
-        for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces):
+        for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):
             yield _said(verdict, judged=False)
         return
     for actuator in mapper.airframe.actuators:

@@ -16,7 +16,6 @@ import numpy as np
 
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
-from mavhums.actuator.profile import Airframe
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
@@ -24,15 +23,16 @@ from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
+from mavhums.engine.monitors import Monitors
 from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
+from mavhums.health.axis.obstacles import why_not_at_all
 from mavhums.health.axis.past import against_flights
-from mavhums.health.axis.verdict import judged_axis, unjudged_axes, why_not_at_all
-from mavhums.health.baseline import Baseline, Baselines, of_subject
+from mavhums.health.axis.verdict import judged_axis, unjudged_axes
+from mavhums.health.baseline import of_subject
 from mavhums.health.flight_record import ActuatorRecord
-from mavhums.health.monitor import Monitor
 from mavhums.health.own.registry import comparable
 from mavhums.health.own.verdict import held_against
 from mavhums.health.verdict import (
@@ -42,7 +42,6 @@ from mavhums.health.verdict import (
     unjudged_actuator,
     unjudged_vehicle,
 )
-from mavhums.learn import Model
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
     ALL,
@@ -55,12 +54,13 @@ from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
-from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.order import Received
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
 from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.texts import TEXT_MESSAGES, texts
+from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["Engine"]
 
@@ -110,18 +110,13 @@ class Engine:
         self._identities, self._recorded = Identities(), RecordedFlights()
         self._mappers = VehicleMappers(airframe)
         self._clocks = Clocks()
-        self._models = tuple(options.models)
-        self._baselines = options.baselines
-        self._looked_up: dict[str | None, Baselines] = {}
         self._past = options.past
         self._airspeeds = Airspeeds()
         self._temperatures = EscTemperatures()
         self._false_alarms = options.false_alarms
-        self._keeps_records = options.recorded
         self._decide = options.decide
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
-        self._monitors: dict[tuple[int, str], Monitor] = {}
-        self._profiles: dict[tuple[int, str], str] = {}
+        self._monitors = Monitors(options)
         self._looks: dict[int | None, _Look] = {}
 
     def feed(self, block: bytes) -> list[Event]:
@@ -133,7 +128,7 @@ class Engine:
     def finish(self) -> list[Event]:
         """End the input; judge the remaining data and return the events."""
         events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True), final=True)]
-        for (vehicle, actuator), monitor in list(self._monitors.items()):
+        for (vehicle, actuator), monitor in self._monitors:
             if self._axes.told(vehicle).last.against(actuator):
                 events.extend(self._forget(vehicle, actuator, self._end_s(vehicle)))
             else:
@@ -171,7 +166,7 @@ class Engine:
                 notices=tuple(self._notices(vehicles)),
             ),
             airframe=", ".join(names) or None,
-            model=next((said for said in map(summary_of, self._models) if said in voted), None),
+            model=next((said for said in map(summary_of, self._monitors.models) if said in voted), None),
             verdicts=verdicts,
             usage=tuple(look.usage for look in looks if look.usage is not None),
         )
@@ -191,11 +186,11 @@ class Engine:
 
     def records(self) -> dict[tuple[int, str], ActuatorRecord]:
         """Return this flight's records of each vehicle's actuators, if the option ``recorded`` is set."""
-        return {key: monitor.record() for key, monitor in self._monitors.items() if self._keeps_records}
+        return self._monitors.records()
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
-        return dict(self._profiles)
+        return dict(self._monitors.profiles)
 
     def _notices(self, vehicles: tuple[int, ...]) -> Iterator[str]:
         for vehicle in vehicles:
@@ -203,13 +198,16 @@ class Engine:
             if followed is not None and self._crowd.admits(vehicle):
                 whose = f"vehicle {vehicle}: " if len(vehicles) > 1 else ""
                 yield from (f"{whose}{said}" for said in notices(followed.told.last, followed.surfaces))
+                draft = self._mappers.drafts.get(vehicle)
+                if draft is not None:
+                    yield f"{whose}{draft.notice}"
 
     def _usage(self, vehicle: int) -> VehicleUsage | None:
         followed, mapper = self._axes.vehicle(vehicle), self._mappers.mapper(vehicle)
         if followed is None:
             return None
         parameters, airframe = self._axes.parameters(vehicle), mapper.airframe if mapper else None
-        return vehicle_usage(self._identities.of(vehicle), followed, parameters, airframe)
+        return vehicle_usage(self._who(vehicle), followed, parameters, airframe)
 
     def _identity(self, vehicle: int) -> FlightIdentity:
         """Return the identity of a vehicle's flight."""
@@ -218,6 +216,10 @@ class Engine:
         times = (known.boot_us, decoder.first_time_us, decoder.last_time_us)
         boot, start, end = (None if t is None or decoder.undated else _utc(t).isoformat() for t in times)
         return FlightIdentity(vehicle=vehicle, board=known.board, boot_utc=boot, start_utc=start, end_utc=end)
+
+    def _who(self, vehicle: int) -> Identity:
+        """Return the identity of a vehicle, with the kind that its parameters tell."""
+        return known_as(self._identities.of(vehicle), self._axes.parameters(vehicle).values)
 
     def flown_s(self) -> float:
         """Return the seconds of forward flight as fixed wings, of the vehicles for which it is known."""
@@ -257,9 +259,12 @@ class Engine:
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
                 self._axes.announce(said.vehicle, said.frame, airframe)
+                self._monitors.forget_all(said.vehicle)
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
+        for draft in self._mappers.draft(tables):
+            yield AirframeNamed(self._flight_time(draft.time_us), draft.vehicle, draft.airframe)
         for spoken in texts(tables):
             if spoken.text and not spoken.text.startswith("mavhums airframe="):
                 yield Notice(self._flight_time(spoken.time_us), spoken.vehicle, spoken.text)
@@ -277,56 +282,20 @@ class Engine:
                 continue
             bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
             magnitudes = None if mapped.magnitudes is None else mapped.magnitudes[a:b]
-            monitor = self._monitor(mapper, mapped)
+            monitor = self._monitors.of(mapper.airframe, mapped, self._begun())
             if self._states:
-                yield from classified(mapped, time_s, slice(a, b), self._serving(mapper.airframe))
+                serving = self._monitors.serving(mapper.airframe)
+                yield from classified(mapped, time_s, slice(a, b), serving)
             yield from monitor.feed(
                 time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b], magnitudes
             )
 
-    def _monitor(self, mapper: Mapper, mapped: Mapped) -> Monitor:
-        key = (mapped.vehicle, mapped.actuator.name)
-        if key not in self._monitors:
-            self._profiles[key] = mapper.airframe.name
-            self._monitors[key] = Monitor(
-                mapped.vehicle,
-                mapped.actuator,
-                self._serving(mapper.airframe),
-                by_network=self._decide == "network",
-                baselines=self._baselines_of(key, mapper.airframe.name),
-                false_alarms=self._false_alarms,
-                recorded=self._keeps_records,
-            )
-        return self._monitors[key]
-
     def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[ConditionChanged]:
         """Forget what was judged of an actuator whose output, as the log tells now, moves something else."""
-        monitor = self._monitors.pop((vehicle, actuator), None)
+        monitor = self._monitors.forget(vehicle, actuator)
         if monitor is not None and monitor.condition != "undecided":
             why = f"undecided: {against_log(self._axes.told(vehicle).last.against(actuator))}"
             yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
-
-    def _serving(self, airframe: Airframe) -> list[Model]:
-        return [model for model in self._models if model.card.airframe == airframe.name]
-
-    def _baselines_of(self, key: tuple[int, str], airframe: str) -> dict[str, Baseline]:
-        """Return the actuator's own baselines, by fault."""
-        return of_subject(self._known(airframe), key)
-
-    def _axis_baselines(self) -> Baselines:
-        return self._known(", ".join(self._mappers.airframes) or None)
-
-    def _known(self, airframe: str | None) -> Baselines:
-        """Return the baselines of an airframe, which are looked up once."""
-        baselines = self._baselines
-        if not callable(baselines):
-            return baselines
-        begun = self._begun()
-        if begun is None:
-            return baselines(airframe, None)
-        if airframe not in self._looked_up:
-            self._looked_up[airframe] = baselines(airframe, begun)
-        return self._looked_up[airframe]
 
     def _begun(self) -> datetime | None:
         """Return the start of the flight; None if no clock gives it."""
@@ -351,17 +320,18 @@ class Engine:
         if followed is None or not self._crowd.admits(vehicle):
             return
         received = self._axes.received(vehicle)
-        why = why_not_at_all(followed.flight, self._identities.of(vehicle).kind, received)
+        why = why_not_at_all(followed.flight, self._who(vehicle).kind, received)
         if why is not None:
             yield unjudged_axes(vehicle, *why)
             return
         start_utc = _utc(self._decoder.first_time_us or 0)
+        baselines = self._monitors.baselines(", ".join(self._mappers.airframes) or None, self._begun())
         for axis in AXES:
             findings = followed.monitor.findings(axis)
             verdict = judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc, received)
             yield against_flights(
                 verdict,
-                of_subject(self._axis_baselines(), (vehicle, axis)),
+                of_subject(baselines, (vehicle, axis)),
                 start_utc=start_utc,
                 end_s=self._end_s(vehicle),
                 false_alarms=self._false_alarms,
@@ -370,10 +340,11 @@ class Engine:
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
         if vehicle is None or mapper is None:
-            identity = None if vehicle is None else self._identities.of(vehicle)
+            identity = None if vehicle is None else self._who(vehicle)
             followed = None if vehicle is None else self._axes.vehicle(vehicle)
             surfaces = followed.surfaces if followed else None
-            yield from unjudged_vehicle(vehicle, tier, identity, surfaces=surfaces)
+            rotors = {} if vehicle is None else rotor_servos(self._axes.parameters(vehicle).values)
+            yield from unjudged_vehicle(vehicle, tier, identity, surfaces=surfaces, rotors=rotors)
             return
         if not self._crowd.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST)
@@ -381,7 +352,7 @@ class Engine:
         past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}
         told = self._axes.told(vehicle).last
         for actuator in mapper.airframe.actuators:
-            monitor = self._monitors.get((vehicle, actuator.name))
+            monitor = self._monitors.get(vehicle, actuator.name)
             own = mapper.tier(vehicle, actuator)
             provenance = mapper.provenance(vehicle, actuator)
             against = told.against(actuator.name)
@@ -409,7 +380,7 @@ class Engine:
                     implausible=mapper.implausible(vehicle, actuator),
                     provenance=provenance,
                     tier=tier_named(own),
-                    network=network_answer(findings, self._serving(mapper.airframe), self._decide),
+                    network=network_answer(findings, self._monitors.serving(mapper.airframe), self._decide),
                 )
                 flown = past.get((vehicle, actuator.name), ())
                 yield held_against(verdict, flown, self._false_alarms)

@@ -96,11 +96,12 @@ def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], l
         k + 1: _alone(pulses, k, outputs) for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])
     }
     # An output that stands while the loss is seen raises no alarm because it says nothing: its own surface
-    # may be the lost one (an ALFA flight whose right aileron stops).
+    # may be the lost one (two ALFA flights whose aileron stops with its output): it is no wrong one either.
     telling = {servo: demand for servo, demand in alone.items() if np.isfinite(demand[-_SHOWN_ROWS:]).all()}
     tried = {servo: _judged(rows, axis, demand, limits) for servo, demand in telling.items()}
     movers = [servo for servo, found in tried.items() if found.referred and not found.alarmed]
-    wrong = [one.servo for one in outputs if one.servo not in movers]
+    silent = alone.keys() - telling.keys()
+    wrong = [one.servo for one in outputs if one.servo not in movers and one.servo not in silent]
     return _told(axis, wrong, movers) if wrong and movers else ""
 
 

@@ -62,7 +62,7 @@ def _known(
 ) -> Iterator[tuple[int, _Known]]:
     """Yield the known facts by servo; later ones take precedence."""
     if surfaces is not None and surfaces.origin == "inferred":
-        yield from ((moved.servo, _Known(moved.surface, "inferred", None)) for moved in surfaces.moved)
+        yield from ((moved.servo, _Known(surfaces.what(moved), "inferred", None)) for moved in surfaces.moved)
     for output in control_surfaces(parameters):
         if output.servo <= OUTPUTS:
             yield output.servo, _Known(output.surface, "parameters", output.pwm_us)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
+from types import MappingProxyType
 from typing import NamedTuple
 
 from mavhums.actuator.profile import FILL_IN, Actuator
@@ -208,14 +209,18 @@ def unjudged_vehicle(
     identity: Identity | None = None,
     *,
     surfaces: Surfaces | None = None,
+    rotors: Mapping[int, str] = MappingProxyType({}),
 ) -> Iterator[Verdict]:
     """Yield the verdicts on the actuators of a vehicle without a profile, or on a log without a vehicle.
 
-    If the servos give no feedback, each servo that is known to move a surface is unmonitored.
+    If the servos give no feedback, each servo that is known to move a surface, or a helicopter's rotor, is
+    unmonitored.
     """
-    if vehicle is not None and surfaces is not None and (tier is None or not tier.judged):
-        for moved in surfaces.moved:
-            yield _unmonitored(vehicle, f"{moved.surface} (servo {moved.servo})", tier, {})
+    names = [f"{what} (servo {servo})" for servo, what in rotors.items()]
+    if surfaces is not None and (tier is None or not tier.judged):
+        names = names or [surfaces.named(moved) for moved in surfaces.moved]
+    if vehicle is not None and names:
+        yield from (_unmonitored(vehicle, name, tier, {}) for name in names)
         return
     if vehicle is None:
         reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"

@@ -33,6 +33,8 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         raise UnreadableLogError(
             f"{name}: the file is empty", "check that the ground station had closed the log"
         )
+    if not head.strip(b"\0"):
+        raise UnreadableLogError(f"{name}: the file holds nothing but zeros", "copy the log again")
     known = format_of(head)
     if known is not None:
         refused = known.load().refusal(head)

@@ -72,13 +72,13 @@ class Losses(Contract):
     def any(self) -> bool:
         """Whether anything that the log held is gone or in doubt.
 
-        Frames of a foreign dialect and frames that never reached the log are not.
+        Frames of a foreign dialect and frames that never reached the log are not, nor is a last frame that
+        was not finished: so ends every log that ends with the power.
         """
         return bool(
             self.bytes_skipped
             or self.bad_crc_frames
             or self.implausible_times
-            or self.cut_end_bytes
             or self.padded_frames
             or self.bad_signatures
         )

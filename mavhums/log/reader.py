@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
-from mavhums.core.packed import opened
+from mavhums.core.packed import Unpacked, opened
 from mavhums.log.decoding import Decoder, LogDecoder
 from mavhums.log.foreign import refuse_foreign
 from mavhums.log.losses import Losses
@@ -56,8 +56,9 @@ def read_blocks(
         )
     try:
         with opened(path) as file:
-            head = file.read(_HEAD)
+            zeros, head = _beginning(file)
             refuse_foreign(str(path), head, dialect=dialect)
+            yield from (bytes(min(size, zeros - k)) for k in range(0, zeros, size))
             yield from (head[k : k + size] for k in range(0, len(head), size))
             while block := file.read(size):
                 yield block
@@ -65,6 +66,20 @@ def read_blocks(
         raise UnreadableLogError(f"{path}: no such file", "check the path") from error
     except OSError as error:
         raise UnreadableLogError(f"{path}: {error.strerror}", "check the permissions and the disk") from error
+
+
+def _beginning(file: Unpacked) -> tuple[int, bytes]:
+    """Return the number of zeros before the first block with anything else, and that block.
+
+    A recorder that allots its file in advance leaves zeros before its first frame.
+    """
+    zeros, head = 0, file.read(_HEAD)
+    while head and not head.strip(b"\0"):
+        zeros += len(head)
+        head = file.read(_HEAD)
+    if not head:
+        return 0, bytes(min(zeros, _HEAD))
+    return zeros, head + file.read(_HEAD) if zeros or not head[0] else head
 
 
 class Decoded(NamedTuple):

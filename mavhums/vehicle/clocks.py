@@ -26,6 +26,7 @@ _OF_OTHERS: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS_IN
 
 _REMEMBERED: Final = 4096  # messages of one type and sender: 40 s at 100 Hz
 _STREAMS: Final = 1024  # streams whose messages are remembered, those heard last; forged senders are no more
+_ECHO_US: Final = 5_000_000  # copies came up to 4.7 s later; sequence numbers start anew after some seconds
 _WEIGHTS: Final = np.random.default_rng(0).integers(2**62, size=64, dtype=np.uint64) * np.uint64(
     2
 ) + np.uint64(1)
@@ -56,6 +57,8 @@ class Clocks:
         self.broken: Counter[tuple[int, str]] = Counter()
         self._vehicles: dict[int, VehicleClock] = {}
         self._seen: dict[tuple[str, int], tuple[int, NDArray[np.uint64]]] = {}
+        self._routes: dict[int, int] = {}
+        self._echoes: dict[tuple[str, int], tuple[NDArray[np.int64], NDArray[np.uint64]]] = {}
         self._restarts: list[tuple[int, int, int, int]] = []
         self._told: dict[int, int] = {}
 
@@ -89,10 +92,12 @@ class Clocks:
             for row in np.flatnonzero(mapped.segment).tolist():
                 told = (int(frame[picked[row]]), vehicle, int(mapped.segment[row]), int(mapped.time_us[row]))
                 self._restarts.append(told)
-        return {
-            name: self._kept(tables[name], stamps[name] is not None, time_us[a:b], worth[a:b])
-            for name, a, b in zip(names, edges[:-1], edges[1:], strict=True)
+        spans = {name: slice(*edges[k : k + 2]) for k, name in enumerate(names)}
+        kept = {  # messages with stamps first: they tell whether there are several routes
+            name: self._kept(tables[name], stamps[name] is not None, time_us[span], worth[span])
+            for name, span in sorted(spans.items(), key=lambda item: stamps[item[0]] is None)
         }
+        return {name: kept[name] for name in names}
 
     def at_us(self, vehicle: int, received_us: int) -> int:
         """Return what a vehicle's clock shows at a time of reception; that time if it sends none."""
@@ -124,9 +129,8 @@ class Clocks:
         """Return the table with its times, without the rows that tell nothing new."""
         flags = table.flags | np.where(worth == LOOSE, LOOSE_TIME, 0).astype(np.uint8)
         table = replace(table, time_us=time_us, flags=flags)
-        if not timed:
-            return table
-        broken, copied = worth == BROKEN, self._copied(table, worth != BROKEN)
+        broken = worth == BROKEN
+        copied = self._copied(table, ~broken) if timed else self._echoed(table)
         if not (broken.any() or copied.any()):
             return table
         for rows, counts in ((broken, self.broken), (copied, self.copies)):
@@ -143,28 +147,66 @@ class Clocks:
             latest_us, before = self._seen.pop((table.name, sender), (int(time_us[0]) - 1, codes[:0]))
             known = np.concatenate([before, new])
             if time_us[0] <= latest_us or (np.diff(time_us) <= 0).any():
-                copied[rows] = _repeated(known)[before.size :]
+                copied[rows] = again = _repeated(known)[before.size :]
+                if again.any():
+                    first = int(table.frame[rows][again][0])
+                    self._routes[sender] = min(first, self._routes.get(sender, first))
             self._seen[table.name, sender] = max(latest_us, int(time_us.max())), known[-_REMEMBERED:].copy()
-            if len(self._seen) > _STREAMS:
-                del self._seen[next(iter(self._seen))]
+            _forget_oldest(self._seen)
+        return copied
+
+    def _echoed(self, table: Table) -> NDArray[np.bool_]:
+        """Return which messages without a stamp arrived before: same sender, sequence number and content.
+
+        Without a stamp a steady content and a sequence number of 8 bits may be a new message, too. So it is
+        asked only of senders whose stamped messages came over several routes, and for seconds.
+        """
+        copied = np.zeros(len(table), dtype=np.bool_)
+        if not self._routes:
+            return copied
+        codes = _codes(table, timed=False)
+        for sender, rows in each(table.system.astype(np.int64) * 256 + table.component):
+            if sender not in self._routes:
+                continue
+            places = np.arange(len(table))[rows]
+            places = places[table.frame[places] > self._routes[sender]]
+            none = np.empty(0, dtype=np.int64), codes[:0]
+            heard_us, before = self._echoes.pop((table.name, sender), none)
+            time_us = np.concatenate([heard_us, table.time_us[places]])
+            known = np.concatenate([before, codes[places]])
+            copied[places] = _repeated(known, time_us)[before.size :]
+            late = time_us >= time_us.max(initial=0) - _ECHO_US
+            self._echoes[table.name, sender] = time_us[late][-_REMEMBERED:], known[late][-_REMEMBERED:]
+            _forget_oldest(self._echoes)
         return copied
 
 
-def _codes(table: Table) -> NDArray[np.uint64]:
-    """Return a hash of each message's time, sequence number and content, shape (n,)."""
+def _forget_oldest(streams: dict[tuple[str, int], Any]) -> None:
+    """Forget the stream that was heard least recently, if there are too many."""
+    if len(streams) > _STREAMS:
+        del streams[next(iter(streams))]
+
+
+def _codes(table: Table, *, timed: bool = True) -> NDArray[np.uint64]:
+    """Return a hash of each message's time, if it has one, sequence number and content, shape (n,)."""
     size = table.fields.dtype.itemsize
     words = np.zeros((len(table), -(-size // 8) + 2), dtype=np.uint64)
-    words[:, 0], words[:, 1] = table.time_us.astype(np.uint64), table.sequence
+    words[:, 0], words[:, 1] = table.time_us.astype(np.uint64) if timed else 0, table.sequence
     raw = np.ascontiguousarray(table.fields).view(np.uint8).reshape(len(table), size)
     words[:, 2:].view(np.uint8)[:, :size] = raw
     return words @ np.resize(_WEIGHTS, words.shape[1])
 
 
-def _repeated(codes: NDArray[np.uint64]) -> NDArray[np.bool_]:
-    """Return which codes occurred among those remembered before them, however the log is cut."""
+def _repeated(codes: NDArray[np.uint64], time_us: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
+    """Return which codes occurred among those remembered before them, however the log is cut.
+
+    With times, only among those of the seconds before.
+    """
     order = np.argsort(codes, kind="stable")
     again = np.zeros(codes.size, dtype=np.bool_)
     same = (codes[order][1:] == codes[order][:-1]) & (np.diff(order) <= _REMEMBERED)
+    if time_us is not None:
+        same &= np.diff(time_us[order]) <= _ECHO_US
     again[order[1:][same]] = True
     return again
 

@@ -6,6 +6,7 @@ The detectors of an axis use only these data.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
@@ -18,8 +19,9 @@ from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.speed import Speed
 from mavhums.vehicle.surfaces import AXES, Demands, Surfaces
+from mavhums.vehicle.vtol import NO_LIFT
 
-__all__ = ["Flight", "Rows"]
+__all__ = ["LEAST_SPEED", "Flight", "Rows"]
 
 _G: Final = 9.80665
 _FIXED_WING: Final = 1
@@ -29,10 +31,14 @@ _ON_GROUND: Final = 1  # MAV_LANDED_STATE_ON_GROUND
 _ARDUPILOT: Final = 3
 _HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)  # ArduPlane's Q modes
 _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
-_LIFTING_US: Final = 1050.0
-_LEAST_SPEED: Final = 8.0
+LEAST_SPEED: Final = 8.0
+"""Airspeed of forward flight, m/s."""
+
 _LEAST_GROUND_SPEED: Final = 5.0
 _AIRBORNE_S: Final = 3
+_STOPPED_BY: Final = ("vtol", "mode", "ground", "slow")
+_SPACING_S: Final = 0.001  # resolution of what is counted
+_SPACINGS: Final = 10_000
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -49,13 +55,13 @@ class Flight:
     Attributes
     ----------
     flown_s, fastest
-        Seconds of forward flight so far, and the highest airspeed, m/s.
+        Seconds of forward flight so far, and the highest airspeed while armed, m/s.
     doubted_s
         Seconds of these in which the airspeed sensor contradicted ground speed and wind.
     parted_s
         Seconds of these in which outputs that were inferred as one did not move as one.
-    kinds
-        MAV_TYPEs that the vehicle reported.
+    kinds, autopilots
+        MAV_TYPEs and MAV_AUTOPILOTs that the vehicle reported.
     heard
         Signals with at least one number.
     """
@@ -70,7 +76,10 @@ class Flight:
         self.doubted_s = 0
         self.parted_s = 0.0
         self.fastest = 0.0
+        self._rows_of: Counter[str] = Counter()
+        self._spacings = {name: np.zeros(_SPACINGS, dtype=np.int64) for name in ("outputs", "rates")}
         self.kinds: set[int] = set()
+        self.autopilots: set[int] = set()
         self.heard: set[str] = set()
 
     @property
@@ -78,18 +87,42 @@ class Flight:
         """The rows so far, without demands."""
         return self._past
 
+    def lasted_s(self, what: str) -> float:
+        """Return for how many seconds the vehicle was ``armed``, ``fast``, or why fast seconds do not count.
+
+        Fast is armed above :data:`LEAST_SPEED`. It is no forward flight for the first of these reasons: the
+        ``vtol`` state, a hovering ``mode``, on the ``ground``, ``slow`` over ground, ``lift`` motors.
+        """
+        return self._rows_of[what] / RATE_HZ
+
+    def rate_hz(self, stream: str) -> float | None:
+        """Return how often a second the ``outputs`` or the ``rates`` came in flight; None if not known."""
+        counts = self._spacings[stream].cumsum()
+        if not counts[-1]:
+            return None
+        return 1.0 / (_SPACING_S * (int(np.searchsorted(counts, counts[-1] / 2)) + 0.5))
+
     def _know(self, surfaces: Surfaces | None) -> None:
-        self._lift = [servo - 1 for servo in surfaces.lift] if surfaces else []
+        self._lift = surfaces.lift if surfaces else NO_LIFT
         self._demands = Demands(surfaces) if surfaces else None
         self.parted_s = 0.0
 
     def learn(self, surfaces: Surfaces | None) -> Iterator[Rows]:
         """Take other surfaces for the whole flight; yield its rows so far with their demands."""
+        before = self._lift
         self._know(surfaces)
         for rows, pulses in self._past:
-            up = rows.flying & ~self._lifts(pulses)
-            self.flown_s += _whole_seconds(up) - _whole_seconds(rows.flying)
-            yield replace(rows, flying=up, outputs=self._demand(pulses, up))
+            self._count(rows.up, rows.aloft, before.works(pulses), -1)
+            flying = self._count(rows.up, rows.aloft, self._lift.works(pulses))
+            yield replace(rows, flying=flying, outputs=self._demand(pulses, flying))
+
+    def last(self, seconds: int, until_s: float = np.inf) -> tuple[Rows, Array] | None:
+        """Return the last rows before a flight second without demands, and their pulses; None without any."""
+        known = self._past.last(seconds, until_s)
+        if known is None:
+            return None
+        rows, pulses = known
+        return replace(rows, flying=rows.aloft & ~self._lift.works(pulses)), pulses
 
     def feed(self, seconds: Seconds) -> Iterator[Rows]:
         """Yield the rows of these seconds, as runs without a gap."""
@@ -109,12 +142,14 @@ class Flight:
         gyro = np.asarray(np.isfinite(flat["rates"]).all(axis=1))
         rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
         speed, trusted, source = self._speed.feed(signals)
-        flying = self._flying(flat, speed, fresh)
+        pulses = all_outputs(flat)
+        up = self._up(flat, speed)
+        aloft = self._lasting(up, fresh)
+        flying = self._count(up, aloft, self._lift.works(pulses))
         self.doubted_s += _whole_seconds(flying & ~trusted)
         autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
         unled = (autopilot == _ARDUPILOT) & np.isin(mode, _UNLED_MODES)
         demand = np.where(unled[:, None], np.nan, flat["demand"])
-        pulses = all_outputs(flat)
         rows = Rows(
             second=first,
             fresh=fresh,
@@ -129,9 +164,11 @@ class Flight:
             pitch_demand=demand[:, 1],
             speed=speed,
             flying=flying,
+            up=up,
+            aloft=aloft,
             trusted=trusted,
             sources=2.0 * source + gyro,
-            spacing=_spacing(flat),
+            spacing=self._spaced(flat, aloft),
             outputs=self._demand(pulses, flying),
         )
         self._past.add(rows, pulses)
@@ -144,47 +181,58 @@ class Flight:
         self.parted_s += int((self._demands.parted & flying).sum()) / RATE_HZ
         return demand
 
-    def _lifts(self, pulses: Array) -> Flags:
-        """Return where a lift motor runs."""
-        return np.asarray((pulses[:, self._lift] > _LIFTING_US).any(axis=1))
+    def _count(self, up: Flags, aloft: Flags, lifts: Flags, times: int = 1) -> Flags:
+        """Return where the vehicle flies forward; add its seconds, and those in which motors carry it."""
+        flying = aloft & ~lifts
+        self.flown_s += times * _whole_seconds(flying)
+        self._rows_of["lift"] += times * int((up & lifts).sum())
+        return flying
 
-    def _flying(self, flat: dict[str, Array], speed: Array, fresh: bool) -> Flags:
+    def _up(self, flat: dict[str, Array], speed: Array) -> Flags:
+        """Return where all but the lift motors tells of forward flight."""
         kind, autopilot, armed, mode = flat["state"].T
         self.kinds |= {int(k) for k in np.unique(kind[np.isfinite(kind)])}
+        self.autopilots |= {int(k) for k in np.unique(autopilot[np.isfinite(autopilot)])}
         forward = flat["vtol"][:, 0] == _VTOL_FORWARD
         wing = (kind == _FIXED_WING) | (np.isin(kind, _VTOL) & forward)
         wing &= (flat["vtol"][:, 0] == _VTOL_FORWARD) | ~(flat["vtol"][:, 0] > 0)
         hovering = (autopilot == _ARDUPILOT) & np.isin(mode, _HOVERING_MODES)
-        hovering = hovering | self._lifts(flat["outputs"])
-        ground = flat["groundspeed"][:, 0]
-        moving = (speed > _LEAST_SPEED) & ((ground > _LEAST_GROUND_SPEED) | np.isnan(ground))
-        up = wing & ~hovering & (armed > 0) & moving & (flat["landed"][:, 0] != _ON_GROUND)
-        return self._lasting(up, speed, fresh)
+        landed = flat["landed"][:, 0] == _ON_GROUND
+        slow = flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED
+        fast = (armed > 0) & (speed > LEAST_SPEED)
+        self._rows_of.update(armed=int((armed > 0).sum()), fast=int(fast.sum()))
+        self.fastest = max(self.fastest, float(np.max(speed, initial=0.0, where=(armed > 0) & (speed > 0))))
+        up = fast
+        for why, stopped in zip(_STOPPED_BY, (~wing, hovering, landed, slow), strict=True):
+            self._rows_of[why] += int((up & stopped).sum())
+            up = up & ~stopped
+        known: Flags = up
+        return known
 
-    def _lasting(self, up: Flags, speed: Array, fresh: bool) -> Flags:
-        """Return where the vehicle has flown for seconds without a break; count these seconds."""
+    def _lasting(self, up: Flags, fresh: bool) -> Flags:
+        """Return where the vehicle has flown for seconds without a break."""
         if fresh:
             self._run = 0
         rows = np.arange(len(up))
         last_down = np.maximum.accumulate(np.where(up, -1, rows))
         run = np.where(last_down < 0, self._run + rows + 1, rows - last_down)
         self._run = int(run[-1])
-        flying = run >= _AIRBORNE_S * RATE_HZ
-        self.flown_s += _whole_seconds(flying)
-        if up.any():
-            self.fastest = max(self.fastest, float(speed[up].max()))
-        return flying
+        return run >= _AIRBORNE_S * RATE_HZ
+
+    def _spaced(self, flat: dict[str, Array], aloft: Flags) -> Array:
+        """Return the longer spacing, of the outputs or of the rates in use, (n,); count both in flight."""
+        fast = np.isfinite(flat["rates"]).all(axis=1)
+        rates = np.where(fast, flat["rates_spacing"][:, 0], flat["slow_rates_spacing"][:, 0])
+        first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
+        outputs = np.where(np.isfinite(first), first, second)
+        for name, spacing in (("outputs", outputs), ("rates", rates)):
+            known = spacing[aloft & np.isfinite(spacing)]
+            steps = np.clip(known / _SPACING_S, 0, _SPACINGS - 1).astype(np.int64)
+            self._spacings[name] += np.bincount(steps, minlength=_SPACINGS)
+        longer: Array = np.fmax(rates, outputs)
+        return longer
 
 
 def _whole_seconds(rows: Flags) -> int:
     """Return the number of seconds whose rows are all true."""
     return int(rows.reshape(-1, RATE_HZ).all(axis=1).sum())
-
-
-def _spacing(flat: dict[str, Array]) -> Array:
-    """Return the longer spacing, of the outputs or of the rates in use, (n,)."""
-    fast = np.isfinite(flat["rates"]).all(axis=1)
-    rates = np.where(fast, flat["rates_spacing"][:, 0], flat["slow_rates_spacing"][:, 0])
-    first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
-    longer: Array = np.fmax(rates, np.where(np.isfinite(first), first, second))
-    return longer

@@ -19,7 +19,7 @@ from mavhums.log import Table
 from mavhums.vehicle.modes import kind_of
 from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 
-__all__ = ["IDENTITY_MESSAGES", "Identities", "Identity"]
+__all__ = ["IDENTITY_MESSAGES", "PERIPHERALS", "Identities", "Identity", "in_words"]
 
 IDENTITY_MESSAGES: Final = (
     frozenset({"HEARTBEAT", "AUTOPILOT_VERSION", "vehicle_status", "info"}) | TEXT_MESSAGES
@@ -62,7 +62,29 @@ _MULTIROTOR: Final = 43
 _ARDUPILOT: Final = 3
 _PX4: Final = 12
 _SYSTEM_NAME, _RELEASE = b"sys_name", b"ver_sw_release"
-_STATIONS: Final = frozenset({5, 6, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44, 48})
+PERIPHERALS: Final = {
+    5: "antenna tracker",
+    6: "ground station",
+    18: "companion computer",
+    26: "gimbal",
+    27: "ADS-B receiver",
+    30: "camera",
+    31: "charging station",
+    32: "FLARM receiver",
+    33: "servo",
+    34: "remote ID module",
+    36: "battery",
+    37: "parachute",
+    38: "logger",
+    39: "on-screen display",
+    40: "IMU",
+    41: "GPS receiver",
+    42: "winch",
+    44: "illuminator",
+    48: "generic peripheral",
+}
+"""MAV_TYPEs of what is no vehicle, in words."""
+
 _FIRMWARE = re.compile(
     r"((?:Ardu(?:Plane|Copter|Rover|Sub)|APM:(?:Plane|Copter|Rover|Sub)|Blimp|PX4) V?\d+(?:\.\d+){1,2}\S*)"
 )
@@ -153,7 +175,7 @@ class Identities:
             return
         beats = np.stack([table.system, table["type"], table["autopilot"]], axis=1)
         for system, kind, autopilot in _distinct(beats):
-            if autopilot == _NO_AUTOPILOT or kind in _STATIONS or system in self._heard:
+            if autopilot == _NO_AUTOPILOT or kind in PERIPHERALS or system in self._heard:
                 continue
             self._is(system, kind, autopilot)
 
@@ -221,6 +243,20 @@ class Identities:
                     autopilot=_AUTOPILOTS[_ARDUPILOT],
                     multirotor=several,
                 )
+
+
+def in_words(kind: int) -> str:
+    """Return a MAV_TYPE in words, with its article.
+
+    Examples
+    --------
+    >>> in_words(2), in_words(14), in_words(18), in_words(46)
+    ('a quadrotor', 'an octorotor', 'a companion computer', 'a vehicle of MAV_TYPE 46')
+    """
+    name = _KINDS.get(kind) or PERIPHERALS.get(kind)
+    if name is None:
+        return f"a vehicle of MAV_TYPE {kind}"
+    return f"{'an' if name[0] in 'aeioAEIO' else 'a'} {name}"
 
 
 def _version(number: int) -> str:

@@ -20,7 +20,9 @@ MODE_MESSAGES: Final = frozenset({"HEARTBEAT", "MODE", "MSG", "vehicle_status"})
 
 _NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
 _HEARTBEAT: Final = ("autopilot", "type", "base_mode", "custom_mode")
-_KIND: Final = re.compile(r"(ArduPlane|ArduCopter|ArduRover|ArduSub|Rover|Blimp|AntennaTracker) V?\d")
+_KIND: Final = re.compile(
+    r"(ArduPlane|ArduCopter|ArduRover|ArduSub|Rover|Blimp|AntennaTracker|APM:(?:Plane|Copter|Rover|Sub)) V?\d"
+)
 _HELD: Final = 100
 _MAV_TYPES: Final = {
     "ArduPlane": 1,
@@ -30,6 +32,10 @@ _MAV_TYPES: Final = {
     "ArduRover": 10,
     "Rover": 10,
     "ArduSub": 12,
+    "APM:Plane": 1,  # before 2017
+    "APM:Copter": 2,
+    "APM:Rover": 10,
+    "APM:Sub": 12,
 }
 
 
@@ -125,8 +131,8 @@ def kind_of(text: str) -> int | None:
 
     Examples
     --------
-    >>> kind_of("ArduPlane V4.7.0-dev (2598e9d4)"), kind_of("Throttle armed")
-    (1, None)
+    >>> kind_of("ArduPlane V4.7.0-dev (2598e9d4)"), kind_of("APM:Copter V3.2"), kind_of("Throttle armed")
+    (1, 2, None)
     """
     match = _KIND.match(text)
     return _MAV_TYPES[match[1]] if match else None

@@ -19,8 +19,8 @@ _ARDUPILOT = {
     2: "flap",
     3: "flap",
     4: "aileron",
-    16: "left spoiler 1",
-    17: "right spoiler 1",
+    16: "left split elevon 1",  # differential spoilers: a pair on each side, roll and pitch as their mean
+    17: "right split elevon 1",
     19: "elevator",
     21: "rudder",
     24: "left flaperon",
@@ -29,8 +29,8 @@ _ARDUPILOT = {
     78: "right elevon",
     79: "left v-tail",
     80: "right v-tail",
-    86: "left spoiler 2",
-    87: "right spoiler 2",
+    86: "left split elevon 2",
+    87: "right split elevon 2",
     110: "airbrake",
 }
 _NO_SURFACES = {

@@ -42,6 +42,8 @@ class Rows:
         Airspeed from the sensor or from the wind triangle, m/s.
     flying
         Whether the vehicle is a fixed wing in forward flight.
+    up, aloft
+        Whether all but the lift motors says so: at this instant, and for seconds without a break.
     trusted
         Whether the airspeed can be relied on.
     sources
@@ -65,6 +67,8 @@ class Rows:
     pitch_demand: Array
     speed: Array
     flying: Flags
+    up: Flags
+    aloft: Flags
     trusted: Flags
     sources: Array
     spacing: Array
@@ -96,8 +100,8 @@ class Rows:
 
 
 _ARRAYS: Final = tuple(field.name for field in fields(Rows)[2:])
-_FLAGS: Final = frozenset({"flying", "trusted"})
-_MEASURED: Final = tuple(name for name in _ARRAYS if name != "outputs")
+_FLAGS: Final = frozenset({"up", "aloft", "trusted"})
+_MEASURED: Final = tuple(name for name in _ARRAYS if name not in ("flying", "outputs"))
 
 
 class _Part(NamedTuple):
@@ -111,6 +115,8 @@ class _Part(NamedTuple):
 
 class PastRows:
     """The last twenty minutes of a flight, without demands but with the pulses of all outputs.
+
+    Whether lift motors carry the vehicle is known from the pulses: its rows are flying where they are aloft.
 
     What moves a surface does not change in flight, but what is known of it does: parameters come late, or
     an inference fails. What was judged before is then judged anew, with the same rows.
@@ -188,4 +194,4 @@ def _joined(parts: list[_Part]) -> tuple[Rows, Array]:
         for name, column in zip(_MEASURED, measured.T.copy(), strict=True)
     }
     unknown = np.full((len(measured), len(AXES)), np.nan)
-    return Rows(parts[0].second, parts[0].fresh, **columns, outputs=unknown), pulses
+    return Rows(parts[0].second, parts[0].fresh, **columns, flying=columns["aloft"], outputs=unknown), pulses

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.signals import ALL_OUTPUTS, OUTPUTS
+from mavhums.vehicle.signals import ALL_OUTPUTS
+from mavhums.vehicle.vtol import NO_LIFT, Lift, lift_of
 
 __all__ = ["ALIKE_US", "AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
 
 AXES: Final = ("roll", "pitch", "yaw")
 
 KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
-_LIFT: Final = range(33, 41)  # SERVOn_FUNCTION of motors
 _MIXED: Final = ("elevon", "tail")
 _FROZEN_S: Final = 1.0
 ALIKE_US: Final = 3.0
@@ -62,7 +62,7 @@ class Surfaces:
     origin
         Source of the outputs: ``parameters``, ``profile`` or ``inferred``.
     lift
-        Outputs of lift motors.
+        What carries the vehicle when it hovers.
     by_log
         Axes whose outputs the log's parameters give although ``origin`` is a profile.
     contradicted
@@ -74,7 +74,7 @@ class Surfaces:
 
     moved: tuple[Moved, ...]
     origin: str
-    lift: tuple[int, ...] = ()
+    lift: Lift = NO_LIFT
     by_log: frozenset[str] = frozenset()
     contradicted: Mapping[str, str] = field(default_factory=dict)
     confirmed: frozenset[str] = frozenset()
@@ -100,7 +100,7 @@ class Surfaces:
             {(moved.servo, moved.surface, moved.half_us > 0) for moved in each.moved}
             for each in (self, other)
         )
-        return own == others and set(self.lift) == set(other.lift)
+        return own == others and self.lift.servos == other.lift.servos
 
     def demand(self, axis: str) -> tuple[tuple[object, ...], ...]:
         """Return what the demand about an axis is made of, whatever the names of the surfaces."""
@@ -110,7 +110,7 @@ class Surfaces:
     @property
     def demands(self) -> tuple[object, ...]:
         """What decides the demand of every row and where the vehicle hovers, whatever the surfaces' names."""
-        return self.origin == "inferred", set(self.lift), *(self.demand(axis) for axis in AXES)
+        return self.origin == "inferred", self.lift, *(self.demand(axis) for axis in AXES)
 
     def brief(self, axis: str) -> str:
         """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
@@ -122,6 +122,8 @@ class Surfaces:
         'aileron L/R'
         """
         moved = self.of_axis(axis)
+        if moved and self.origin == "inferred":
+            return f"servo {'/'.join(str(one.servo) for one in moved)}"
         if len(moved) < 2:
             return moved[0].kind if moved else ""
         marks = [one.side[:1].upper() or str(one.servo) for one in moved]
@@ -129,7 +131,29 @@ class Surfaces:
 
     def names(self, axis: str) -> tuple[str, ...]:
         """Return the surfaces of an axis, each with its servo."""
-        return tuple(f"{moved.surface} (servo {moved.servo})" for moved in self.of_axis(axis))
+        return tuple(map(self.named, self.of_axis(axis)))
+
+    def named(self, moved: Moved) -> str:
+        """Return what is known of an output: its surface, or of an inferred one what the motion shows.
+
+        Examples
+        --------
+        >>> one = Moved(4, "aileron", 1500, 500)
+        >>> Surfaces((one,), "profile").named(one), Surfaces((one,), "inferred").named(one)
+        ('aileron (servo 4)', 'servo 4, moves with roll')
+        """
+        if self.origin != "inferred":
+            return f"{moved.surface} (servo {moved.servo})"
+        return f"servo {moved.servo}, {self.what(moved)}"
+
+    def what(self, moved: Moved) -> str:
+        """Return the surface of an output, or of an inferred one the axis that it moves with.
+
+        An output that the roll rate answers to may be a rudder's: in turns both move together.
+        """
+        if self.origin != "inferred":
+            return moved.surface
+        return f"moves with {next(axis for axis in AXES if moved in self.of_axis(axis))}"
 
 
 def of_parameters(parameters: Parameters) -> Surfaces | None:
@@ -144,9 +168,7 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
         sign = _px4_sign(output.because, surface, values) if parameters.is_px4 else 1.0
         sign = -sign if output.is_reversed else sign
         found.append(Moved(output.servo, surface, zero, sign * (high - low) / 2))
-    functions = {n: values.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, OUTPUTS + 1)}
-    lift = tuple(n for n, function in functions.items() if function in _LIFT)
-    return Surfaces(tuple(found), "parameters", lift) if found else None
+    return Surfaces(tuple(found), "parameters", lift_of(values)) if found else None
 
 
 def _px4_sign(because: str, surface: str, values: Mapping[str, float]) -> float:

@@ -17,10 +17,11 @@ from mavhums import Engine
 from mavhums.actuator.profile import Actuator, Airframe, load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged, Event, Notice
-from mavhums.engine.motion import contradiction
+from mavhums.engine.motion import contradiction, refutation
 from mavhums.engine.options import EngineOptions
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.report.assessment import Assessment, Verdict
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.signals import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import Moved
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
@@ -40,6 +41,7 @@ FORMATS: dict[str, Callable[[Wired], bytes]] = {
     "BIN": Wired.dataflash,
     "ulg": lambda flight: replace(flight, parameters=PX4_PLANE if flight.parameters else {}).ulog(),
 }
+ALFA = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
 WRONG = "servo 2 is right aileron in the profile and elevator in the log"
 
 
@@ -381,3 +383,27 @@ def test_a_flight_without_parameters_by_another_aircrafts_profile() -> None:
     verdicts = {v.actuator: v for v in mavhums.analyse(log, mavhums.Options(airframe="paper")).verdicts}
     said = "servos 1 and 2 do not move roll, servos 4, 5 and 6 do: the profile may name the wrong output"
     assert verdicts["roll"].reason == said
+
+
+def test_an_aileron_whose_output_stops_with_it_is_no_wrong_output() -> None:
+    """The other aileron alone answers as before, and the stopped one says nothing: the alarm stands."""
+    flight = steady(180)
+    demand = excited(180)
+    lost = np.arange(len(demand)) >= 120 * 20
+    flight["roll_rate"] = 2.2 * demand + 0.02 * np.random.default_rng(2).normal(size=len(demand))
+    flight["outputs"][:, 0] = np.where(lost, 2.0, 1.0) * demand
+    left, right = Moved(1, "left aileron", 1500, 400), Moved(2, "right aileron", 1500, 400)
+    pulses = np.full((len(demand), ALL_OUTPUTS), np.nan)
+    pulses[:, 0] = np.where(lost, 1500.0, 1500 + 400 * demand)
+    pulses[:, 1] = 1500 + 400 * demand
+    assert refutation(rows(flight), pulses, "roll", (left, right), AxisLimits()) == ""
+    pulses[:, 0] = 1500 + 40 * np.random.default_rng(9).normal(size=len(demand))
+    said = refutation(rows(flight), pulses, "roll", (left, right), AxisLimits())
+    assert said.startswith("servo 1 does not move roll, servo 2 does")
+
+
+@pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
+def test_names_lose_no_alarm_of_a_real_flight() -> None:
+    log = REAL_LOGS / "alfa" / "2018-10-05-14-37-22_3_left_aileron_failure.tlog"
+    verdicts, _, _ = judged([log.read_bytes()], load_airframe(ALFA))
+    assert verdicts["roll"].worst in ("degraded", "emergency")

@@ -217,7 +217,10 @@ def test_a_standing_actuator_is_undecided() -> None:
 
 def test_without_a_profile_nothing_is_judged(short_log: Path) -> None:
     content = short_log.read_bytes().replace(b"mavhums airframe=paper", b"mavhums airframe=piper")
-    assessment = judge([content])
+    drafted = judge([content])
+    assert drafted.airframe == "drafted"
+    assert {v.condition for v in drafted.verdicts} <= {"learning", "undecided"}
+    assessment = judge([content.replace(b"SERVO", b"SIRVO")])  # no parameter is left
     everything = of(assessment, "all")
     assert {v.condition for v in assessment.verdicts} == {"undecided"}
     assert "no airframe profile" in str(everything.reason)
@@ -299,7 +302,8 @@ def test_a_second_vehicle_without_a_profile_is_not_judged_by_the_firsts(
     both = sorted(packed(growing_record, system=1) + stranger)
     assessment = judge_records([data for _, data in both])
     assert of(assessment, "elevator", 1).condition == "emergency"
-    assert of(assessment, "all", 9).condition == "undecided"
+    strangers = [verdict for verdict in assessment.verdicts if verdict.vehicle == 9]
+    assert {verdict.worst for verdict in strangers} <= {"learning", "undecided"}, "by a drafted profile"
 
 
 def test_damage_is_survived_and_declared(growing_log: Path) -> None:
@@ -318,7 +322,8 @@ def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
     write_tlog(fly(Flight(seed=5, duration_s=20.0)), healthy)
     content = healthy.read_bytes()
     assert judge([content]).exit_code == ExitCode.OK
-    assert judge([content + b"\0\0\0"]).exit_code == ExitCode.READ_WITH_LOSSES
+    assert judge([content + b"\0\0\0"]).exit_code == ExitCode.OK, "so ends a log that ends with the power"
+    assert judge([content[:5000] + b"noise" + content[5000:]]).exit_code == ExitCode.READ_WITH_LOSSES
     assert judge([b""]).exit_code == ExitCode.UNDECIDED
     degraded = tmp_path / "degraded.tlog"
     write_tlog(fly(Flight(seed=5, duration_s=20.0, friction_nm={"rudder": (0.6, 0.6)})), degraded)
@@ -341,7 +346,8 @@ def test_no_real_log_is_called_normal(path: Path, airframe: str | None, model: M
     assert assessment.verdicts
     for verdict in assessment.verdicts:
         if verdict.subject == "actuator":
-            assert verdict.condition == verdict.worst in ("undecided", "unmonitored")
+            jam = path.name == JAMMED and verdict.actuator == "aileron_1"  # needs no limit
+            assert verdict.condition == verdict.worst in ("undecided", "unmonitored") or jam
         elif path.name != JAMMED and airframe is None:  # another aircraft's profile names the wrong surfaces
             assert verdict.worst in ("undecided", "normal")
         if verdict.condition in ("undecided", "unmonitored") and path.name != JAMMED:

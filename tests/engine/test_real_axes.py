@@ -32,7 +32,6 @@ UNJUDGED = {
     "LucaGemma-MasterThesis__mav.tlog": COPTER,
     "PX4-flight-review-rs__ekf_failure.ulg": COPTER,
     "TalhaYS-savasan_iha__mav.tlog": GROUND,
-    "UAVLogViewer__vtol.tlog": GROUND,  # a quadplane that hovers
     "ahmadkhanfar-TLOG__test.tlog": COPTER,
     "ardusub_log_tools__pymavlink_bug.tlog": SUBMARINE,
     "autonomous-soaring__00000001.BIN": GROUND,
@@ -52,6 +51,7 @@ UNJUDGED = {
 }
 HEALTHY = {
     "Jordinaa-supervisor__mav.tlog": {},
+    "UAVLogViewer__vtol.tlog": {},  # a tiltrotor that flies forward for a minute
     "sitl/plane_hirate.link1.tlog": {"roll": "normal", "pitch": "normal"},
     "sitl/plane_normal.mavproxy.tlog": {"roll": "normal", "pitch": "undecided"},
     "sitl/plane_signed.link1.tlog": {},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -37,7 +37,7 @@ class Wired:
 
     ``left`` is the part of the aileron's effect that it keeps from ``lost_s`` on, ``told_s`` when
     the parameters are sent, ``named_s`` when the texts are, and ``coordinated_s`` until when servo 4 goes
-    with servo 1.
+    with servo 1; ``others`` are the pulses of servos 5 to 8, in MAVLink alone.
     """
 
     seconds: int = 170
@@ -49,6 +49,7 @@ class Wired:
     seed: int = 1
     texts: tuple[bytes, ...] = ()
     named_s: float = 0.0
+    others: Callable[[float], Sequence[int]] = lambda t: (0, 0, 0, 0)
 
     def rows(self) -> Iterator[tuple[float, list[int], float]]:
         """Yield times, pulses of servos 1 to 4, and roll rates, rad/s."""
@@ -78,7 +79,7 @@ class Wired:
             if round(t * _RATE_HZ) % _RATE_HZ == 0:
                 sent.append((t, v2.MAVLink_heartbeat_message(1, 3, 128, 10, 4, 3)))
             sent += [
-                (t, v2.MAVLink_servo_output_raw_message(us, 0, *pulses, 0, 0, 0, 0)),
+                (t, v2.MAVLink_servo_output_raw_message(us, 0, *pulses, *self.others(t))),
                 (t, v2.MAVLink_raw_imu_message(us, 0, 0, -1000, round(1000 * p), 0, 0, 0, 0, 0)),
                 (t, v2.MAVLink_attitude_message(ms, 0.0, 0.0, 0.0, p, 0.0, 0.0)),
                 (t, v2.MAVLink_vfr_hud_message(_SPEED, _SPEED, 0, 50, 100.0, 0.0)),

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from mavhums.app.inspection import inspect_log
 from mavhums.cli.main import cli
-from mavhums.core.errors import ExitCode
+from mavhums.core.errors import ExitCode, UnreadableLogError
 from mavhums.show.inspection import render_inspection
 from tests.log.mavlink.test_frames import heartbeats, trimmed_after_crc
 from tests.strategies import START_US
@@ -96,3 +96,23 @@ def test_help_does_not_wait_for_the_compiler() -> None:
     code += "; print('loaded', {'numba', 'numpy', 'pandas'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "loaded set()" in done.stdout
+
+
+def test_a_log_that_ends_with_the_power_has_lost_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "power.tlog"
+    path.write_bytes(heartbeats([START_US + 1000 * k for k in range(40)])[:-9])
+    assert "20 bytes of a frame cut off at the end" in said(path)
+    assert CliRunner().invoke(cli, ["inspect", str(path)]).exit_code == ExitCode.OK
+
+
+def test_zeros_before_the_first_frame_are_passed_over_and_told(tmp_path: Path) -> None:
+    """A recorder that allots its file in advance: more zeros than are looked at for the format."""
+    path, zeros = tmp_path / "zeros.tlog", 2_900_007
+    path.write_bytes(bytes(zeros) + heartbeats([START_US + 1000 * k for k in range(40)]))
+    inspection = inspect_log(path)
+    assert inspection.messages[0].count == 40
+    assert inspection.losses.bytes_skipped == zeros
+    nothing = tmp_path / "nothing.tlog"
+    nothing.write_bytes(bytes(zeros))
+    with pytest.raises(UnreadableLogError, match="nothing but zeros"):
+        inspect_log(nothing)

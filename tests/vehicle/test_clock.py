@@ -172,3 +172,33 @@ def test_a_message_without_a_stamp_is_doubted_on_an_uneven_link(latency_us: int,
     timed = Clocks().feed({"ATTITUDE": stamped, "VFR_HUD": plain})
     assert bool((timed["VFR_HUD"].flags[50:] & LOOSE_TIME).all()) is loose
     assert not (timed["ATTITUDE"].flags & LOOSE_TIME).any()
+
+
+@pytest.mark.parametrize("size", [1, 3, 1000])
+def test_copies_without_a_stamp_are_told_by_their_sequence_numbers(size: int) -> None:
+    """Two routes into one file: each message again, 1 s later; without a second route nothing is one."""
+    rng = np.random.default_rng(3)
+    sent_s = np.arange(1, 401) * 0.1
+    for routes in (1, 2):
+        late = np.sort(rng.uniform(1.0, 1.05, sent_s.size)) if routes == 2 else np.empty(0)
+        at = np.concatenate([sent_s, sent_s[: late.size] + late])
+        row = np.concatenate([np.arange(400), np.arange(late.size)])
+        order = np.argsort(at, kind="stable")
+        received = (at[order] * 1e6).astype(int).tolist()
+        stamps = (1000 * sent_s[row[order]]).astype(int).tolist()
+        numbers = (row[order] % 256).tolist()
+        whole = {
+            "ATTITUDE": table("ATTITUDE", stamps, sequence=numbers, received_us=received),
+            "VFR_HUD": table("VFR_HUD", [7] * len(numbers), sequence=numbers, received_us=received),
+        }
+        clocks, kept = Clocks(), 0
+        for k in range(0, 2 * order.size, 2 * size):
+            block = {
+                name: part.select((part.frame >= k) & (part.frame < k + 2 * size))
+                for name, part in whole.items()
+            }
+            kept += len(clocks.feed(block)["VFR_HUD"])
+        missed = 12 if routes == 2 else 0  # those whose originals came before the first copy that was found
+        assert kept - 400 <= missed
+        assert clocks.copies.get((1, "VFR_HUD"), 0) == order.size - kept
+        assert kept >= 400

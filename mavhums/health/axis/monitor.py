@@ -144,9 +144,10 @@ class AxisFindings:
     effectiveness, windows
         The mean since the last change of the condition, or of a loss the value since its onset, with its
         95 % interval; and the number of windows in the mean, 0 for a loss.
-    spacing_s, slowest_s
-        Time between samples of the outputs or the rates, where a reference was sought, and the longest that
-        is sufficient.
+    spacing_s
+        Time between samples of the outputs or the rates, where a reference was sought.
+    needs
+        Requirements on a reference.
     limits
         Limits by which the axis was judged.
     from_take_off
@@ -166,7 +167,7 @@ class AxisFindings:
     best: Reference | None
     usable_s: int
     spacing_s: float
-    slowest_s: float
+    needs: Standards
     limits: AxisLimits
     from_take_off: bool
 
@@ -372,7 +373,7 @@ class AxisMonitor:
             best=gain.best,
             usable_s=gain.usable_s,
             spacing_s=gain.spacing_s,
-            slowest_s=_STANDARDS[axis].spacing_s,
+            needs=_STANDARDS[axis],
             limits=self.limits,
             from_take_off=self._waited_rows >= _WAITS_S * RATE_HZ,
         )

@@ -78,12 +78,16 @@ Record = Any
 
 @inlined
 def _judge_time(state: Record, told_us: int) -> bool:
-    """Accept a record's time within a minute of the clock; three consecutive other times set the clock."""
-    if abs(told_us - state.time_us) <= _STEP_US:
+    """Accept a record's time within a minute of the clock; three consecutive other times set the clock.
+
+    Several topics are logged with one time: where it is wrong, it is one wrong time. A header without a time
+    tells no clock.
+    """
+    if abs(told_us - state.time_us) <= _STEP_US or (state.time_us == 0 and told_us > 0):
         state.time_us = told_us
         state.run = 0
         return True
-    if told_us <= 0:
+    if told_us <= 0 or (state.run and told_us == state.astray):
         return False
     state.run = state.run + 1 if state.run and abs(told_us - state.astray) <= _STEP_US else 1
     state.astray = told_us

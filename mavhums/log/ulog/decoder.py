@@ -138,7 +138,7 @@ class UlogDecoder:
             self._counts = np.vstack([self._counts, np.zeros((missing, INSTANCES), dtype=np.int64)])
         count(batch.rows, self._counts)
         if self._first_us is None:
-            data = np.flatnonzero(batch.rows["kind"] == _DATA)
+            data = np.flatnonzero((batch.rows["kind"] == _DATA) & (batch.rows["odd"] == 0))
             self._first_us = int(batch.rows["time_us"][data[0]]) if data.size else None
         if self._first_us is not None and batch.rows.size:
             latest_us = int(batch.rows["time_us"].max())

@@ -30,7 +30,7 @@ BASIC: Final = {
 }
 _NAME = r"[A-Za-z_][A-Za-z0-9_\-/]*"
 _FORMAT = re.compile(rf"({_NAME}):(.*)", re.DOTALL)
-_FIELD = re.compile(rf"({_NAME})(?:\[(\d{{1,5}})\])? +({_NAME})")
+_FIELD = re.compile(rf"({_NAME})(?:\[(\d{{1,5}})\])? +([A-Za-z_][A-Za-z0-9_\-/.]*)")
 _LARGEST = 65_533
 _MOST_FIELDS = 4096
 _MOST_FORMATS = 4096

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,10 @@ from mavhums.log.ulog.messages import RESERVED
 __all__ = ["Topics"]
 
 _IDS = 1 << 16
-_TOPIC = re.compile("[a-z][a-z0-9_]{0,254}")
+_TOPIC = re.compile(r"[A-Za-z][A-Za-z0-9_\-/]{0,254}")
+_OF_OTHERS = re.compile("[A-Z0-9_]+")
+"""Names as of MAVLink messages and DataFlash records: what reads those must not take a topic for one."""
+
 _F, _A, _R = b"FAR"
 
 
@@ -58,6 +62,9 @@ class Topics:
         if layout is None:
             topic["definition"], topic["least"], topic["most"] = UNKNOWN, 0, _IDS
             return
+        if _OF_OTHERS.fullmatch(name):
+            name = f"ulog_{name}"
+            layout = replace(layout, name=name)
         if name not in self._numbers:
             self._numbers[name] = len(self.layouts)
             self.layouts.append(layout)

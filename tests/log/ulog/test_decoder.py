@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavhums import read_log
+from mavhums.app.inspection import inspect_log
+from mavhums.cli.main import cli
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log.flags import ODD_TIME
 from tests.log.ulog import writer
-from tests.log.ulog.peer import decode
+from tests.log.ulog.peer import columns_of_peer, decode
 
 FLIGHT = writer.flight(2.0)
 TOPIC = writer.form("topic", "uint64_t timestamp;float value;") + writer.subscribe(1, "topic")
@@ -147,7 +150,6 @@ def test_a_kind_of_message_to_come_is_counted_and_passed_over() -> None:
         "topic:",
         "topic",
         "topic:float[x] what;",
-        "STATUSTEXT:uint64_t timestamp;char[50] text;",
         "parameter:uint64_t timestamp;",
     ],
 )
@@ -179,3 +181,55 @@ def test_what_cannot_be_read_is_refused(log: bytes, said: str, tmp_path: Path) -
     path.write_bytes(log)
     with pytest.raises(UnreadableLogError, match=said):
         read_log(path)
+
+
+@pytest.mark.parametrize("name", ["Attitude", "sensors/imu-0", "IMU", "attitude"])
+def test_topics_of_other_writers_are_read_as_pyulog_reads_them(name: str, tmp_path: Path) -> None:
+    """Names in capitals alone are those of messages of other formats: the topic is told apart from them."""
+    form = writer.form(name, "uint64_t timestamp;float Roll.deg;float x_2;")
+    rows = [struct.pack("<Qff", 1_000_000 + 10_000 * k, k, 2.0 * k) for k in range(50)]
+    log = writer.header() + form + writer.subscribe(3, name) + b"".join(writer.data(3, one) for one in rows)
+    path = tmp_path / "other.ulg"
+    path.write_bytes(log)
+    [table] = read_log(path).tables.values()
+    assert table.name == ("ulog_IMU" if name == "IMU" else name)
+    theirs = columns_of_peer(log)[name, 0]
+    for field in ("timestamp", "Roll.deg", "x_2"):
+        assert table[field].tolist() == theirs[field].tolist()
+    [vehicle] = inspect_log(path).vehicles
+    assert vehicle.tier is None
+    assert (
+        CliRunner()
+        .invoke(cli, ["export", str(path), "--messages", table.name, "-o", f"{path}.csv"])
+        .exit_code
+        == 0
+    )
+
+
+def several(stamps_us: list[int], start_us: int = 1_000_000) -> bytes:
+    """Three topics that are logged together, each with one time."""
+    names = ("one", "two", "three")
+    head = b"".join(
+        writer.form(name, "uint64_t timestamp;float value;") + writer.subscribe(k, name)
+        for k, name in enumerate(names)
+    )
+    return writer.header(start_us) + head + b"".join(row(t, 0.0, k) for t in stamps_us for k in range(3))
+
+
+@pytest.mark.parametrize("at", [0, 1, 250, 599])
+def test_one_wrong_time_of_several_topics_sets_no_clock(at: int) -> None:
+    stamps = [1_000_000 + 500_000 * k for k in range(600)]
+    stamps[at] = 5_519_000_000
+    tables, decoder = decode(several(stamps))
+    assert decoder.last_time_us is not None
+    assert decoder.first_time_us is not None
+    assert (decoder.last_time_us - decoder.first_time_us) / 1e6 == pytest.approx(299.5, abs=0.6)
+    assert decoder.losses.time_jumps == 0
+    assert len(tables["one"]) == 600
+
+
+def test_a_header_without_a_time_does_not_lengthen_the_log() -> None:
+    _, decoder = decode(several([5_228_000_000 + 500_000 * k for k in range(600)], start_us=0))
+    assert decoder.last_time_us is not None
+    assert decoder.first_time_us == 5_228_000_000
+    assert decoder.last_time_us - decoder.first_time_us == 299_500_000

@@ -1,0 +1,327 @@
+"""The axes of one vehicle: takes signals, yields changes of condition, returns findings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator.profile import Airframe
+from mavhums.core.conditions import Condition
+from mavhums.engine.events import Notice
+from mavhums.engine.motion import TRIED_AXES, contradiction, refutation, rests_on_outputs
+from mavhums.engine.told import Known, Told
+from mavhums.health.axis.monitor import AxisMonitor, explained_by
+from mavhums.health.events import ConditionChanged, Indication
+from mavhums.report.axis_limits import AxisLimits
+from mavhums.vehicle.events import Followed
+from mavhums.vehicle.flight import Flight, Rows
+from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
+from mavhums.vehicle.inference import inferred
+from mavhums.vehicle.signals import Signal
+from mavhums.vehicle.surfaces import Demands, Surfaces
+from mavhums.vehicle.usage import Usage
+
+__all__ = ["AxisEvent", "VehicleAxes"]
+
+AxisEvent = ConditionChanged | Indication | Followed | Notice
+_SHOWN_EVERY: Final = 5  # rows: four angles a second
+_INFER_S: Final = 45
+_RETRY_S: Final = 10
+_LATEST_S: Final = 600
+_INFERRED_FROM_S: Final = 120
+_PARTED_S: Final = 3  # longer than an output that freezes takes to be noticed
+_INFERENCES: Final = 3
+_TRIES_S: Final = (60, 120, 180)  # of forward flight: a reference takes 45 s, and none begins later
+_RECENT_S: Final = 180  # before an alarm: with 120, two of seven wrong profiles raised it all the same
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+class VehicleAxes:
+    """The axes of one vehicle.
+
+    What moves its surfaces is part of every judgement. When that turns out to be something else, because
+    parameters come in flight, parameters or the motion contradict the profile, or an inference fails, the
+    flight so far is judged anew, and what was reported is revised by one change of condition.
+
+    Parameters
+    ----------
+    vehicle
+        System id.
+    start_us
+        Start of flight time, microseconds of UTC.
+    airframe
+        A profile; None if the log is to define the surfaces.
+    angles
+        Whether to yield the demanded and the flown angles as well, for a recording.
+
+    Attributes
+    ----------
+    told
+        The profile and the parameters, with the flight seconds from which they apply.
+    surfaces, flight, monitor
+        The surfaces, the flight and the monitor, as far as known.
+    usage, grid
+        Use of the vehicle's outputs; the grid of its signals.
+    """
+
+    def __init__(
+        self, vehicle: int, start_us: int, airframe: Airframe | None = None, *, angles: bool = False
+    ) -> None:
+        self.told = Told(airframe)
+        self.surfaces = self.told.last.surfaces
+        self.monitor = AxisMonitor(vehicle, airframe.axes if airframe else None)
+        self.flight = Flight(self.surfaces)
+        self.usage = Usage()
+        self.grid = Grid(start_us)
+        self._vehicle, self._angles = vehicle, angles
+        self._known = self.told.last
+        self._answers: dict[str, str] = {}
+        self._now_s, self._tries = 0, 0
+        self._inferences, self._hoped_s, self._next_try_s = 0, 0, _INFER_S
+        self._reported: dict[str, Condition] = {}
+        self._shown_s: dict[str, float] = {}
+
+    def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
+        """Take new samples; yield the changes of condition."""
+        self.usage.feed(signals)
+        seconds = self.grid.feed(signals, final=final)
+        while seconds is not None:
+            first = int(seconds.index[0])
+            yield from self._apply(self.told.at(first))
+            yield from self._look(first)
+            now, seconds = self._next(seconds)
+            yield from self._follow(now)
+        if final:
+            yield from self._apply(self.told.last)
+            yield from self._look(self._now_s + _RETRY_S)
+
+    def _eager(self) -> bool:
+        """Return whether the outputs may be inferred for the first time in any second."""
+        return self.surfaces is None and self.flight.flown_s <= _INFER_S + _RETRY_S
+
+    def _look(self, second: int) -> Iterator[AxisEvent]:
+        """Infer the outputs, or give up inferred ones, where it is time to before a flight second.
+
+        Only the second decides when, and not how many came at once.
+        """
+        if not self._eager() and (self._now_s - 1) // _RETRY_S == second // _RETRY_S:
+            return
+        if self.surfaces is None and self.flight.flown_s >= self._next_try_s:
+            yield from self._infer()
+        elif self.flight.parted_s >= _PARTED_S:
+            self._hoped_s = self.flight.flown_s
+            self._next_try_s = self._hoped_s + _RETRY_S
+            yield from self._adopt(None, "outputs that moved as one no longer do")
+
+    def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
+        """Return the seconds until the surfaces may change, and the rest."""
+        first = int(seconds.index[0])
+        due = self.told.next_s(first)
+        ends = [] if due is None else [due]
+        if self._eager() or self._doubtful():
+            ends.append(first + 1)
+        elif self.surfaces is None or self.surfaces.origin == "inferred":
+            ends.append(first - first % _RETRY_S + _RETRY_S)
+        at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
+        if at == len(seconds.index):
+            return seconds, None
+        return _part(seconds, 0, at), _part(seconds, at, len(seconds.index))
+
+    def _follow(self, seconds: Seconds) -> Iterator[AxisEvent]:
+        for rows in self.flight.feed(seconds):
+            if self._angles:
+                yield from _followed(self._vehicle, rows)
+            self._now_s = rows.second + rows.seconds
+            events = list(self.monitor.feed(rows))
+            refuted = self._refuted(events)
+            if refuted is not None:
+                yield from self._adopt(refuted, "the motion contradicts the profile")
+                return  # all of it: doubtful seconds come one by one
+            for event in events:
+                yield from self._report(event)
+
+    def _apply(self, known: Known) -> Iterator[AxisEvent]:
+        """Use what is known of the outputs from now on."""
+        if known is self._known:
+            return
+        named = known.airframe is not self._known.airframe
+        self._known = known
+        if named:
+            self._answers.clear()
+            self._tries = 0
+        surfaces = self._as_it_moves(known.surfaces) if known.surfaces else self.surfaces
+        limits = known.airframe.axes if known.airframe else self.monitor.limits
+        if limits != self.monitor.limits or (surfaces is not None and self._differs(surfaces)):
+            why = "a profile names its outputs" if named else "its parameters name other outputs than before"
+            yield from self._adopt(surfaces, why, limits)
+        elif surfaces and self.surfaces and surfaces.demands == self.surfaces.demands:
+            before, self.surfaces = self.surfaces, surfaces
+            yield from self._contradicted(before)
+
+    def _differs(self, surfaces: Surfaces) -> bool:
+        """Return whether the flight must be judged anew with these surfaces.
+
+        Other trims and ranges are other units, no other outputs: for them what is no longer kept of a long
+        flight is not given up, unless they are those of a profile that the log contradicts.
+        """
+        known = self.surfaces
+        if known is None:
+            return True
+        if surfaces.demands == known.demands:
+            return False
+        alike = surfaces.same_outputs(known) and surfaces.contradicted == known.contradicted
+        return self.flight.past.is_whole or not alike
+
+    def _adopt(
+        self, surfaces: Surfaces | None, why: str, limits: AxisLimits | None = None
+    ) -> Iterator[AxisEvent]:
+        """Judge the flight anew with these surfaces, as far back as it is kept."""
+        before, self.surfaces = self.surfaces, surfaces
+        self.monitor = AxisMonitor(self._vehicle, limits or self.monitor.limits)
+        first_s, events = self._now_s, list[ConditionChanged | Indication]()
+        for rows in self.flight.learn(surfaces):
+            first_s = min(first_s, rows.second)
+            events += self.monitor.feed(rows)
+        refuted = self._refuted(events)
+        if refuted is not None:  # one axis less each time
+            self.surfaces = before
+            yield from self._adopt(refuted, "the motion contradicts the profile")
+            return
+        reported, last = dict(self._reported), dict[str, ConditionChanged]()
+        for event in events:
+            if isinstance(event, ConditionChanged):
+                last[event.actuator] = event
+            if isinstance(event, Indication) or event.actuator not in reported:
+                yield from self._report(event)
+        if reported:
+            text = f"{why}: its axes are judged anew from {first_s} s on"
+            yield Notice(float(self._now_s), self._vehicle, text)
+        yield from self._contradicted(before)
+        against = surfaces.contradicted if surfaces else {}
+        for axis, condition in reported.items():
+            yield from self._revised(axis, condition, last.get(axis), against.get(axis, why))
+
+    def _contradicted(self, before: Surfaces | None) -> Iterator[Notice]:
+        """Say what contradicts the profile, unless it was said of the surfaces before."""
+        said = before.contradicted.values() if before else ()
+        for text in dict.fromkeys(self.surfaces.contradicted.values() if self.surfaces else ()):
+            if text not in said:
+                yield Notice(float(self._now_s), self._vehicle, text)
+
+    def _doubtful(self) -> list[str]:
+        """Return the axes whose outputs only a profile names: no parameter confirms them."""
+        surfaces = self.surfaces
+        if surfaces is None or surfaces.origin != "profile":
+            return []
+        told = surfaces.confirmed | surfaces.by_log
+        return [axis for axis in TRIED_AXES if axis not in told and surfaces.of_axis(axis)]
+
+    def _refuted(self, events: Sequence[ConditionChanged | Indication]) -> Surfaces | None:
+        """Return the surfaces less the axes whose outputs the motion contradicts; None if it does of none.
+
+        It is asked in the first minutes, and before an alarm is reported that rests on outputs which only a
+        profile names.
+        """
+        surfaces, doubtful = self.surfaces, self._doubtful()
+        if surfaces is None or not doubtful:
+            return None
+        alarms = [event for event in events if rests_on_outputs(event)]
+        due = self._tries < len(_TRIES_S) and self.flight.flown_s >= _TRIES_S[self._tries]
+        self._tries += due
+        if due:
+            self._ask(surfaces, doubtful, self._now_s)
+        for alarm in alarms:
+            self._ask(surfaces, doubtful, int(alarm.time_s), alarm.actuator)
+        refuted = self._as_it_moves(surfaces)
+        return None if refuted.contradicted == surfaces.contradicted else refuted
+
+    def _ask(self, surfaces: Surfaces, axes: Sequence[str], until_s: int, alarmed: str = "") -> None:
+        """Ask the motion up to a flight second whether it answers to the outputs of axes."""
+        known = self.flight.last(_RECENT_S, until_s)
+        if known is None:
+            return
+        rows, pulses = known
+        rows = replace(rows, outputs=Demands(surfaces).feed(pulses))
+        for axis in axes:
+            outputs = surfaces.of_axis(axis)
+            found = contradiction(rows, pulses, axis, outputs) if axis not in self._answers else None
+            if found is not None:
+                self._answers[axis] = found
+            # the side force of the ailerons must be known to judge yaw
+            concerned = alarmed == axis or (axis == "roll" and alarmed == "yaw")
+            if concerned and not self._answers.get(axis):
+                self._answers[axis] = refutation(rows, pulses, axis, outputs, self.monitor.limits)
+
+    def _as_it_moves(self, surfaces: Surfaces) -> Surfaces:
+        """Return the surfaces, less the axes that the motion contradicts and no parameter confirms."""
+        told = surfaces.confirmed | surfaces.by_log
+        found = {axis: text for axis, text in self._answers.items() if text and axis not in told}
+        if "roll" in found:  # the side force of the ailerons must be known to judge yaw
+            found["yaw"] = found["roll"]
+        return replace(surfaces, contradicted={**surfaces.contradicted, **found}) if found else surfaces
+
+    def _revised(
+        self, axis: str, before: Condition, last: ConditionChanged | None, why: str
+    ) -> Iterator[AxisEvent]:
+        """Yield the change from what was reported of an axis to what its new judgement says."""
+        after = last.after if last else "undecided"
+        if after == before:
+            return
+        now_s = float(self._now_s)
+        rule = f"{after}: {why}"
+        change = ConditionChanged(self._vehicle, axis, now_s, now_s, before, after, rule, "effectiveness")
+        if last and after != "normal":
+            change = replace(last, time_s=now_s, before=before)
+        yield from self._report(change)
+
+    def _report(self, event: ConditionChanged | Indication) -> Iterator[AxisEvent]:
+        """Yield an event, an alert with the possible surfaces, of an indication only what is new."""
+        axis = event.actuator
+        if isinstance(event, Indication):
+            new = event.end_s > self._shown_s.get(axis, -np.inf)
+            if new.any():
+                self._shown_s[axis] = float(event.end_s[-1])
+                arrays = (event.end_s, event.value, event.low, event.high)
+                yield Indication(event.vehicle, axis, event.fault, *(array[new] for array in arrays))
+            return
+        self._reported[axis] = event.after
+        suspect = self.surfaces.brief(axis) if self.surfaces else ""
+        named = event.finding and suspect
+        yield replace(event, finding=f"{event.finding}: {suspect}?") if named else event
+
+    def _infer(self) -> Iterator[AxisEvent]:
+        """Try to infer the outputs from the last minutes, ever more rarely."""
+        since_s = self.flight.flown_s - self._hoped_s
+        self._next_try_s = self.flight.flown_s + max(_RETRY_S, since_s // 4)
+        hopeful = since_s <= _LATEST_S and self._inferences < _INFERENCES
+        known = self.flight.last(_INFERRED_FROM_S) if hopeful else None
+        if known is None:
+            return
+        rows, pulses = known
+        surfaces = inferred(
+            rows, pulses, lambda axis, demand, others: explained_by(axis, rows, demand, others)
+        )
+        if surfaces is not None:
+            self._inferences += 1
+            yield from self._adopt(surfaces, "its outputs are inferred from the flight")
+
+
+def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:
+    """Yield the angles of roll and pitch in forward flight, where they are known."""
+    time_s = rows.second + np.arange(0, len(rows), _SHOWN_EVERY) / RATE_HZ
+    pairs = {"roll": (rows.roll_demand, rows.roll), "pitch": (rows.pitch_demand, rows.pitch)}
+    for axis, (demand, flown) in pairs.items():
+        angles = np.stack([demand, flown], axis=1)[::_SHOWN_EVERY]
+        known = np.isfinite(angles[:, 1]) & rows.flying[::_SHOWN_EVERY]
+        if known.any():
+            yield Followed(vehicle, axis, time_s[known], angles[known])
+
+
+def _part(seconds: Seconds, a: int, b: int) -> Seconds:
+    return Seconds(seconds.index[a:b], {name: values[a:b] for name, values in seconds.signals.items()})

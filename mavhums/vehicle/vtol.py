@@ -1,0 +1,199 @@
+"""What keeps an ArduPlane VTOL in the air: its lift motors, which of them tilt, and how far.
+
+Quadplanes report the type of a fixed wing, and helicopters run the firmware of multirotors. Their parameters
+tell what they are: Q_ENABLE, Q_TILT_MASK for the motors that tilt, Q_TAILSIT_MOTMX for those that pull a
+tailsitter forward; FRAME_CLASS of a helicopter, whose "motors" are the servos of its rotors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.vehicle.identity import Identity
+from mavhums.vehicle.signals import ALL_OUTPUTS
+
+__all__ = ["NO_LIFT", "VTOL_PARAMETERS", "Lift", "known_as", "lift_of", "rotor_servos"]
+
+VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_CLASS", "Q_M_", "Q_T", "FRAME_CLASS")
+"""First letters of the parameters that tell what lifts."""
+
+_MOTORS: Final = {33 + k: k for k in range(8)} | {82 + k: k + 8 for k in range(4)}  # SERVOn_FUNCTION
+_TILTS: Final = (41, 45, 46, 47, 75, 76)  # SERVOn_FUNCTION of servos that tilt motors
+_FIXED_WING: Final = "fixed wing"
+_TRICOPTER: Final = 7  # Q_FRAME_CLASS, whose motor 7 is the servo that tilts the tail
+_TAIL_SERVO: Final = 6
+_TAILSITTER: Final = 10  # Q_FRAME_CLASS
+_HELICOPTERS: Final = {6: 3, 11: 6, 13: 8}  # FRAME_CLASS: number of servos that move the main rotors
+_TAIL_ROTOR: Final = 3  # motor number, of the helicopter with one rotor
+
+_CARRIES: Final = 0.05
+"""Share of its range above its idle speed from which a lift motor carries. A tiltrotor that cruises keeps its
+fixed motors within 0.05 for 93 % of the time; in a hover every motor is above 0.2. Less loses cruise, more
+judges transitions, in which the lift motors answer for the surfaces."""
+
+_FORWARD: Final = 0.8
+"""Share of their servos' travel from which tilted motors pull: 72° or more, where under a third of the thrust
+lifts. A transition waits at Q_TILT_MAX, which is 45° by default: half of the travel."""
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+class _Motor(NamedTuple):
+    """A lift motor: its output, and the pulse above which it carries."""
+
+    servo: int
+    carries_us: float
+
+
+class _Tilt(NamedTuple):
+    """A servo that tilts motors: its output, and its pulses with the motors up and forward."""
+
+    servo: int
+    up_us: float
+    forward_us: float
+
+
+@dataclass(frozen=True, slots=True)
+class Lift:
+    """The outputs that carry a vehicle when it hovers.
+
+    Attributes
+    ----------
+    fixed, tilting
+        Motors that only lift, and motors that pull forward once they are tilted.
+    tilts
+        Servos that tilt them.
+    """
+
+    fixed: tuple[_Motor, ...] = ()
+    tilting: tuple[_Motor, ...] = ()
+    tilts: tuple[_Tilt, ...] = ()
+
+    @property
+    def servos(self) -> frozenset[int]:
+        """The motors' outputs."""
+        return frozenset(motor.servo for motor in (*self.fixed, *self.tilting))
+
+    def works(self, pulses: Array) -> Flags:
+        """Return where motors carry the vehicle, shape (n,).
+
+        Parameters
+        ----------
+        pulses
+            Pulses of the outputs, µs, shape (n, outputs), NaN where unknown.
+        """
+        return _carries(self.fixed, pulses) | (_carries(self.tilting, pulses) & ~self._tilted(pulses))
+
+    def _tilted(self, pulses: Array) -> Flags:
+        """Return where the motors point forward; where no tilt is known, the motors that do not tilt tell."""
+        if not self.tilts:
+            return np.full(len(pulses), bool(self.fixed))
+        sent = pulses[:, [tilt.servo - 1 for tilt in self.tilts]]
+        up, forward = np.array([tilt[1:] for tilt in self.tilts]).T
+        share = (sent - up) / (forward - up)
+        turned = (np.isnan(share) | (share >= _FORWARD)).all(axis=1)
+        told: Flags = np.where(np.isnan(share).all(axis=1), bool(self.fixed), turned)
+        return told
+
+
+NO_LIFT: Final = Lift()
+"""What carries a vehicle that does not hover."""
+
+
+def _carries(motors: tuple[_Motor, ...], pulses: Array) -> Flags:
+    columns = [motor.servo - 1 for motor in motors]
+    return np.asarray((pulses[:, columns] > [motor.carries_us for motor in motors]).any(axis=1))
+
+
+def lift_of(values: Mapping[str, float]) -> Lift:
+    """Return what lifts an ArduPlane or another ArduPilot vehicle with these parameters.
+
+    Examples
+    --------
+    >>> quad = {"SERVO5_FUNCTION": 33.0, "SERVO6_FUNCTION": 34.0, "Q_ENABLE": 1.0}
+    >>> sorted(lift_of(quad).servos), sorted(lift_of(quad | {"Q_ENABLE": 0.0}).servos)
+    ([5, 6], [])
+    """
+    functions = {n: int(values.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, ALL_OUTPUTS + 1)}
+    numbers = {n: _MOTORS[function] for n, function in functions.items() if function in _MOTORS}
+    if values.get("Q_ENABLE") == 0.0:
+        return NO_LIFT
+    low, high = (
+        next((values[name] for name in names if values.get(name, 0.0) > 0.0), usual)
+        for names, usual in (
+            (("Q_M_PWM_MIN", "Q_THR_MIN_PWM"), 1000.0),
+            (("Q_M_PWM_MAX", "Q_THR_MAX_PWM"), 2000.0),
+        )
+    )
+    idle = values.get("Q_M_SPIN_MIN", 0.0)
+    carries_us = low + (min(max(idle, 0.0), 0.5) + _CARRIES) * max(high - low, 0.0)
+    if values.get("Q_FRAME_CLASS") == _TRICOPTER:
+        numbers = {n: number for n, number in numbers.items() if number != _TAIL_SERVO}
+    pulls = _mask(values, "Q_TAILSIT_MOTMX") if _is_tailsitter(values) else 0
+    tilted = _mask(values, "Q_TILT_MASK") if _tilts(values) else 0
+    motors = {n: _Motor(n, carries_us) for n, number in numbers.items() if not pulls >> number & 1}
+    tilts = (_tilt(n, values) for n, function in functions.items() if function in _TILTS)
+    return Lift(
+        tuple(motor for n, motor in motors.items() if not tilted >> numbers[n] & 1),
+        tuple(motor for n, motor in motors.items() if tilted >> numbers[n] & 1),
+        tuple(tilt for tilt in tilts if tilt.up_us != tilt.forward_us) if tilted else (),
+    )
+
+
+def known_as(identity: Identity, values: Mapping[str, float]) -> Identity:
+    """Return the identity of a vehicle with the kind that its parameters tell.
+
+    Examples
+    --------
+    >>> known_as(Identity(1, "fixed wing"), {"Q_ENABLE": 1.0, "Q_TILT_MASK": 5.0}).kind
+    'tiltrotor'
+    """
+    if values.get("FRAME_CLASS") in _HELICOPTERS and (identity.multirotor or identity.kind is None):
+        return replace(identity, kind="helicopter", multirotor=False)
+    if identity.kind != _FIXED_WING or not values.get("Q_ENABLE", 0.0) > 0.0:
+        return identity
+    kind = "tailsitter" if _is_tailsitter(values) else "tiltrotor" if _tilts(values) else "quadplane"
+    return replace(identity, kind=kind)
+
+
+def rotor_servos(values: Mapping[str, float]) -> dict[int, str]:
+    """Return what the servos of a helicopter's rotors move, by output; empty for any other vehicle.
+
+    Examples
+    --------
+    >>> rotor_servos({"FRAME_CLASS": 6.0, "SERVO1_FUNCTION": 33.0, "SERVO4_FUNCTION": 36.0})
+    {1: 'swashplate 1', 4: 'tail rotor'}
+    """
+    count = _HELICOPTERS.get(int(values.get("FRAME_CLASS", 0.0)), 0)
+    found = {}
+    for n in range(1, ALL_OUTPUTS + 1):
+        number = _MOTORS.get(int(values.get(f"SERVO{n}_FUNCTION", 0.0)), count + 1)
+        if number < count:
+            found[n] = f"swashplate {number + 1}"
+        elif number == count == _TAIL_ROTOR:
+            found[n] = "tail rotor"
+    return found
+
+
+def _mask(values: Mapping[str, float], name: str) -> int:
+    return int(min(max(values.get(name, 0.0), 0.0), 2.0**31))
+
+
+def _is_tailsitter(values: Mapping[str, float]) -> bool:
+    known = values.get("Q_TAILSIT_ENABLE")
+    return values.get("Q_FRAME_CLASS") == _TAILSITTER if known is None else known > 0.0
+
+
+def _tilts(values: Mapping[str, float]) -> bool:
+    return values.get("Q_TILT_ENABLE") != 0.0 and _mask(values, "Q_TILT_MASK") > 0
+
+
+def _tilt(servo: int, values: Mapping[str, float]) -> _Tilt:
+    low, high = values.get(f"SERVO{servo}_MIN", 1100.0), values.get(f"SERVO{servo}_MAX", 1900.0)
+    return _Tilt(servo, high, low) if values.get(f"SERVO{servo}_REVERSED") == 1.0 else _Tilt(servo, low, high)
