@@ -45,7 +45,8 @@ def headline(assessment: Assessment) -> str:
     if past is not None:
         text = f"{text} {past[1]}, then {worst[0].condition}"
     if worst[0].surfaces:
-        text = f"{text}, {' or '.join(worst[0].surfaces)}"
+        bare = [surface.removesuffix(f" (moves with {worst[0].actuator})") for surface in worst[0].surfaces]
+        text = f"{text}, {' or '.join(bare)}"
     if past is not None:
         return text
     return f"{text} since {clock(worst[0].since.flight_time_s)}" if worst[0].since else text

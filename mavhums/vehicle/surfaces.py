@@ -140,11 +140,11 @@ class Surfaces:
         --------
         >>> one = Moved(4, "aileron", 1500, 500)
         >>> Surfaces((one,), "profile").named(one), Surfaces((one,), "inferred").named(one)
-        ('aileron (servo 4)', 'servo 4, moves with roll')
+        ('aileron (servo 4)', 'servo 4 (moves with roll)')
         """
         if self.origin != "inferred":
             return f"{moved.surface} (servo {moved.servo})"
-        return f"servo {moved.servo}, {self.what(moved)}"
+        return f"servo {moved.servo} ({self.what(moved)})"
 
     def what(self, moved: Moved) -> str:
         """Return the surface of an output, or of an inferred one the axis that it moves with.

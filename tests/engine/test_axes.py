@@ -119,10 +119,10 @@ def test_a_healthy_flight_is_normal() -> None:
 def test_outputs_that_nothing_names_are_inferred_from_the_flight() -> None:
     assessment, changes = judged(flown(parameters=False))
     roll = of(assessment, "roll")
-    assert roll.surfaces == ("servo 1, moves with roll",), "which surface that is, nothing tells"
+    assert roll.surfaces == ("servo 1 (moves with roll)",), "which surface that is, nothing tells"
     assert any(change.finding.endswith("servo 1?") for change in changes)
     names = [verdict.actuator for verdict in assessment.verdicts if verdict.subject == "actuator"]
-    assert names == ["servo 1, moves with roll"]
+    assert names == ["servo 1 (moves with roll)"]
     [servo] = [one for one in assessment.usage[0].outputs if one.named_by == "inferred"]
     assert servo.name == "moves with roll"
     assert "inference" in roll.provenance["V1"]

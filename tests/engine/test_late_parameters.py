@@ -120,7 +120,7 @@ def test_inferred_outputs_that_part_are_inferred_anew() -> None:
     longer = without_parameters(flown(240, left=1.0, parted_s=90))
     roll = of(judged(longer)[0], "roll")
     assert (roll.condition, roll.worst) == ("normal", "normal")
-    assert roll.surfaces == ("servo 1, moves with roll",)
+    assert roll.surfaces == ("servo 1 (moves with roll)",)
     lost = of(judged(without_parameters(flown(300, parted_s=90, lost_s=200)))[0], "roll")
     assert lost.worst == "emergency"
 
