@@ -250,7 +250,7 @@ def test_what_the_telemetry_leaves_out_is_named(growing_record: FlightRecord) ->
     assessment = judge_records(only_commands)
     servos = [v for v in assessment.verdicts if v.subject == "actuator"]
     assert {v.condition for v in servos} == {"unmonitored"}
-    assert all("no servo telemetry" in str(v.reason) and v.tier == "pwm" and v.remedy for v in servos)
+    assert all("no servo current or speed" in str(v.reason) and v.tier == "pwm" and v.remedy for v in servos)
     assert assessment.exit_code == ExitCode.UNDECIDED
     without_rudder = [
         data
