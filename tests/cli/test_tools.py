@@ -191,7 +191,7 @@ def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
 
     model = default_model()
     path = tmp_path / "copy.safetensors"
-    save_model(path, model.network, model.card)
+    save_model(path, model.network, model.card, model.window)
     card = json.loads(run("model", "show", path, "--json").out)
     assert card["hash"] == model.hash
     assert card["features"] == list(model.card.features)

@@ -174,6 +174,11 @@ def test_network_and_friction_are_shown_side_by_side_and_disagreement_is_said(
 
     class Contrary:
         keys = network.keys
+        window_emergency = network.window_emergency
+
+        def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
+            probabilities, inside = network.classify_windows(features)
+            return 1 - probabilities, inside
 
         def votes(self, values: Array) -> NDArray[np.int8]:
             votes = network.votes(values)
