@@ -53,7 +53,7 @@ class TanhNetwork:
     def __post_init__(self) -> None:
         """Store read-only copies of the arrays, and reject invalid ones."""
         inputs, hidden = np.shape(self.minimum)[:1], np.shape(self.b1)[:1]
-        classes = np.shape(self.b2)[:1]
+        classes = np.shape(self.w2)[-1:]
         weights = {"w1": inputs + hidden, "b1": hidden, "w2": hidden + classes, "b2": classes}
         if 0 in inputs + hidden:
             raise ValueError("a network needs at least one input and one hidden neuron")

@@ -35,7 +35,7 @@ SEVERITIES = {
     "winding_resistance": ("resistance", 0.2, 2.0),
     "torque_constant": ("torque_constant", 0.15, 0.5),
     "backlash": ("backlash", 0.15, 1.5),
-    "supply_sag": ("supply_sag", 10.0, 20.0),
+    "supply_sag": ("supply_sag", 12.0, 24.0),
     "sensor_bias": ("sensor_bias", 0.5, 5.0),
     "jam": ("jam", 8.0, 12.0),
 }
@@ -269,7 +269,7 @@ def train_window_network(
 
 def flight_counts(flights: int) -> tuple[int, int, int]:
     """Return the numbers of cyclograms for training, calibration and measurement."""
-    return 6 * flights, 3 * flights, 3 * flights
+    return 6 * flights, 2 * flights, 3 * flights
 
 
 def measure(

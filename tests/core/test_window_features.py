@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def moments(count: int = 400, *, friction: float = 0.1, seed: int = 1) -> Array:
-    """Samples whose current is friction, load, drag and inertia; whose voltage is 20 Ω and 5 V per 1000/min."""
+    """Samples whose current is friction, load, drag and inertia, and whose voltage 20 Ω and back-EMF."""
     random = np.random.default_rng(seed)
     speed, load, slope, angle = random.normal(size=(4, count))
     current = friction * np.sign(speed) + 0.2 * load + 0.03 * speed + 0.05 * slope

@@ -166,8 +166,9 @@ def slots(current: float, load: float = 0.5, moving: int = 20) -> Array:
     """The sums of one window's only slot: a current with the motion, forward and backward in turn."""
     way = np.resize([1.0, -1.0], moving)
     moments = np.zeros((moving, len(MOMENTS)))
-    for name, column_ in {"1": 1.0, "way": way, "V5": current * way, "V7": way, "V11": load}.items():
-        moments[:, MOMENTS.index(name)] = column_
+    moments[:, MOMENTS.index("1")] = 1.0
+    for name, factor in {"way": 1.0, "V5": current, "V7": 1.0, "V11": load}.items():
+        moments[:, MOMENTS.index(name)] = factor * way
     others = np.zeros(SUMS - products(moments).shape[1])
     others[[0, 6]] = moving, moving if np.isfinite(load) else 0
     return np.concatenate([products(moments).sum(axis=0), others])[None, None]
