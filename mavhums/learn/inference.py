@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +26,7 @@ WINDOW_MARGIN = 0.1
 class TanhNetwork:
     """A network with k inputs, one hidden layer of h tanh neurons, and a linear output for each class.
 
-    Two outputs are the binary neurons of the paper's table 3: the first is the larger for an
+    Its two outputs are the binary neurons of the paper's table 3: the first is the larger for an
     emergency (1, 0), the second for normal operation (0, 1).
 
     Attributes
@@ -49,11 +50,12 @@ class TanhNetwork:
     b1: NDArray[np.float64]
     w2: NDArray[np.float64]
     b2: NDArray[np.float64]
+    _CLASSES: ClassVar[int | None] = 2
 
     def __post_init__(self) -> None:
         """Store read-only copies of the arrays, and reject invalid ones."""
         inputs, hidden = np.shape(self.minimum)[:1], np.shape(self.b1)[:1]
-        classes = np.shape(self.w2)[-1:]
+        classes = np.shape(self.b2)[:1] if self._CLASSES is None else (self._CLASSES,)
         weights = {"w1": inputs + hidden, "b1": hidden, "w2": hidden + classes, "b2": classes}
         if 0 in inputs + hidden:
             raise ValueError("a network needs at least one input and one hidden neuron")
@@ -115,10 +117,8 @@ class Network(TanhNetwork):
     keys: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Reject keys that do not name the inputs, and more outputs than the two classes."""
+        """Reject keys that do not name the inputs."""
         super().__post_init__()
-        if len(self.b2) != 2:
-            raise ValueError(f"b2 has the shape {self.b2.shape}, which does not fit the other tensors")
         object.__setattr__(self, "keys", tuple(self.keys))
         unknown = [key for key in self.keys if key not in KEYS]
         if unknown:
@@ -246,6 +246,7 @@ class WindowNetwork(TanhNetwork):
     """
 
     keys: tuple[str, ...]
+    _CLASSES: ClassVar[int | None] = None
 
     def __post_init__(self) -> None:
         """Reject keys that do not name the inputs."""

@@ -269,7 +269,7 @@ def train_window_network(
 
 def flight_counts(flights: int) -> tuple[int, int, int]:
     """Return the numbers of cyclograms for training, calibration and measurement."""
-    return 6 * flights, 2 * flights, 3 * flights
+    return 4 * flights, 2 * flights, 2 * flights
 
 
 def measure(

@@ -354,11 +354,11 @@ def test_a_card_and_its_network_of_windows_must_agree(
         with pytest.raises(ValueError, match="features of windows"):
             save_model(tmp_path / "model", network, said, other)
     assert not list(tmp_path.iterdir())
-    tensors = {f"window.{name}": tensor for name, tensor in window.tensors.items()}
+    tensors: Tensors = {f"window.{name}": tensor for name, tensor in window.tensors.items()}
     write(tmp_path / "half", dict(network.tensors), with_window.model_dump_json())
     with pytest.raises(ModelError, match="holds other tensors"):
         load_model(tmp_path / "half")
     tensors["window.w2"], tensors["window.b2"] = tensors["window.w2"][:, :2], tensors["window.b2"][:2]
-    write(tmp_path / "two", dict(network.tensors) | tensors, with_window.model_dump_json())
+    write(tmp_path / "two", tensors | dict(network.tensors), with_window.model_dump_json())
     with pytest.raises(ModelError, match="3 classes do not name 2 outputs"):
         load_model(tmp_path / "two")
