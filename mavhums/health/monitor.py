@@ -34,7 +34,7 @@ from mavhums.health.tracker_report import (
     record_of,
     suspect_of,
 )
-from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, window_outcomes
+from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcomes, window_outcomes
 from mavhums.health.window_sums import window_sums
 from mavhums.health.windows import WINDOW_SLOTS, Windows
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
@@ -286,7 +286,11 @@ class Monitor:
                 changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
         self._count_decidable(looks.values(), friction)
-        voted = window_outcomes(self._networks, votes[whole].astype(np.int64), sums[whole])
+        ballots = votes[whole].astype(np.int64)
+        if self._window_s == WINDOW_S:
+            voted = window_outcomes(self._networks, ballots, sums[whole])
+        else:  # networks of windows learned the statistics of ten seconds
+            voted = outcomes(self._networks, ballots)
         for k, (end, fraction, vote) in enumerate(
             zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
         ):

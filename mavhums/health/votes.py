@@ -163,7 +163,7 @@ def window_outcomes(
     for number, network in enumerate(networks):
         place = network.window_emergency
         if place is None:
-            open_ &= [vote is None or vote.network != number for vote in said]
+            open_ &= np.array([vote is None or vote.network != number for vote in said], dtype=np.bool_)
             continue
         probabilities, inside = network.classify_windows(features)
         known = open_ & np.isfinite(probabilities[:, place])
