@@ -96,16 +96,6 @@ def test_the_networks_say_the_same_to_the_last_digit_wherever_blocks_end(data: s
     assert sum(p is not None for p in said) > 10
 
 
-def test_a_winding_of_twice_its_resistance_is_no_friction_to_the_network_of_windows() -> None:
-    for fault, severity in (("resistance", 1.0), ("friction", 0.7)):
-        seen = telemetry(flown(Condition.constant(fault, severity), rate_hz=50.0))
-        events, findings = watch(seen, networks=packaged_models())
-        said = [w.p_emergency for w in windows_of(events) if w.p_emergency is not None]
-        assert len(said) > 10
-        assert all((p > 0.5) == (fault == "friction") for p in said)
-        assert findings.network == 0
-
-
 def test_windows_of_a_second_slide_by_a_tenth() -> None:
     events, findings = watch(
         telemetry(flown(Condition.constant("friction", 1.0), rate_hz=100.0)), window_s=1.0

@@ -18,6 +18,7 @@ from mavhums.training.flights import TELEMETRY, fly_fleet, moving_samples, windo
 from mavhums.training.train import friction_range, train_model
 from mavhums.training.windows import classes_of, fly_windows, keys_of
 from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.conditions import Condition
 from mavhums_sim.individuals import Individual
 from tests.conftest import Run
 
@@ -203,3 +204,29 @@ def test_telemetry_without_two_angles_asks_for_no_play_and_no_bias() -> None:
     assert not {"gap mean", "V5|V11 way", "missed mean"} & {*keys_of(TELEMETRY["esc"])}
     assert "gap mean" in keys_of(TELEMETRY["without-load"])
     assert "V11 rms" not in keys_of(TELEMETRY["without-load"])
+
+
+@pytest.mark.parametrize("tier", ["instrumented", "esc"])
+def test_a_winding_of_twice_its_resistance_is_no_emergency_by_friction(tier: str) -> None:
+    """The votes of an ESC's samples took some of these windows for one."""
+    from mavhums.engine.events import Window
+    from mavhums.health import Monitor
+
+    doubled, models = Condition.constant("resistance", 1.0), packaged_models()
+    for friction, conditions in ((0.3, (doubled,)), (1.2, ())):
+        fleet = fly_fleet(
+            ACTUATOR,
+            TELEMETRY[tier],
+            np.full((1, 4), friction),
+            seed=4242,
+            cyclograms=["gusts"],
+            rates_hz=[50.0],
+            conditions=conditions,
+        )
+        for flown in fleet:
+            monitor = Monitor(1, ACTUATOR, models)
+            events = [*monitor.feed(flown.time_s, flown.values), *monitor.finish()]
+            said = [e.p_emergency for e in events if isinstance(e, Window) and e.p_emergency is not None]
+            assert len(said) > 50
+            assert {p > 0.5 for p in said} == {friction > 1}
+            assert monitor.findings().network == [*TELEMETRY].index(tier)
