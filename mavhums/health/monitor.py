@@ -136,6 +136,10 @@ class Monitor:
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
         self._sums = Windows(SUMS)
+        # Networks of windows learned the statistics of ten seconds.
+        self._by_window = window_s == WINDOW_S and any(
+            network.window_emergency is not None for network in self._networks
+        )
         self._first: int | None = None
         self._held = Holding()
         self._concluded_s: float | None = None
@@ -287,9 +291,9 @@ class Monitor:
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
         self._count_decidable(looks.values(), friction)
         ballots = votes[whole].astype(np.int64)
-        if self._window_s == WINDOW_S:
+        if self._by_window:
             voted = window_outcomes(self._networks, ballots, sums[whole])
-        else:  # networks of windows learned the statistics of ten seconds
+        else:
             voted = outcomes(self._networks, ballots)
         for k, (end, fraction, vote) in enumerate(
             zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
@@ -310,7 +314,8 @@ class Monitor:
                 bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
                 ratio = self.actuator.known_ema().gear_ratio
                 ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
-                own = window_sums(self.actuator, slots, moved)
+                if self._by_window:
+                    own = window_sums(self.actuator, slots, moved)
         self._slots += slots.index.size
         self._samples += int(counts[:, 0].sum())
         self._moving += int(counts[:, 1].sum())

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.quantities import column
-from mavhums.core.window_features import of_window, shows_something, window_features
+from mavhums.core.window_features import WINDOW_KEYS, of_window, shows_something, window_features
 
 __all__ = [
     "VOTE_COLUMNS",
@@ -32,6 +32,10 @@ __all__ = [
 
 _MIN_VOTERS = 20
 _MIN_PER_DIRECTION = 5
+_RIGID_DEG = 0.025
+"""Standard deviation of V3 − V2/N below which it is the sensors' noise alone. Every gear that a network of
+windows learned has play and winds up: 2 of 8,479 windows were below. A rigid gear is none of these, and the
+network took that of the data sheet for a torque constant lost, at any friction."""
 _V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
 
 Counts = NDArray[np.int64]
@@ -158,20 +162,30 @@ def window_outcomes(
     """
     said = outcomes(networks, counts)
     sums = of_window(slots)
-    asked, features = shows_something(sums), window_features(sums)
+    asked, features = shows_something(sums), _statistics(sums)
     open_ = np.ones(len(sums), dtype=np.bool_)
     for number, network in enumerate(networks):
         place = network.window_emergency
-        if place is None:
-            open_ &= np.array([vote is None or vote.network != number for vote in said], dtype=np.bool_)
-            continue
-        probabilities, inside = network.classify_windows(features)
-        known = open_ & np.isfinite(probabilities[:, place])
-        for k in np.flatnonzero(known).tolist():
-            answers = asked[k] and inside[k]
-            said[k] = Outcome(float(probabilities[k, place]), number) if answers else None
-        open_ &= ~known
+        voted = np.array([vote is not None and vote.network == number for vote in said], dtype=np.bool_)
+        if place is not None:
+            probabilities, inside = network.classify_windows(features)
+            known = open_ & np.isfinite(probabilities[:, place])
+            for k in np.flatnonzero(known).tolist():
+                answers = asked[k] and inside[k]
+                said[k] = Outcome(float(probabilities[k, place]), number) if answers else None
+            open_ &= ~known
+        open_ &= ~voted
     return said
+
+
+def _statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the windows' statistics, without those of a gear that shows neither play nor wind-up."""
+    features = window_features(sums)
+    rigid = (sums[:, 0] >= _MIN_VOTERS) & (features[:, WINDOW_KEYS.index("gap std")] < _RIGID_DEG)
+    for k, key in enumerate(WINDOW_KEYS):
+        if key.startswith("gap"):
+            features[rigid, k] = np.nan
+    return features
 
 
 def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | None]:

@@ -49,14 +49,11 @@ def _window(card: WindowCard, console: Console) -> None:
     measured = {_words(name): f"{value:.4g}" for name, value in card.metrics.items()}
     _pairs(console, "[bold]Network of windows[/]", facts | known)
     _pairs(console, "Its windows of flights not trained on", measured)
-    names = [*card.classes, "abstained"]
-    table = Table(title="flown, and decided as", title_justify="left", box=None, pad_edge=False)
-    for heading in ("", *names):
-        table.add_column(_words(heading), justify="right" if heading else "left")
-    for name, row in card.confusion.items():
-        table.add_row(_words(name), *(str(row.get(told, "")) for told in names))
-    console.print(table)
-    console.print()
+    told = {
+        _words(name): ", ".join(f"{_words(said)} {count}" for said, count in row.items())
+        for name, row in card.confusion.items()
+    }
+    _pairs(console, "What they flew, and were decided as", told)
     for line in card.selection.told(card.features):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 

@@ -186,6 +186,20 @@ def test_each_packaged_model_is_shown_by_its_name(run: Run, tier: str) -> None:
     assert measured["expected_calibration_error"] < measured["expected_calibration_error_of_the_share"]
 
 
+def test_the_card_of_a_network_of_windows_tells_its_stages_and_its_confusion(run: Run) -> None:
+    window = default_model().card.window
+    assert window is not None
+    shown = " ".join(run("model", "show").out.split())
+    assert (
+        f"Network of windows inputs {', '.join(window.features)} classes normal, friction degraded" in shown
+    )
+    for name, row in window.confusion.items():
+        said = ", ".join(f"{each} {count}" for each, count in row.items())
+        assert f"{name} {said}".replace("_", " ") in shown
+    for line in window.selection.told(window.features):
+        assert " ".join(line.split()) in shown
+
+
 def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
     from mavhums.learn import save_model
 

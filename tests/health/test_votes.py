@@ -191,5 +191,7 @@ def test_a_network_of_windows_that_lacks_a_quantity_leaves_it_to_votes_and_to_ot
     without_load = slots(0.25, load=np.nan)
     loaded = ByWindow(needs="V11 rms")
     assert window_outcomes([loaded], ballots, without_load) == [Outcome(0.5, 0)]
-    assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [Outcome(0.25, 1)]
+    assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [Outcome(0.5, 0)]
+    silent = window(row(-1, 40, (0, 0), (0, 0)))[None]
+    assert window_outcomes([loaded, ByWindow()], silent, without_load) == [Outcome(0.25, 1)]
     assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [Outcome(0.5, 0)]
