@@ -97,7 +97,7 @@ class Model:
     @property
     def window_classes(self) -> tuple[str, ...]:
         """The conditions of windows, in the order of their probabilities; empty without such a network."""
-        return self.card.window.classes if self.card.window else ()
+        return self.card.window.classes if self.window and self.card.window else ()
 
     @property
     def window_emergency(self) -> int | None:
