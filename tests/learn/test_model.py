@@ -283,7 +283,7 @@ def test_the_packaged_models_are_small_and_ask_for_less_and_less() -> None:
     assert all("V2" not in model.keys for model in models)
     assert all(model.card.calibration is not None for model in models)
     folder = Path(str(files("mavhums.learn") / "models"))
-    assert sum(file.stat().st_size for file in folder.glob("*.safetensors")) < 30_000
+    assert sum(file.stat().st_size for file in folder.glob("*.safetensors")) < 50_000  # two networks each
 
 
 @given(slope=st.floats(-1e308, 1e308), intercept=st.floats(-1e308, 1e308), share=st.floats(0, 1))
