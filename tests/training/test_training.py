@@ -124,7 +124,7 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
         tell=said.append,
         progress=lambda *step: seen.append(step),
     )
-    assert seen == [(k, 34) for k in range(1, 35)]
+    assert seen == [(k, 28) for k in range(1, 29)]
     assert card.window is not None
     assert card.window.classes == classes_of(TELEMETRY[tier])
     assert card.window.features == window.keys
