@@ -1,6 +1,6 @@
 """Accuracy, abstention and calibration of the packaged networks on unseen flights.
 
-    python benchmarks/networks.py [--flights 4] [--part modes|population|faults|stages|cost]
+    python benchmarks/networks.py [--flights 4] [--part modes|population|faults|windows|stages|bound|cost]
 
 Individuals with two masses, four actuators a flight, flights of 100 s at 100 Hz unless said otherwise,
 from seeds that neither training nor calibration used. Windows are of 10 s and do not overlap. The
@@ -9,7 +9,10 @@ networks were trained and calibrated on all six modes.
 modes       normal (0.225 … 0.375 N·m) and emergency (0.875 … 1.025 N·m), each flight mode by itself
 population  frictions through the whole range at 100, 50, 25 and 10 Hz: Brier score and calibration
 faults      windows between the classes, and with other faults: who abstains, and what is said
+windows     every condition that the simulator flies: decisions by condition, severity, mode and rate
 stages      what each stage of the paper's scheme is worth: results with one stage more at a time
+bound       what a decision per sample can reach: boosted trees on more and more flights, and with the slope
+            of the speed, which is in none of V1…V12, beside them
 cost        processor time to count the votes of 6,000 samples
 """
 
@@ -21,11 +24,15 @@ from dataclasses import replace
 from time import process_time
 
 import numpy as np
+from _windows import windows
 from rich.console import Console
 from rich.table import Table
+from sklearn.ensemble import HistGradientBoostingClassifier
 
 from mavhums.actuator import load_airframe
-from mavhums.core.quantities import column
+from mavhums.core.quantities import KEYS, column
+from mavhums.health.motion import motion
+from mavhums.health.slots import SlotCutter, widen
 from mavhums.health.votes import count_votes
 from mavhums.learn import (
     Model,
@@ -35,11 +42,13 @@ from mavhums.learn import (
     packaged_models,
     train_network,
 )
-from mavhums.training.flights import TELEMETRY, Flown, Telemetry, fly_fleet, moving_samples, windows
+from mavhums.training.flights import TELEMETRY, Flown, Telemetry, fly_fleet, moving_samples
+from mavhums.training.flights import windows as votes_of
 from mavhums_sim.conditions import Condition
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 SEED = 50_000_000
+PARTS = ["modes", "population", "faults", "windows", "stages", "bound", "cost"]
 ACTUATOR = load_airframe("paper").actuators[2]
 MIDDLE = 0.625
 CLASSES = ((0.225, 0.375), (0.875, 1.025))
@@ -94,7 +103,7 @@ class Tally:
         votes = self.model.votes(moving)
         self.right += int(np.count_nonzero(votes[votes >= 0] == (flown.friction_nm > MIDDLE)))
         self.samples += int(np.count_nonzero(votes >= 0))
-        for found, count in windows(ACTUATOR, [self._bare], flown):
+        for found, count in votes_of(ACTUATOR, [self._bare], flown):
             self.windows += 1
             self.still += count < 20
             if found:
@@ -260,6 +269,48 @@ def samples_of(telemetry: Telemetry, flights: int) -> tuple[np.ndarray, np.ndarr
     return np.concatenate(values), np.concatenate(labels), np.concatenate(numbers)
 
 
+def bound(flights: int) -> Table:
+    """Learn the classes of single samples by trees from more and more flights; other flights test them.
+
+    Trees on all quantities of a tier, from individuals, loads and noise drawn as in the test, approach the
+    classifier that knows these distributions; where more flights no longer help, they have reached it.
+    """
+    rows = table("tier", "quantities", "flights of each class", "samples in motion right", *CYCLOGRAMS)
+    for telemetry in TELEMETRY.values():
+        tested = motion_samples(telemetry, 3 * flights, 300)
+        learned = motion_samples(telemetry, 12 * flights, 310)
+        for slope in (False, True):
+            columns = [column(key) for key in telemetry.keys] + ([len(KEYS)] if slope else [])
+            for share in (4, 1):
+                mine = learned[learned[:, -2] < 12 * flights // share]
+                trees = HistGradientBoostingClassifier(max_iter=200, max_leaf_nodes=63, min_samples_leaf=100)
+                trees.fit(mine[:, columns], mine[:, -3])
+                right = trees.predict(tested[:, columns]) == tested[:, -3]
+                rows.add_row(
+                    telemetry.name,
+                    "and the slope of V7" if slope else "V1…V12 of the tier",
+                    str(12 * flights // share),
+                    f"{100 * right.mean():.2f} %",
+                    *(f"{100 * right[tested[:, -1] == k].mean():.1f}" for k in range(len(CYCLOGRAMS))),
+                )
+    return rows
+
+
+def motion_samples(telemetry: Telemetry, flights: int, part: int) -> np.ndarray:
+    """Return V1…V12, the shaft's acceleration, class, flight and mode of every fifth sample, (n, 16)."""
+    inputs, parts = [column(key) for key in telemetry.keys], []
+    for label, friction in enumerate(CLASSES):
+        for flown in fleet(telemetry, friction, flights, part + label, [*CYCLOGRAMS]):
+            slots = SlotCutter().feed(flown.time_s, widen(flown.values))
+            assert slots is not None
+            seen = motion(ACTUATOR, slots)
+            said = (label, flown.flight, [*CYCLOGRAMS].index(flown.cyclogram))
+            columns = (np.full(len(seen.values), each) for each in said)
+            rows = np.column_stack([seen.values, seen.acceleration, *columns])[seen.moving]
+            parts.append(rows[np.isfinite(rows[:, inputs]).all(axis=1)][::5])
+    return np.concatenate(parts)
+
+
 def cost(models: dict[str, Model]) -> Table:
     rows = table("model", "hidden", "CPU ms, one call", "CPU ms, a call a second", "one second's call, µs")
     for name, model in models.items():
@@ -289,7 +340,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--flights", type=int, default=4, help="of each class and mode; four actuators each")
-    parser.add_argument("--part", choices=["modes", "population", "faults", "stages", "cost"])
+    parser.add_argument("--part", choices=PARTS)
     options = parser.parse_args()
     console = Console(width=150)
     models = dict(zip(TELEMETRY, packaged_models(), strict=True))
@@ -297,7 +348,9 @@ def main() -> None:
         "modes": lambda: modes(models, options.flights),
         "population": lambda: population(models, options.flights),
         "faults": lambda: faults(models, options.flights),
+        "windows": lambda: windows(models, options.flights, console.print),
         "stages": lambda: stages(models, options.flights),
+        "bound": lambda: bound(options.flights),
         "cost": lambda: cost(models),
     }
     for name, part in parts.items():
@@ -305,7 +358,8 @@ def main() -> None:
             with console.status(name):
                 made = part()
             console.print(f"\n[bold]{name}[/]")
-            console.print(made)
+            if made is not None:
+                console.print(made)
 
 
 if __name__ == "__main__":

@@ -108,8 +108,9 @@ def train(
     Training flies each class in the simulator in all flight modes and runs the paper's scheme: chi-square
     ranks the quantities, Algorithm 1 drops those that others explain, similar vectors are thinned, and
     networks of 4 to 16 tanh neurons choose the best subset of the rest and, on it, the best network. Flights
-    that nothing was trained on calibrate its votes, and others again measure it. Each stage tells what it
-    kept; `mavhums model show MODEL` repeats it.
+    that nothing was trained on calibrate its votes, and others again measure it. The same stages on the
+    statistics of windows give a second network, which knows every fault that the simulator flies. Each stage
+    tells what it kept; `mavhums model show MODEL` repeats it.
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase, Scheme, save_model
@@ -120,7 +121,7 @@ def train(
     scheme = Scheme(select, names, order, r2, vectors or None, networks)
     base = PrecedentBase(precedents) if precedents else None
     with steps("training") as progress:
-        network, card = train_model(
+        network, card, window = train_model(
             profile,
             tier=tier,
             flights=flights,
@@ -131,7 +132,7 @@ def train(
             tell=say,
             progress=progress,
         )
-    model = save_model(output, network, card)
+    model = save_model(output, network, card, window)
     say(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
     for name, value in (card.calibration.metrics if card.calibration else {}).items():
         say(f"  {name.replace('_', ' ')}: {value:.4g}")

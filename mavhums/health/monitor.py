@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.window_features import SUMS
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import FALSE_ALARMS
 from mavhums.health.detector import Seen, detectors_for
@@ -34,7 +35,8 @@ from mavhums.health.tracker_report import (
     record_of,
     suspect_of,
 )
-from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcomes
+from mavhums.health.votes import VOTE_COLUMNS, Classifier, Outcome, count_votes, outcomes, window_outcomes
+from mavhums.health.window_sums import window_sums
 from mavhums.health.windows import WINDOW_SLOTS, Windows
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
@@ -139,6 +141,11 @@ class Monitor:
         self._fits = Fits(actuator, {name for detector in detectors for name in detector.equations})
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
+        self._sums = Windows(SUMS)
+        # Networks of windows learned the statistics of ten seconds.
+        self._by_window = window_s == WINDOW_S and any(
+            network.window_emergency is not None for network in self._networks
+        )
         self._first: int | None = None
         self._held = Holding()
         self._concluded_s: float | None = None
@@ -290,7 +297,7 @@ class Monitor:
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = Seen(slots, moved, windows, flight)
         found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
-        moving, votes = self._count(slots, moved)
+        moving, votes, sums = self._count(slots, moved)
         self._first = int(slots.index[0]) if self._first is None else self._first
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
         end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
@@ -303,7 +310,11 @@ class Monitor:
                 if fault in deciding:
                     changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
-        voted = outcomes(self._networks, votes[whole].astype(np.int64))
+        ballots = votes[whole].astype(np.int64)
+        if self._by_window:
+            voted = window_outcomes(self._networks, ballots, sums[whole])
+        else:
+            voted = outcomes(self._networks, ballots)
         for change in self._tally.feed(voted, end_s.tolist()):
             if self._by_network:
                 changes.setdefault(change.window, []).append(("friction", change))
@@ -318,11 +329,12 @@ class Monitor:
             yield self._window(end, fraction, friction.get(k), vote)
             yield from changed
 
-    def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array]:
-        """Count moving samples and the networks' votes; return the windows' moving fractions and ballots."""
+    def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array, Array]:
+        """Count moving samples and votes; return the windows' moving fractions, ballots and sums."""
         counts = np.zeros((slots.index.size, 2))
         counts[:, 0] = slots.count()
         ballots = np.zeros((slots.index.size, VOTE_COLUMNS))
+        own = np.zeros((slots.index.size, SUMS))
         if moved is not None:
             counts[:, 1] = slots.sums(moved.moving[:, None].astype(np.float64))[:, 0]
             if self._networks:
@@ -330,11 +342,13 @@ class Monitor:
                 ratio = self.actuator.known_ema().gear_ratio
                 ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
                 self._tally.count(ballots)
+                if self._by_window:
+                    own = window_sums(self.actuator, slots, moved)
         self._slots += slots.index.size
         self._samples += int(counts[:, 0].sum())
         self._moving += int(counts[:, 1].sum())
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
-        return moving / samples, self._votes.feed(slots.index, ballots)
+        return moving / samples, self._votes.feed(slots.index, ballots), self._sums.feed(slots.index, own)
 
     def _count_decidable(self, looks: Iterable[Look], friction: Set[int]) -> None:
         """Count the windows on which a condition can rest: those that show the friction, or a fault."""

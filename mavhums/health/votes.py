@@ -1,4 +1,7 @@
-"""The networks' evidence: votes of a window's moving samples, and the resulting probability.
+"""The networks' evidence: the probability of an emergency by friction in each window.
+
+A network of windows gives it from their statistics. Of a model without one, or where a log lacks a quantity
+that it needs, the votes of the moving samples give it.
 
 The first network whose input quantities the samples carry is used. Votes are counted separately for
 the two directions of motion, because a load that is unknown to a network assists in one direction as
@@ -14,11 +17,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.quantities import column
+from mavhums.core.window_features import WINDOW_KEYS, of_window, shows_something, window_features
 
-__all__ = ["VOTE_COLUMNS", "Ballot", "Classifier", "Outcome", "count_votes", "outcome", "outcomes"]
+__all__ = [
+    "VOTE_COLUMNS",
+    "Ballot",
+    "Classifier",
+    "Outcome",
+    "count_votes",
+    "outcome",
+    "outcomes",
+    "window_outcomes",
+]
 
 _MIN_VOTERS = 20
 _MIN_PER_DIRECTION = 5
+_RIGID_DEG = 0.025
+"""Standard deviation of V3 − V2/N below which it is the sensors' noise alone. Every gear that a network of
+windows learned has play and winds up: 2 of 8,479 windows were below. A rigid gear is none of these, and the
+network took that of the data sheet for a torque constant lost, at any friction."""
 _V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
 
 Counts = NDArray[np.int64]
@@ -38,6 +55,17 @@ class Classifier(Protocol):
 
     def probability(self, share: float) -> float:
         """Return the probability of an emergency for a window's share of votes."""
+        ...
+
+    @property
+    def window_emergency(self) -> int | None:
+        """Column of the emergency by friction in :meth:`classify_windows`; None without such a network."""
+        ...
+
+    def classify_windows(
+        self, features: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the probability of each condition, and which windows lie in the training range."""
         ...
 
 
@@ -115,8 +143,53 @@ def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
     return outcomes(networks, counts[None])[0]
 
 
+def window_outcomes(
+    networks: Sequence[Classifier], counts: Counts, slots: NDArray[np.float64]
+) -> list[Outcome | None]:
+    """Return the probability of an emergency by friction in each window; None if the networks abstain.
+
+    The first network that can be asked decides: a network of windows where the log has the quantities of
+    its statistics, another where its samples voted. A network of windows abstains where a window shows
+    nothing, and outside its training range.
+
+    Parameters
+    ----------
+    networks, counts
+        As for :func:`outcomes`.
+    slots
+        The sums of the windows' slots (:func:`mavhums.health.window_sums.window_sums`), shape
+        (windows, slots, sums).
+    """
+    said = outcomes(networks, counts)
+    sums = of_window(slots)
+    asked, features = shows_something(sums), _statistics(sums)
+    open_ = np.ones(len(sums), dtype=np.bool_)
+    for number, network in enumerate(networks):
+        place = network.window_emergency
+        voted = np.array([vote is not None and vote.network == number for vote in said], dtype=np.bool_)
+        if place is not None:
+            probabilities, inside = network.classify_windows(features)
+            known = open_ & np.isfinite(probabilities[:, place])
+            for k in np.flatnonzero(known).tolist():
+                answers = asked[k] and inside[k]
+                said[k] = Outcome(float(probabilities[k, place]), number) if answers else None
+            open_ &= ~known
+        open_ &= ~voted
+    return said
+
+
+def _statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the windows' statistics, without those of a gear that shows neither play nor wind-up."""
+    features = window_features(sums)
+    rigid = (sums[:, 0] >= _MIN_VOTERS) & (features[:, WINDOW_KEYS.index("gap std")] < _RIGID_DEG)
+    for k, key in enumerate(WINDOW_KEYS):
+        if key.startswith("gap"):
+            features[rigid, k] = np.nan
+    return features
+
+
 def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | None]:
-    """Return the probability of an emergency in each window; None if the networks abstain.
+    """Return the probability of an emergency in each window by votes; None if the networks abstain.
 
     They abstain with fewer than twenty votes, with fewer than five in either direction, and if more
     than half of the moving samples lie outside their training range. If the slots used several

@@ -12,11 +12,11 @@ from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.learn.calibration import brier_score, calibrate, expected_calibration_error
-    from mavhums.learn.card import Calibration, Card
+    from mavhums.learn.card import Calibration, Card, WindowCard
     from mavhums.learn.chain import Scheme, select_features
     from mavhums.learn.dependence import Dependence, RegressionRedundancyFilter
     from mavhums.learn.ensemble import TanhNetworkEnsemble
-    from mavhums.learn.inference import Network, TanhNetwork
+    from mavhums.learn.inference import Network, TanhNetwork, WindowNetwork
     from mavhums.learn.leakage import CommandLeak, CommandLeakWarning, check_command
     from mavhums.learn.model import (
         Answers,
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mavhums.learn.subsets import SubsetSearch, exhaustive_search, genetic_search
     from mavhums.learn.thinning import VectorThinning
     from mavhums.learn.training import Candidate, TrainingResult, train_network
+    from mavhums.learn.window_training import LabelledWindows, WindowResult, train_windows
     from mavhums.learn.wrapper import NetworkSubsetSelector, network_objective
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "CommandLeak",
     "CommandLeakWarning",
     "Dependence",
+    "LabelledWindows",
     "Model",
     "ModelError",
     "Network",
@@ -67,6 +69,9 @@ __all__ = [
     "TanhNetworkEnsemble",
     "TrainingResult",
     "VectorThinning",
+    "WindowCard",
+    "WindowNetwork",
+    "WindowResult",
     "brier_score",
     "calibrate",
     "check_command",
@@ -81,15 +86,16 @@ __all__ = [
     "save_model",
     "select_features",
     "train_network",
+    "train_windows",
 ]
 
 _MODULES = {
     "calibration": ("brier_score", "calibrate", "expected_calibration_error"),
-    "card": ("Calibration", "Card"),
+    "card": ("Calibration", "Card", "WindowCard"),
     "chain": ("Scheme", "select_features"),
     "dependence": ("Dependence", "RegressionRedundancyFilter"),
     "ensemble": ("TanhNetworkEnsemble",),
-    "inference": ("Network", "TanhNetwork"),
+    "inference": ("Network", "TanhNetwork", "WindowNetwork"),
     "leakage": ("CommandLeak", "CommandLeakWarning", "check_command"),
     "model": (
         "Answers",
@@ -110,6 +116,7 @@ _MODULES = {
     "subsets": ("SubsetSearch", "exhaustive_search", "genetic_search"),
     "thinning": ("VectorThinning",),
     "training": ("Candidate", "TrainingResult", "train_network"),
+    "window_training": ("LabelledWindows", "WindowResult", "train_windows"),
     "wrapper": ("NetworkSubsetSelector", "network_objective"),
 }
 __getattr__, __dir__ = lazy_exports(

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, JsonValue
 from mavhums.core.models import Contract
 from mavhums.learn.selection import Selection
 
-__all__ = ["CLASSES", "FORMAT", "Calibration", "Card", "Selection"]
+__all__ = ["CLASSES", "FORMAT", "Calibration", "Card", "Selection", "WindowCard"]
 
 FORMAT: Final = "mavhums.model/1"
 CLASSES: Final = ("normal", "emergency")
@@ -55,6 +55,36 @@ class Calibration(Contract):
         return 0.5 + 0.5 * tanh((self.slope * share + self.intercept) / 2)
 
 
+class WindowCard(Contract):
+    """The network of windows: what it knows, how it was chosen, and what it says on flights of their own.
+
+    Attributes
+    ----------
+    features
+        Keys of its inputs, statistics of a window, in order.
+    classes
+        The conditions that it tells apart, in the order of its probabilities.
+    decides_at
+        The least probability with which the most probable condition is a decision; below it abstains.
+    conditions
+        Training conditions: flights, severities; any JSON.
+    metrics
+        Accuracies and other metrics on flights that nothing was trained on, by name.
+    confusion
+        Number of windows of those flights: condition flown, then condition decided, or ``abstained``.
+    selection
+        Result of the stages.
+    """
+
+    features: Annotated[tuple[_Text, ...], Field(min_length=1)]
+    classes: Annotated[tuple[_Text, ...], Field(min_length=2)]
+    decides_at: Annotated[float, Field(ge=0, le=1)] = 0.5
+    conditions: dict[str, JsonValue] = {}
+    metrics: dict[str, float] = {}
+    confusion: dict[str, dict[str, int]] = {}
+    selection: Selection
+
+
 class Card(Contract):
     """All metadata of a model, without its weights.
 
@@ -80,6 +110,8 @@ class Card(Contract):
         Calibration of the share of votes; None if the share is used uncalibrated.
     selection
         Result of feature selection.
+    window
+        The network of windows; None if the model has none.
     seed
         Random seed; it makes training repeatable.
     command
@@ -98,6 +130,7 @@ class Card(Contract):
     metrics: dict[str, float] = {}
     calibration: Calibration | None = None
     selection: Selection
+    window: WindowCard | None = None
     seed: int
     command: _Text
     versions: dict[str, str] = {}

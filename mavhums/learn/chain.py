@@ -11,6 +11,7 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.base import clone
 
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
@@ -23,7 +24,16 @@ from mavhums.learn.subsets import SubsetSearch, exhaustive_search, genetic_searc
 from mavhums.learn.thinning import VectorThinning
 from mavhums.learn.wrapper import network_objective
 
-__all__ = ["FUNCTIONS", "SELECTIONS", "Scheme", "Vectors", "search_subsets", "select_features", "thin"]
+__all__ = [
+    "FUNCTIONS",
+    "SELECTIONS",
+    "Scheme",
+    "Vectors",
+    "search_subsets",
+    "select_columns",
+    "select_features",
+    "thin",
+]
 
 Select = Literal["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]
 SELECTIONS: tuple[Select, ...] = get_args(Select)
@@ -143,9 +153,20 @@ def select_features(
     """
     scheme = scheme or Scheme()
     table = np.asarray(values, dtype=np.float64)[:, [column(key) for key in keys]]
+    return select_columns(table, emergency, keys, scheme)
+
+
+def select_columns(
+    table: Array,
+    target: ArrayLike,
+    keys: Sequence[str],
+    scheme: Scheme,
+    ranking: ChiSquareRanking | None = None,
+) -> Selection:
+    """Do the same with any features, ``table`` (n, k), and any number of classes, ``target`` (n,)."""
     excluded: tuple[Exclusion, ...] = ()
     if scheme.select == "algorithm-1":
-        multiple = _algorithm_1(scheme, len(keys)).fit(table, emergency)
+        multiple = _algorithm_1(scheme, len(keys), ranking).fit(table, target)
         ranking, groups, kept = multiple.ranking_, multiple.groups_, multiple.get_support(indices=True)
         excluded = tuple(
             Exclusion(
@@ -159,11 +180,11 @@ def select_features(
         )
         name = f"Algorithm 1 of {', '.join(scheme.functions)}, m = {scheme.order}, R² ≥ {scheme.r2:g}"
     elif scheme.select == "pairwise":
-        pairs = PairwiseRedundancyFilter(threshold=scheme.r2, degree=scheme.order).fit(table, emergency)
+        pairs = PairwiseRedundancyFilter(threshold=scheme.r2, degree=scheme.order).fit(table, target)
         ranking, groups, kept = pairs.ranking_, pairs.groups_, pairs.get_support(indices=True)
         name = f"pairs, polynomial of degree {scheme.order}, R² ≥ {scheme.r2:g}"
     else:
-        ranking = ChiSquareRanking().fit(table, emergency)
+        ranking = clone(ranking or ChiSquareRanking()).fit(table, target)
         kept = np.flatnonzero(np.ptp(table, axis=0) > 0)
         groups, name = tuple((place,) for place in kept.tolist()), ""
         if not len(kept):
@@ -178,7 +199,9 @@ def select_features(
     )
 
 
-def _algorithm_1(scheme: Scheme, quantities: int) -> RegressionRedundancyFilter:
+def _algorithm_1(
+    scheme: Scheme, quantities: int, ranking: ChiSquareRanking | None
+) -> RegressionRedundancyFilter:
     count = basis_count(len(scheme.functions), quantities, scheme.order)
     if count > _LARGEST_BASIS:
         raise MavhumsError(
@@ -187,7 +210,7 @@ def _algorithm_1(scheme: Scheme, quantities: int) -> RegressionRedundancyFilter:
             "name fewer --functions or a lower --order",
         )
     functions = {FUNCTION_NAMES[name]: FUNCTIONS[FUNCTION_NAMES[name]] for name in scheme.functions}
-    return RegressionRedundancyFilter(scheme.r2, functions, scheme.order)
+    return RegressionRedundancyFilter(scheme.r2, functions, scheme.order, ranking=ranking)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.quantities import KEYS, column
+from mavhums.core.window_features import WINDOW_KEYS
 from mavhums.learn.scaling import unit_interval
 
-__all__ = ["MARGIN", "Network", "TanhNetwork"]
+__all__ = ["MARGIN", "Network", "TanhNetwork", "WindowNetwork"]
 
 MARGIN = 0.1
 """How far outside the training range a sample may lie, as a fraction of that range."""
 
+WINDOW_MARGIN = 0.1
+"""The same of a window's statistics."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TanhNetwork:
-    """A network with k inputs, one hidden layer of h tanh neurons, and two linear outputs.
+    """A network with k inputs, one hidden layer of h tanh neurons, and a linear output for each class.
 
-    The outputs are the binary neurons of the paper's table 3: the first is the larger for an
+    Its two outputs are the binary neurons of the paper's table 3: the first is the larger for an
     emergency (1, 0), the second for normal operation (0, 1).
 
     Attributes
@@ -31,7 +36,7 @@ class TanhNetwork:
     w1, b1
         Weights and biases of the hidden layer, shapes (k, h) and (h,).
     w2, b2
-        Weights and biases of the outputs, shapes (h, 2) and (2,).
+        Weights and biases of the outputs, shapes (h, classes) and (classes,).
 
     Raises
     ------
@@ -45,11 +50,13 @@ class TanhNetwork:
     b1: NDArray[np.float64]
     w2: NDArray[np.float64]
     b2: NDArray[np.float64]
+    _CLASSES: ClassVar[int | None] = 2
 
     def __post_init__(self) -> None:
         """Store read-only copies of the arrays, and reject invalid ones."""
         inputs, hidden = np.shape(self.minimum)[:1], np.shape(self.b1)[:1]
-        weights = {"w1": inputs + hidden, "b1": hidden, "w2": (*hidden, 2), "b2": (2,)}
+        classes = np.shape(self.b2)[:1] if self._CLASSES is None else (self._CLASSES,)
+        weights = {"w1": inputs + hidden, "b1": hidden, "w2": hidden + classes, "b2": classes}
         if 0 in inputs + hidden:
             raise ValueError("a network needs at least one input and one hidden neuron")
         for name, shape in {"minimum": inputs, "maximum": inputs, **weights}.items():
@@ -69,7 +76,7 @@ class TanhNetwork:
         return {field.name: getattr(self, field.name) for field in fields(TanhNetwork)}
 
     def outputs(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the two outputs for ``features`` of shape (n, k), as shape (n, 2)."""
+        """Return the outputs for ``features`` of shape (n, k), as shape (n, classes)."""
         hidden = np.tanh(unit_interval(features, self.minimum, self.maximum) @ self.w1 + self.b1)
         outputs: NDArray[np.float64] = hidden @ self.w2 + self.b2
         return outputs
@@ -221,6 +228,69 @@ class Network(TanhNetwork):
 
     def _features(self, values: ArrayLike) -> NDArray[np.float64]:
         return _samples(values)[:, self._columns]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WindowNetwork(TanhNetwork):
+    """A network whose inputs are statistics of a window (:data:`mavhums.core.window_features.WINDOW_KEYS`).
+
+    Attributes
+    ----------
+    keys
+        The statistics in the order of the inputs, length k.
+
+    Raises
+    ------
+    ValueError
+        As for :class:`TanhNetwork`, or if a key is no statistic or appears twice.
+    """
+
+    keys: tuple[str, ...]
+    _CLASSES: ClassVar[int | None] = None
+
+    def __post_init__(self) -> None:
+        """Reject keys that do not name the inputs."""
+        super().__post_init__()
+        object.__setattr__(self, "keys", tuple(self.keys))
+        unknown = [key for key in self.keys if key not in WINDOW_KEYS]
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} is no statistic of a window")
+        if len(set(self.keys)) != len(self.keys) or len(self.keys) != len(self.minimum):
+            raise ValueError(f"{len(self.keys)} keys do not name {len(self.minimum)} inputs, each once")
+
+    def probabilities(self, features: ArrayLike) -> NDArray[np.float64]:
+        """Return the probability of each class, shape (n, classes), each row of sum 1.
+
+        Parameters
+        ----------
+        features
+            The windows' statistics, shape (n, len(WINDOW_KEYS)); only the columns of ``keys`` are read. A
+            window one of whose inputs is not finite has NaN throughout.
+        """
+        inputs = self._inputs(features)
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(inputs).all(axis=1))
+        scaled = unit_interval(
+            np.where(finite[:, np.newaxis], inputs, self.minimum), self.minimum, self.maximum
+        )
+        # Sums along an axis, not products of matrices, whose last digits depend on the number of windows.
+        hidden = np.tanh((scaled[:, :, np.newaxis] * self.w1).sum(axis=1) + self.b1)
+        outputs = (hidden[:, :, np.newaxis] * self.w2).sum(axis=1) + self.b2
+        odds = np.exp(outputs - outputs.max(axis=1, keepdims=True))
+        return np.where(finite[:, np.newaxis], odds / odds.sum(axis=1, keepdims=True), np.nan)
+
+    def inside(self, features: ArrayLike, margin: float = WINDOW_MARGIN) -> NDArray[np.bool_]:
+        """Return which windows lie inside the training range, widened by ``margin`` of it, shape (n,)."""
+        inputs = self._inputs(features)
+        allowed: NDArray[np.float64] = margin * (self.maximum - self.minimum)
+        return np.asarray(
+            ((inputs >= self.minimum - allowed) & (inputs <= self.maximum + allowed)).all(axis=1)
+        )
+
+    def _inputs(self, features: ArrayLike) -> NDArray[np.float64]:
+        array = np.asarray(features, dtype=np.float64)
+        if array.ndim != 2 or array.shape[1] != len(WINDOW_KEYS):
+            raise ValueError(f"features must have the shape (n, {len(WINDOW_KEYS)}), not {array.shape}")
+        return array[:, [WINDOW_KEYS.index(key) for key in self.keys]]
 
 
 def _samples(values: ArrayLike) -> NDArray[np.float64]:

@@ -17,8 +17,8 @@ from pydantic import ValidationError
 
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
-from mavhums.learn.card import Card
-from mavhums.learn.inference import Network
+from mavhums.learn.card import Card, WindowCard
+from mavhums.learn.inference import Network, WindowNetwork
 
 __all__ = [
     "Answers",
@@ -35,6 +35,10 @@ _CARD_KEY = "mavhums.card"
 _PACKAGED = ("paper-instrumented", "paper-without-load", "paper-esc")
 _LARGEST = 16 * 2**20
 _TENSORS = frozenset({"minimum", "maximum", "w1", "b1", "w2", "b2"})
+_WINDOW = "window."
+"""Before the names of the tensors of the network of windows."""
+FRICTION_EMERGENCY = "friction_emergency"
+"""The class of windows that is an emergency by friction."""
 _REMEDY = "train one with `mavhums train -o MODEL`"
 
 
@@ -61,11 +65,12 @@ class Answers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A network, its card, and the SHA-256 of its file in hexadecimal."""
+    """A network of samples, its card, the SHA-256 of its file in hexadecimal, and the network of windows."""
 
     network: Network
     card: Card
     hash: str
+    window: WindowNetwork | None = None
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -98,6 +103,43 @@ class Model:
         second = self.network.p_emergency(values)
         return Answers(np.column_stack([1 - second, second]), self.network.inside(values))
 
+    @property
+    def window_classes(self) -> tuple[str, ...]:
+        """The conditions of windows, in the order of their probabilities; empty without such a network."""
+        return self.card.window.classes if self.window and self.card.window else ()
+
+    @property
+    def window_emergency(self) -> int | None:
+        """Index in :attr:`window_classes` of the emergency by friction; None without it."""
+        classes = self.window_classes
+        return classes.index(FRICTION_EMERGENCY) if FRICTION_EMERGENCY in classes else None
+
+    def classify_windows(self, features: ArrayLike) -> Answers:
+        """Return the calibrated probability of each condition for each window, and whether it may be asked.
+
+        A window is decided where it is inside and its largest probability reaches ``card.window.decides_at``.
+
+        Parameters
+        ----------
+        features
+            The windows' statistics, shape (n, features), as
+            :func:`mavhums.core.window_features.window_features` returns them.
+
+        Returns
+        -------
+        Answers
+            Probabilities in the order of :attr:`window_classes`; a window of which a statistic is missing
+            has NaN, and is not inside.
+
+        Raises
+        ------
+        ValueError
+            If the model has no network of windows, or the shape is another.
+        """
+        if self.window is None:
+            raise ValueError("the model has no network of windows")
+        return Answers(self.window.probabilities(features), self.window.inside(features))
+
     def votes(self, values: NDArray[np.float64]) -> NDArray[np.int8]:
         """Return the vote on each sample, as :meth:`Network.votes` does."""
         return self.network.votes(values)
@@ -108,8 +150,8 @@ class Model:
         return share if calibration is None else calibration.probability(share)
 
 
-def save_model(path: str | Path, network: Network, card: Card) -> Model:
-    """Write a model file; the same network and card give the same bytes.
+def save_model(path: str | Path, network: Network, card: Card, window: WindowNetwork | None = None) -> Model:
+    """Write a model file; the same networks and card give the same bytes.
 
     The file appears whole or not at all: it is written beside its place and then moved there.
 
@@ -118,14 +160,20 @@ def save_model(path: str | Path, network: Network, card: Card) -> Model:
     ModelError
         If the file cannot be written.
     ValueError
-        If the card names other features than the network.
+        If the card names other features than a network.
     """
     if card.features != network.keys:
         raise ValueError(f"the card names the features {card.features}, the network {network.keys}")
-    data = safetensors.numpy.save(network.tensors, metadata={_CARD_KEY: card.model_dump_json()})
+    named = window.keys if window else None
+    if (card.window.features if card.window else None) != named:
+        raise ValueError(f"the card's features of windows are not the network's, {named}")
+    tensors = network.tensors
+    if window:
+        tensors |= {_WINDOW + name: tensor for name, tensor in window.tensors.items()}
+    data = safetensors.numpy.save(tensors, metadata={_CARD_KEY: card.model_dump_json()})
     with written_whole(path, error=ModelError, remedy="name a folder that exists") as temporary:
         temporary.write_bytes(data)
-    return Model(network, card, hashlib.sha256(data).hexdigest())
+    return Model(network, card, hashlib.sha256(data).hexdigest(), window)
 
 
 def models() -> tuple[str, ...]:
@@ -217,13 +265,22 @@ def _parse(data: bytes, source: str) -> Model:
         if entry["dtype"] != "F64":
             raise ModelError(f"{source}: tensor {name} is not of 64-bit floats", _REMEDY)
         tensors[name] = _array(entry["data"], entry["shape"])
-    if tensors.keys() != _TENSORS:
-        raise ModelError(f"{source}: holds other tensors than {', '.join(sorted(_TENSORS))}", _REMEDY)
+    wanted = _TENSORS | ({_WINDOW + name for name in _TENSORS} if card.window else set())
+    if tensors.keys() != wanted:
+        raise ModelError(f"{source}: holds other tensors than {', '.join(sorted(wanted))}", _REMEDY)
     try:
-        network = Network(keys=card.features, **tensors)
+        network = Network(keys=card.features, **{name: tensors[name] for name in _TENSORS})
+        window = _window(card.window, tensors) if card.window else None
     except ValueError as error:
         raise ModelError(f"{source}: {error}", _REMEDY) from error
-    return Model(network, card, hashlib.sha256(data).hexdigest())
+    return Model(network, card, hashlib.sha256(data).hexdigest(), window)
+
+
+def _window(card: WindowCard, tensors: dict[str, NDArray[np.float64]]) -> WindowNetwork:
+    network = WindowNetwork(keys=card.features, **{name: tensors[_WINDOW + name] for name in _TENSORS})
+    if len(network.b2) != len(card.classes):
+        raise ValueError(f"{len(card.classes)} classes do not name {len(network.b2)} outputs")
+    return network
 
 
 def _card(data: bytes, source: str) -> Card:

@@ -16,7 +16,7 @@ _ROUND = 10
 """Iterations between two evaluations of the validation loss."""
 
 Samples = tuple[NDArray[np.float64], NDArray[np.bool_]]
-"""Features of shape (n, k), and whether each sample is an emergency, shape (n,)."""
+"""Features, shape (n, k), and whether each sample is an emergency, (n,), or of each class, (n, classes)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,8 @@ def train(
     Parameters
     ----------
     samples
-        Features on the unit interval, shape (n, k), and whether each is an emergency, shape (n,).
+        Features on the unit interval, shape (n, k), and whether each is an emergency, shape (n,); or
+        of more than two classes whether it is of each, shape (n, classes).
     hidden
         Neurons in the hidden layer.
     weight_decay
@@ -68,17 +69,17 @@ def train(
         Computed on one thread, so the number of cores does not affect the sums.
     """
     generator = torch.Generator().manual_seed(seed)
-    inputs = samples[0].shape[1]
+    features, target = _tensors(samples)
+    inputs, outputs = features.shape[1], target.shape[1]
     weights = [
         (torch.rand(shape, generator=generator, dtype=torch.float64) * 2 - 1).mul_(bound).requires_grad_()
         for shape, bound in (
             ((inputs, hidden), (6 / (inputs + hidden)) ** 0.5),
             ((hidden,), (6 / (inputs + hidden)) ** 0.5),
-            ((hidden, 2), (6 / (hidden + 2)) ** 0.5),
-            ((2,), (6 / (hidden + 2)) ** 0.5),
+            ((hidden, outputs), (6 / (hidden + outputs)) ** 0.5),
+            ((outputs,), (6 / (hidden + outputs)) ** 0.5),
         )
     ]
-    features, target = _tensors(samples)
     held_out = _tensors(validation) if validation else None
     share = None if weight is None else torch.tensor(weight / weight.sum())
     # The limit on evaluations must never end a round: a shortened round looks like convergence.
@@ -123,9 +124,9 @@ def train(
 
 
 def _tensors(samples: Samples) -> tuple[torch.Tensor, torch.Tensor]:
-    features, emergency = samples
-    labels = np.column_stack([emergency, ~emergency]).astype(np.float64)
-    return torch.tensor(features, dtype=torch.float64), torch.tensor(labels)
+    features, target = samples
+    labels = target if target.ndim == 2 else np.column_stack([target, ~target])
+    return torch.tensor(features, dtype=torch.float64), torch.tensor(labels, dtype=torch.float64)
 
 
 def _cross_entropy(

@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from mavhums.core.quantities import QUANTITIES
-from mavhums.learn import Calibration, Card, Model
+from mavhums.learn import Calibration, Card, Model, WindowCard
 
 __all__ = ["render_card"]
 
@@ -34,6 +34,28 @@ def render_card(model: Model, console: Console) -> None:
     if card.calibration is not None:
         _calibration(card.calibration, console)
     _selection(card, console)
+    if card.window is not None:
+        _window(card.window, console)
+
+
+def _window(card: WindowCard, console: Console) -> None:
+    console.print()
+    facts = {
+        "inputs": ", ".join(card.features),
+        "classes": ", ".join(_words(name) for name in card.classes),
+        "decides from": f"a probability of {card.decides_at:g}",
+    }
+    known = {_words(name): str(value) for name, value in card.conditions.items()}
+    measured = {_words(name): f"{value:.4g}" for name, value in card.metrics.items()}
+    _pairs(console, "[bold]Network of windows[/]", facts | known)
+    _pairs(console, "Its windows of flights not trained on", measured)
+    told = {
+        _words(name): ", ".join(f"{_words(said)} {count}" for said, count in row.items())
+        for name, row in card.confusion.items()
+    }
+    _pairs(console, "What they flew, and were decided as", told)
+    for line in card.selection.told(card.features):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def _calibration(calibration: Calibration, console: Console) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import Actuator, Limits
 from mavhums.core.quantities import KEYS, column
 from mavhums.health.motion import motion
 from mavhums.health.slots import SlotCutter, widen
@@ -25,9 +25,21 @@ from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.flight import ActuatorRecord, Flight, fly
 
-__all__ = ["TELEMETRY", "Flown", "Telemetry", "fly_fleet", "moving_samples", "parameters_of", "windows"]
+__all__ = [
+    "TELEMETRY",
+    "Flown",
+    "Telemetry",
+    "fly_fleet",
+    "friction_range",
+    "moving_samples",
+    "parameters_of",
+    "reported",
+    "windows",
+]
 
 WINDOW_S = 10
+_HEALTHY_PER_LIMIT = 0.225 / 0.375
+_EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _SLOPE_S = 0.04
 _ESC_QUANTA = (0.01, 0.01, 1.0)  # V, A, rev/min of ESC_TELEMETRY
 
@@ -48,6 +60,9 @@ class Telemetry:
         Quantities to choose from. They exclude the command V1, which has no information about the
         condition, and V2, which is N·V3 if it is measured and a drifting integral if not: chi-square
         would not tell.
+    goal
+        Share of its decided windows that a network of windows shall have right; it sets the probability from
+        which it decides.
     esc
         Whether ESCs report: half of the actuators by ESC_STATUS and half by ESC_TELEMETRY.
     """
@@ -55,18 +70,19 @@ class Telemetry:
     name: str
     gives: str
     keys: tuple[str, ...]
+    goal: float
     esc: bool = False
 
 
 TELEMETRY = {
     each.name: each
     for each in (
-        Telemetry("instrumented", "instrumented", KEYS[2:]),
-        Telemetry("without-load", "instrumented, the load torque not measured", KEYS[2:10]),
+        Telemetry("instrumented", "instrumented", KEYS[2:], 0.995),
+        Telemetry("without-load", "instrumented, the load torque not measured", KEYS[2:10], 0.99),
         # Without V4 and V6: the voltage is R·I + k·ω. It tells of friction what current and speed tell, but
         # takes on the winding's resistance: a winding that gained 60 to 150 % made 39 % of the healthy
         # windows an emergency where the selection chose V4 and V7, and 2 % with V5 and V7.
-        Telemetry("esc", "ESC", ("V5", "V7", "V8", "V9", "V10"), esc=True),
+        Telemetry("esc", "ESC", ("V5", "V7", "V8", "V9", "V10"), 0.98, esc=True),
     )
 }
 """Telemetry by name; the one with the most quantities comes first."""
@@ -121,11 +137,12 @@ def fly_fleet(
         )
         records = fly(flight).actuators.values()
         for k, (record, friction) in enumerate(zip(records, row, strict=True)):
-            values = _reported(actuator, telemetry, record, signed=k % 2 == 0)
+            values = reported(actuator, telemetry, record, signed=k % 2 == 0)
             yield Flown(number, cyclogram, float(friction), record.time_s, values)
 
 
-def _reported(actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool) -> Array:
+def reported(actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool) -> Array:
+    """Return V1…V12 of a flight as the telemetry reports them, shape (n, 12); ``signed`` is an ESC_STATUS."""
     if telemetry.esc:
         return _by_esc(actuator, record, signed=signed)
     values: Array = record.values.astype(np.float32).astype(np.float64)
@@ -158,6 +175,11 @@ def _by_esc(actuator: Actuator, record: ActuatorRecord, *, signed: bool) -> Arra
 
 def _command(record: ActuatorRecord, time_s: Array) -> Array:
     return np.interp(time_s, record.motion.time_s, np.degrees(record.motion.command))
+
+
+def friction_range(limits: Limits) -> tuple[float, float]:
+    """Return the smallest and the largest simulated friction, N·m; the paper's for its limits."""
+    return _HEALTHY_PER_LIMIT * limits.normal, _EMERGENCY_PER_LIMIT * limits.emergency
 
 
 def parameters_of(actuator: Actuator) -> EmaParameters:

@@ -19,21 +19,29 @@ from mavhums.learn import (
     Network,
     PrecedentBase,
     Scheme,
+    WindowNetwork,
     brier_score,
     calibrate,
     check_command,
     expected_calibration_error,
     train_network,
 )
-from mavhums.training.flights import TELEMETRY, Flown, Telemetry, fly_fleet, moving_samples, windows
+from mavhums.training.flights import (
+    TELEMETRY,
+    Flown,
+    Telemetry,
+    fly_fleet,
+    friction_range,
+    moving_samples,
+    windows,
+)
 from mavhums.training.precedents import flown_samples
+from mavhums.training.windows import flight_counts, train_window_network
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 __all__ = ["friction_range", "train_model"]
 
-_HEALTHY_PER_LIMIT = 0.225 / 0.375
-_EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _EVERY = 20
 _RATES_HZ = (100.0, 50.0, 25.0, 10.0)
 _WORKING = 20  # moving samples of a window in which a network is asked at all
@@ -54,7 +62,7 @@ def train_model(
     flown_weight: float = 1.0,
     tell: Callable[[str], None] | None = None,
     progress: Progress | None = None,
-) -> tuple[Network, Card]:
+) -> tuple[Network, Card, WindowNetwork]:
     """Simulate both classes, run the paper's scheme on them, and calibrate and measure on other flights.
 
     The fleet consists of individual two-mass actuators. The friction of healthy actuators is 0.6 to
@@ -66,6 +74,11 @@ def train_model(
     Calibration uses twice as many flights as each class has, with frictions over the whole range,
     all cyclograms, and rates of 100, 50, 25 and 10 Hz. The same number of further flights measures
     the network and its calibration; neither training nor any choice has seen them.
+
+    The network of windows comes from the same stages on flights of their own, in which every condition that
+    the simulator flies and the telemetry shows is flown over the same commands
+    (:mod:`mavhums.training.windows`).
+    Precedents have two classes, and supplement only the network of samples.
 
     Parameters
     ----------
@@ -101,7 +114,7 @@ def train_model(
     if tier not in TELEMETRY:
         raise MavhumsError(f"no model is for telemetry {tier!r}", f"name one of: {', '.join(TELEMETRY)}")
     telemetry, limits, scheme = TELEMETRY[tier], actuator.known_limits(), scheme or Scheme()
-    step, steps = count(1), 6 * flights
+    step, steps = count(1), 6 * flights + sum(flight_counts(flights))
 
     def tick() -> None:
         if progress:
@@ -146,15 +159,13 @@ def train_model(
     )
     draft = Model(result.network, card, "")
     calibration, measured = _calibration(actuator, telemetry, draft, 2 * flights, 1_000_000 * seed, tick)
-    if tell:
-        tell(_said(measured))
-    update = {"calibration": calibration, "metrics": card.metrics | measured}
-    return result.network, card.model_copy(update=update)
-
-
-def friction_range(limits: Limits) -> tuple[float, float]:
-    """Return the smallest and the largest simulated friction, N·m; the paper's for its limits."""
-    return _HEALTHY_PER_LIMIT * limits.normal, _EMERGENCY_PER_LIMIT * limits.emergency
+    say = tell or (lambda _: None)
+    say(_said(measured))
+    window, window_card = train_window_network(
+        actuator, telemetry, flights, seed=seed, scheme=scheme, tell=say, tick=tick
+    )
+    update = {"calibration": calibration, "metrics": card.metrics | measured, "window": window_card}
+    return result.network, card.model_copy(update=update), window
 
 
 def _both_classes(

@@ -57,7 +57,7 @@ def test_a_model_of_ones_own_is_given_by_path(growing_log: Path, tmp_path: Path)
     from mavhums.learn import save_model
 
     packaged = default_model()
-    saved = save_model(tmp_path / "mine.safetensors", packaged.network, packaged.card)
+    saved = save_model(tmp_path / "mine.safetensors", packaged.network, packaged.card, packaged.window)
     assessment = mavhums.analyse(growing_log, mavhums.Options(model=tmp_path / "mine.safetensors"))
     assert assessment.model is not None
     assert assessment.model.hash == saved.hash

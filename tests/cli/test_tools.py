@@ -240,10 +240,24 @@ def test_every_command_takes_a_model_by_name_and_lists_the_names_for_a_wrong_one
         assert all(name in outcome.err for name in mavhums.models()), command
 
 
+def test_the_card_of_a_network_of_windows_tells_its_stages_and_its_confusion(run: Run) -> None:
+    window = default_model().card.window
+    assert window is not None
+    shown = " ".join(run("model", "show").out.split())
+    assert (
+        f"Network of windows inputs {', '.join(window.features)} classes normal, friction degraded" in shown
+    )
+    for name, row in window.confusion.items():
+        said = ", ".join(f"{each} {count}" for each, count in row.items())
+        assert f"{name} {said}".replace("_", " ") in shown
+    for line in window.selection.told(window.features):
+        assert " ".join(line.split()) in shown
+
+
 def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
     model = default_model()
     path = tmp_path / "copy.safetensors"
-    save_model(path, model.network, model.card)
+    save_model(path, model.network, model.card, model.window)
     card = json.loads(run("model", "show", path, "--json").out)
     assert card["hash"] == model.hash
     assert card["features"] == list(model.card.features)

@@ -17,7 +17,7 @@ from mavhums.engine.events import ConditionChanged, Event, Indication, Window
 from mavhums.health import Monitor
 from mavhums.health.baseline import Baseline
 from mavhums.health.decision import CONFIRM, LASTING
-from mavhums.learn import default_model
+from mavhums.learn import default_model, packaged_models
 from mavhums.report.assessment import Indicator
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
@@ -80,6 +80,20 @@ def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:
         assert (one.friction_nm is None) == (other.friction_nm is None)
         if one.friction_nm and other.friction_nm:
             assert one.friction_nm.estimate == pytest.approx(other.friction_nm.estimate, rel=1e-9)
+
+
+@given(data=st.data())
+@settings(max_examples=5, deadline=None)
+def test_the_networks_say_the_same_to_the_last_digit_wherever_blocks_end(data: st.DataObject) -> None:
+    seen = telemetry(flown(Condition.step("friction", 0.4, 15.0), rate_hz=25.0, seconds=30.0))
+    places = data.draw(cuts(seen.time_s.size))
+    bounds = [0, *places, seen.time_s.size]
+    blocks = [seen.between(a, b) for a, b in itertools.pairwise(bounds)]
+    expected, _ = watch(seen, networks=packaged_models())
+    events, _ = watch_blocks(blocks, networks=packaged_models())
+    said = [w.p_emergency for w in windows_of(events)]
+    assert said == [w.p_emergency for w in windows_of(expected)]
+    assert sum(p is not None for p in said) > 10
 
 
 def test_windows_of_a_second_slide_by_a_tenth() -> None:
@@ -172,6 +186,11 @@ class Contrary:
     def __init__(self) -> None:
         self._network = default_model()
         self.keys = self._network.keys
+        self.window_emergency = self._network.window_emergency
+
+    def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
+        probabilities, inside = self._network.classify_windows(features)
+        return 1 - probabilities, inside
 
     def votes(self, values: Array) -> NDArray[np.int8]:
         votes = self._network.votes(values)

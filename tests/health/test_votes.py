@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
-from mavhums.health.votes import Outcome, count_votes, outcome
+from mavhums.core.window_features import MOMENTS, SUMS, WINDOW_KEYS, products
+from mavhums.health.votes import Outcome, count_votes, outcome, window_outcomes
 
 RATIO = 300.0
 Array = NDArray[np.float64]
@@ -30,6 +31,13 @@ class Threshold:
 
     def probability(self, share: float) -> float:
         return self.slope * share
+
+    @property
+    def window_emergency(self) -> int | None:
+        return None
+
+    def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
+        raise AssertionError("it has no network of windows")
 
 
 def samples(currents: list[float], speeds: list[float] | None = None) -> Array:
@@ -136,3 +144,54 @@ def test_standing_still_asks_nobody(bounds: list[int]) -> None:
     counts = count_votes([Threshold()], samples([])[:0], [0] * len(bounds), RATIO)
     assert (counts[:, 0] == -1).all()
     assert outcome([Threshold()], counts) is None
+
+
+@dataclass(frozen=True)
+class ByWindow(Threshold):
+    """Answers from the current's half difference, and knows only windows below two amperes."""
+
+    needs: str = "V5 way"
+
+    @property
+    def window_emergency(self) -> int | None:
+        return 1
+
+    def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
+        seen = features[:, WINDOW_KEYS.index(self.needs)]
+        p = np.clip(seen, 0.0, 1.0)
+        return np.column_stack([1 - p, p]), seen < 2.0
+
+
+def slots(current: float, load: float = 0.5, moving: int = 20) -> Array:
+    """The sums of one window's only slot: a current with the motion, forward and backward in turn."""
+    way = np.resize([1.0, -1.0], moving)
+    moments = np.zeros((moving, len(MOMENTS)))
+    moments[:, MOMENTS.index("1")] = 1.0
+    for name, factor in {"way": 1.0, "V5": current, "V7": 1.0, "V11": load}.items():
+        moments[:, MOMENTS.index(name)] = factor * way
+    others = np.zeros(SUMS - products(moments).shape[1])
+    others[[0, 6]] = moving, moving if np.isfinite(load) else 0
+    return np.concatenate([products(moments).sum(axis=0), others])[None, None]
+
+
+def test_a_network_of_windows_answers_instead_of_votes() -> None:
+    ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
+    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [Outcome(0.25, 0)]
+    assert window_outcomes([Threshold()], ballots, slots(0.25)) == [Outcome(1.0, 0)]
+
+
+def test_a_network_of_windows_abstains_outside_its_range_and_where_nothing_moves() -> None:
+    ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
+    assert window_outcomes([ByWindow()], ballots, slots(3.0)) == [None]
+    assert window_outcomes([ByWindow()], ballots, slots(0.25, moving=18)) == [None]
+
+
+def test_a_network_of_windows_that_lacks_a_quantity_leaves_it_to_votes_and_to_other_networks() -> None:
+    ballots = window(row(0, 40, (20, 20), (10, 10)))[None]
+    without_load = slots(0.25, load=np.nan)
+    loaded = ByWindow(needs="V11 rms")
+    assert window_outcomes([loaded], ballots, without_load) == [Outcome(0.5, 0)]
+    assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [Outcome(0.5, 0)]
+    silent = window(row(-1, 40, (0, 0), (0, 0)))[None]
+    assert window_outcomes([loaded, ByWindow()], silent, without_load) == [Outcome(0.25, 1)]
+    assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [Outcome(0.5, 0)]

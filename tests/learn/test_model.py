@@ -16,11 +16,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import mavhums
+from mavhums.core.window_features import WINDOW_KEYS
 from mavhums.learn import (
     Calibration,
     Card,
     ModelError,
     Network,
+    WindowCard,
+    WindowNetwork,
     default_model,
     load_model,
     packaged_models,
@@ -290,9 +293,82 @@ def test_the_packaged_models_are_small_and_ask_for_less_and_less() -> None:
     assert all("V2" not in model.keys for model in models)
     assert all(model.card.calibration is not None for model in models)
     folder = Path(str(files("mavhums.learn") / "models"))
-    assert sum(file.stat().st_size for file in folder.glob("*.safetensors")) < 30_000
+    assert sum(file.stat().st_size for file in folder.glob("*.safetensors")) < 50_000  # two networks each
 
 
 @given(slope=st.floats(-1e308, 1e308), intercept=st.floats(-1e308, 1e308), share=st.floats(0, 1))
 def test_any_calibration_gives_a_probability(slope: float, intercept: float, share: float) -> None:
     assert 0.0 <= Calibration(slope=slope, intercept=intercept).probability(share) <= 1.0
+
+
+@pytest.fixture
+def window() -> WindowNetwork:
+    random = np.random.default_rng(5)
+    return WindowNetwork(
+        keys=("V5 way", "V4|V5"),
+        minimum=np.zeros(2),
+        maximum=np.ones(2),
+        w1=random.normal(size=(2, 3)),
+        b1=random.normal(size=3),
+        w2=random.normal(size=(3, 3)),
+        b2=random.normal(size=3),
+    )
+
+
+@pytest.fixture
+def with_window(card: Card) -> Card:
+    own = WindowCard(
+        features=("V5 way", "V4|V5"),
+        classes=("normal", "friction_emergency", "winding_resistance"),
+        decides_at=0.9,
+        confusion={"normal": {"normal": 3, "abstained": 1}},
+        selection=card.selection,
+    )
+    return card.model_copy(update={"window": own})
+
+
+def test_both_networks_of_a_model_are_loaded(
+    tmp_path: Path, network: Network, with_window: Card, window: WindowNetwork
+) -> None:
+    saved = save_model(tmp_path / "both", network, with_window, window)
+    model = load_model(tmp_path / "both")
+    assert (model.hash, model.card) == (saved.hash, with_window)
+    assert model.window_classes == ("normal", "friction_emergency", "winding_resistance")
+    assert model.window_emergency == 1
+    assert model.classes == ("normal", "emergency")
+    features = np.full((3, len(WINDOW_KEYS)), 0.5)
+    features[1, WINDOW_KEYS.index("V5 way")] = 5.0
+    features[2, WINDOW_KEYS.index("V4|V5")] = np.nan
+    answers = model.classify_windows(features)
+    np.testing.assert_array_equal(answers.probabilities, window.probabilities(features))
+    np.testing.assert_allclose(answers.probabilities[:2].sum(axis=1), 1.0)
+    assert answers.inside.tolist() == [True, False, False]
+    assert np.isnan(answers.probabilities[2]).all()
+
+
+def test_a_model_of_samples_alone_knows_no_windows(path: Path) -> None:
+    model = load_model(path)
+    assert (model.window, model.window_classes, model.window_emergency) == (None, (), None)
+    with pytest.raises(ValueError, match="no network of windows"):
+        model.classify_windows(np.zeros((1, len(WINDOW_KEYS))))
+
+
+def test_a_card_and_its_network_of_windows_must_agree(
+    tmp_path: Path, network: Network, card: Card, with_window: Card, window: WindowNetwork
+) -> None:
+    for said, other in (
+        (with_window, None),
+        (card, window),
+        (with_window, replace(window, keys=("V5 rms", "V4|V5"))),
+    ):
+        with pytest.raises(ValueError, match="features of windows"):
+            save_model(tmp_path / "model", network, said, other)
+    assert not list(tmp_path.iterdir())
+    tensors: Tensors = {f"window.{name}": tensor for name, tensor in window.tensors.items()}
+    write(tmp_path / "half", dict(network.tensors), with_window.model_dump_json())
+    with pytest.raises(ModelError, match="holds other tensors"):
+        load_model(tmp_path / "half")
+    tensors["window.w2"], tensors["window.b2"] = tensors["window.w2"][:, :2], tensors["window.b2"][:2]
+    write(tmp_path / "two", tensors | dict(network.tensors), with_window.model_dump_json())
+    with pytest.raises(ModelError, match="3 classes do not name 2 outputs"):
+        load_model(tmp_path / "two")

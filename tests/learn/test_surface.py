@@ -13,13 +13,15 @@ from mavhums.learn import Card, Network, save_model
 
 PUBLIC = {
     "Answers", "Calibration", "Candidate", "Card", "ChiSquareRanking", "CommandLeak", "CommandLeakWarning",
-    "Dependence", "Model", "ModelError", "Network", "NetworkSubsetSelector", "NonlinearRegression",
+    "Dependence", "LabelledWindows", "Model", "ModelError", "Network", "NetworkSubsetSelector",
+    "NonlinearRegression",
     "PairwiseRedundancyFilter", "Precedent", "PrecedentBase", "PrecedentError", "Provenance",
     "RegressionRedundancyFilter", "Scheme", "Selection", "SubsetSearch", "TanhNetwork",
-    "TanhNetworkClassifier", "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "brier_score",
-    "calibrate", "check_command", "default_model", "exhaustive_search", "expected_calibration_error",
+    "TanhNetworkClassifier", "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "WindowCard",
+    "WindowNetwork", "WindowResult", "brier_score", "calibrate",
+    "check_command", "default_model", "exhaustive_search", "expected_calibration_error",
     "genetic_search", "load_model", "models", "network_objective", "packaged_models", "save_model",
-    "select_features", "train_network",
+    "select_features", "train_network", "train_windows",
 }  # fmt: skip
 
 

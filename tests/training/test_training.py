@@ -12,10 +12,13 @@ import mavhums
 from mavhums.actuator import load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
+from mavhums.core.window_features import WINDOW_KEYS
 from mavhums.learn import Scheme, load_model, packaged_models, save_model
 from mavhums.training.flights import TELEMETRY, fly_fleet, moving_samples, windows
 from mavhums.training.train import friction_range, train_model
+from mavhums.training.windows import classes_of, fly_windows, keys_of
 from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.conditions import Condition
 from mavhums_sim.individuals import Individual
 from tests.conftest import Run
 
@@ -87,7 +90,10 @@ def test_windows_are_the_monitors() -> None:
     from mavhums.engine.events import Window
     from mavhums.health import Monitor
 
-    models = packaged_models()
+    models = [
+        replace(model, window=None, card=model.card.model_copy(update={"window": None}))
+        for model in packaged_models()
+    ]
     frictions = np.array([[0.3, 0.95, 0.3, 0.95]])
     for flown in fly_fleet(ACTUATOR, TELEMETRY["instrumented"], frictions, seed=9, cyclograms=["turns"]):
         monitor = Monitor(1, ACTUATOR, models)
@@ -107,9 +113,10 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
     run: Run, tier: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
+    monkeypatch.setattr("mavhums.training.windows.fly", shorter)
     seen: list[tuple[int, int]] = []
     said: list[str] = []
-    network, card = train_model(
+    network, card, window = train_model(
         AIRFRAME,
         tier=tier,
         flights=2,
@@ -117,7 +124,12 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
         tell=said.append,
         progress=lambda *step: seen.append(step),
     )
-    assert seen == [(k, 12) for k in range(1, 13)]
+    assert seen == [(k, 28) for k in range(1, 29)]
+    assert card.window is not None
+    assert card.window.classes == classes_of(TELEMETRY[tier])
+    assert card.window.features == window.keys
+    assert set(window.keys) <= set(keys_of(TELEMETRY[tier]))
+    assert sum(sum(row.values()) for row in card.window.confusion.values()) == card.window.metrics["windows"]
     assert card.features == network.keys
     assert set(card.features) <= set(card.selection.selected) < set(TELEMETRY[tier].keys)
     assert card.name == f"paper-{tier}"
@@ -125,11 +137,12 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
     assert card.calibration.slope > 0
     assert card.calibration.metrics["windows_measured"] > 5
     assert {"samples_in_motion_right", "windows_right"} < card.metrics.keys()
-    assert said[-1].startswith("flights not trained on: ")
+    assert any(line.startswith("flights not trained on: ") for line in said)
+    assert said[-1].startswith("windows of flights not trained on: ")
     again = run(*card.command.replace("MODEL", str(tmp_path / "again")).split()[1:])
     assert again.code == 0
     assert again.out.splitlines()[: len(said)] == said
-    save_model(tmp_path / "first", network, card)
+    save_model(tmp_path / "first", network, card, window)
     assert (tmp_path / "again").read_bytes() == (tmp_path / "first").read_bytes()
     shown = " ".join(run("model", "show", tmp_path / "again").out.split())
     for each in card.selection.excluded:
@@ -138,11 +151,12 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
 
 def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
+    monkeypatch.setattr("mavhums.training.windows.fly", shorter)
     monkeypatch.setattr("mavhums.training.train.windows", lambda *_: iter([(None, 0)]))
     said: list[str] = []
-    _, card = train_model(AIRFRAME, flights=1, scheme=Scheme(networks=1, vectors=100), tell=said.append)
+    _, card, _ = train_model(AIRFRAME, flights=1, scheme=Scheme(networks=1, vectors=100), tell=said.append)
     assert card.calibration is None
-    assert "too rarely" in said[-1]
+    assert any("too rarely" in line for line in said)
 
 
 def test_the_frictions_flown_are_the_papers_and_scale_with_the_limits() -> None:
@@ -162,3 +176,59 @@ def test_packaged_models_say_how_they_were_made() -> None:
         assert model.card.selection.thinned is not None
         assert set(model.keys) <= set(telemetry.keys) < set(KEYS)
     assert load_model(Path(mavhums.__file__).parent / "learn/models/paper-esc.safetensors").keys
+
+
+def test_every_condition_flies_the_same_command_and_shows_what_it_is() -> None:
+    """Twelve actuators a cyclogram: those that the simulator makes of a fault are told by one statistic."""
+    telemetry = TELEMETRY["instrumented"]
+    flown = fly_windows(ACTUATOR, telemetry, 2, seed=11)
+    classes = np.array(classes_of(telemetry))[flown.classes]
+    assert set(classes) >= {"normal", "friction_emergency", "winding_resistance", "jam", "sensor_bias"}
+    seen = {key: flown.features[:, WINDOW_KEYS.index(key)] for key in keys_of(telemetry)}
+    normal = classes == "normal"
+    for fault, key, sign in (
+        ("friction_emergency", "V5 way", 1),
+        ("winding_resistance", "V4|V5", 1),
+        ("torque_constant", "V4|V7", -1),
+        ("jam", "flown", -1),
+    ):
+        assert sign * np.median(seen[key][classes == fault]) > sign * np.median(seen[key][normal])
+    assert np.abs(seen["gap mean"][classes == "sensor_bias"]).min() > np.abs(seen["gap mean"][normal]).max()
+
+
+def test_telemetry_without_two_angles_asks_for_no_play_and_no_bias() -> None:
+    assert {*classes_of(TELEMETRY["without-load"])} - {*classes_of(TELEMETRY["esc"])} == {
+        "backlash",
+        "sensor_bias",
+    }
+    assert not {"gap mean", "V5|V11 way", "missed mean"} & {*keys_of(TELEMETRY["esc"])}
+    assert "gap mean" in keys_of(TELEMETRY["without-load"])
+    assert "V11 rms" not in keys_of(TELEMETRY["without-load"])
+
+
+@pytest.mark.parametrize("tier", ["instrumented", "esc"])
+def test_a_winding_of_twice_its_resistance_is_no_emergency_by_friction(tier: str) -> None:
+    """The votes of an ESC's samples took some of these windows for one."""
+    from mavhums.engine.events import Window
+    from mavhums.health import Monitor
+
+    doubled, models = Condition.constant("resistance", 1.0), packaged_models()
+    for friction, conditions in ((0.3, (doubled,)), (1.2, ())):
+        fleet = fly_fleet(
+            ACTUATOR,
+            TELEMETRY[tier],
+            np.full((1, 4), friction),
+            seed=4242,
+            cyclograms=["gusts"],
+            rates_hz=[50.0],
+            conditions=conditions,
+        )
+        for flown in fleet:
+            monitor = Monitor(1, ACTUATOR, models)
+            events = [*monitor.feed(flown.time_s, flown.values), *monitor.finish()]
+            said = [e.p_emergency for e in events if isinstance(e, Window) and e.p_emergency is not None]
+            assert len(said) > 50
+            assert {p > 0.5 for p in said} == {friction > 1}
+            answered = monitor.findings().network
+            assert answered is not None
+            assert answered.network == [*TELEMETRY].index(tier)
