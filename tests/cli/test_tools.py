@@ -67,7 +67,8 @@ def test_classified_samples_are_what_the_model_says_of_the_exported_quantities(
 
 def test_what_no_network_covers_is_not_classified(run: Run, short_log: Path, tmp_path: Path) -> None:
     known, other = mavhums.load_model("paper-esc"), tmp_path / "mine.safetensors"
-    save_model(other, known.network, known.card.model_copy(update={"airframe": "mine", "name": "my-net"}))
+    card = known.card.model_copy(update={"airframe": "mine", "name": "my-net"})
+    save_model(other, known.network, card, known.window)
     outcome = run("export", short_log, "-o", tmp_path / "c.csv", "--classify", "--model", other)
     assert outcome.code == ExitCode.ERROR
     assert "no network covers it: it carries V1, " in outcome.err
