@@ -343,7 +343,7 @@ def test_each_monitor_gets_the_baselines_of_its_own_actuator(
         """Judge in flight, as where somebody follows the events."""
         mavhums.analyse(logs[0], mavhums.Options(**given), consume=lambda events: None)
 
-    monkeypatch.setattr("mavhums.engine.engine.Monitor", Spy)
+    monkeypatch.setattr("mavhums.engine.monitors.Monitor", Spy)
     follow(history=tmp_path)
     expected = Baseline.of([shown(0.2)] * 12)
     assert given["elevator"] == {"friction": expected}
