@@ -49,6 +49,9 @@ def real_logs(*folders: str) -> list[Path]:
     )
 
 
+LONGEST = "test_two_hundred_landings"
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Skip real logs that are absent; read the large ones and the campaigns only with ``make test-all``."""
     campaigns = [REAL_LOGS / folder for folder in CAMPAIGNS]
@@ -61,6 +64,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.skip(f"{path.name} is not in MAVHUMS_REAL_LOGS"))
             elif path.parent in campaigns or path.stat().st_size > LARGE_BYTES:
                 item.add_marker(pytest.mark.slow)
+    items.sort(
+        key=lambda item: item.name != LONGEST
+    )  # ten minutes on one core: the others have the second one
 
 
 class Outcome(NamedTuple):
