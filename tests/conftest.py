@@ -66,7 +66,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.slow)
     items.sort(
         key=lambda item: item.name != LONGEST
-    )  # ten minutes on one core: the others have the second one
+    )  # ten minutes on one core
 
 
 class Outcome(NamedTuple):
