@@ -39,7 +39,7 @@ def test_a_signal_leaves_no_part_file(
     if command == "export":
         program.stdin.write(short_log.read_bytes() * 3)
         program.stdin.flush()
-    deadline = time.monotonic() + (20 if command == "export" else 60)  # one block: no table yet
+    deadline = time.monotonic() + (6 if command == "export" else 60)  # one block: no table yet
     while not list(out.iterdir()) and program.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
     program.send_signal(number)

@@ -54,7 +54,7 @@ flights = st.builds(
     since=st.dictionaries(st.sampled_from(["elevator", "rudder", None]), st.integers(0, 40)),
     again=st.integers(0, 60),
 )
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_index_gives_the_same_as_the_whole_folder(
     tmp_path_factory: pytest.TempPathFactory,
     several: list[object],
