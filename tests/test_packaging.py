@@ -81,6 +81,7 @@ def without_extras(*arguments: str) -> list[str]:
     return ["-c", f"{blocked}; from mavhums.cli.main import main; main()", *arguments]
 
 
+@pytest.mark.slow
 def test_the_base_install_judges_a_log(site: Path, growing_log: Path, tmp_path: Path) -> None:
     outcome = python(*without_extras("analyse", str(growing_log), "--json"), cwd=tmp_path, path=site)
     assert outcome.returncode == 11, outcome.stderr

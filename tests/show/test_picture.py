@@ -171,6 +171,7 @@ def test_the_trend_over_flights_is_drawn(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no browser; Debian has one in the package chromium")
+@pytest.mark.slow
 def test_the_browser_shows_the_same(recording: Path, flight: Flight, assessment: Assessment) -> None:
     with LiveViewer("web", recording_id="flight") as viewer, Chromium(str(BROWSER)) as browser:
         viewer.consume([*surroundings(), *flight.events()])
