@@ -4,10 +4,9 @@ The clock is given by the times of the source that carries V5, else V7, else V3,
 quantities are interpolated to it. Samples depend only on the order of messages in the log, not on
 its division into blocks. A sample becomes final when every source that could contribute to it has
 reached its time, at the latest with any message :data:`~mavhums.vehicle.order.HORIZON_S` later: a late
-message is not a lost one.
-Later messages do not change it. A source that has been silent for as long is not waited for, and a sample
-that arrives as far behind another source becomes final without values. In the first ten seconds every
-sample waits until all sources have had the time to be heard.
+message is not a lost one. Later messages do not change it. A source that has been silent for as long
+is not waited for, and a sample that arrives as far behind another source becomes final without values.
+In the first ten seconds every sample waits until all sources have had the time to be heard.
 """
 
 from __future__ import annotations
@@ -155,9 +154,7 @@ class Aligner:
                 if k == self._clock:
                     reigns.append((k, int(reading.frame[0])))
             new[k] = reading
-            blurred = np.isin(reading.frame, self._loose)
-            if k != self._clock and blurred.any():
-                new[k] = reading._replace(values=np.where(blurred[:, None], np.nan, reading.values))
+        new = {k: self._sharp(k, reading, np.array(reigns)) for k, reading in new.items()}
         places = sorted(new)
         rows = (
             np.concatenate([new[k].utc_us for k in places]),
@@ -172,6 +169,15 @@ class Aligner:
         )  # fmt: skip
         if len(self._due):
             self._latest_due_us = int(self._due[-1, 0])
+
+    def _sharp(self, k: int, reading: Reading, reigns: NDArray[np.int64]) -> Reading:
+        """Return the reading without the values of blurred times, but where its source is the clock."""
+        blurred = np.isin(reading.frame, self._loose)
+        if not blurred.any():
+            return reading
+        clock = reigns[np.searchsorted(reigns[:, 1], reading.frame, side="right") - 1, 0]
+        blurred &= clock != k
+        return reading._replace(values=np.where(blurred[:, None], np.nan, reading.values))
 
     def _introduce(self, reading: Reading) -> int:
         """Add a source, and return its index; it becomes the clock if it is better than the current one."""

@@ -73,8 +73,8 @@ class VehicleClock:
     A stamp more than 30 s behind the newest of its sender, or as far ahead of it and of what has passed at
     reception, is broken; three in a row are a reboot or a clock that was set, and a new segment follows the
     old one by the time that passed at reception. A message without a stamp has the newest time of its sender
-    plus what has passed at reception since. Messages of a component that never stamps are on the clock of the
-    vehicle's first component that does.
+    plus what has passed at reception since. Messages of a component that never stamps, and
+    of components beyond the first sixteen, are on the clock of the vehicle's first component that stamps.
 
     Examples
     --------

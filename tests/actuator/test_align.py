@@ -36,11 +36,11 @@ def reading(
     )
 
 
-def align(batches: list[list[Reading]]) -> tuple[Array, Array]:
+def align(batches: list[list[Reading]], loose: NDArray[np.int64] | None = None) -> tuple[Array, Array]:
     aligner = Aligner(TRUST, 0.05)
     out: list[Aligned] = []
     for batch in batches:
-        out += aligner.feed(batch)
+        out += aligner.feed(batch, loose=loose)
     out += aligner.feed([], final=True)
     times = np.concatenate([part.utc_us for part in out]) if out else np.empty(0)
     values = np.concatenate([part.values for part in out]) if out else np.empty((0, 12))
@@ -124,10 +124,21 @@ def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:
 
     cuts = sorted(data.draw(st.lists(st.integers(0, count), max_size=10)))
     bounds = [0, *cuts, count]
-    whole = align([batch(0, count)])
-    parts = align([batch(a, b) for a, b in itertools.pairwise(bounds)])
+    loose = np.array(sorted(data.draw(st.sets(st.integers(0, count), max_size=10))), dtype=np.int64)
+    whole = align([batch(0, count)], loose)
+    parts = align([batch(a, b) for a, b in itertools.pairwise(bounds)], loose)
     assert np.array_equal(whole[0], parts[0])
     assert np.array_equal(whole[1], parts[1], equal_nan=True)
+
+
+def test_values_whose_time_is_blurred_are_not_combined() -> None:
+    current = reading(4, [0, 2, 4], [0, 100, 200], [1.0, 2.0, 3.0])
+    command = reading(0, [1, 3, 5], [0, 100, 200], [5.0, 6.0, 7.0])
+    of_clock = align([[current, command]], np.array([2]))[1]
+    assert of_clock[:, 4].tolist() == [1.0, 2.0, 3.0]
+    assert np.array_equal(of_clock[:, 0], [5.0, np.nan, 7.0], equal_nan=True)
+    of_other = align([[current, command]], np.array([3]))[1]
+    assert np.array_equal(of_other[:, 0], [5.0, np.nan, 7.0], equal_nan=True)
 
 
 def test_memory_does_not_grow() -> None:
