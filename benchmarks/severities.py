@@ -18,17 +18,8 @@ from _fleet import MODES, SURFACES, Task, added, flight, fly_all, judge
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.health.monitor import Findings
 from mavhums_sim import FlightRecord
+from mavhums_sim.conditions import FAULTS
 
-ENDS = {
-    "friction": 6.0,
-    "backlash": 3.0,
-    "resistance": 8.0,
-    "torque_constant": 1.0,
-    "supply_sag": 26.0,
-    "sensor_bias": 10.0,
-    "jam": 10.0,
-}
-"""Largest severity, in the fault's unit: what nothing worse follows, or the end of the model."""
 STEPS = 10
 TIERS = ("instrumented", "csrv", "esc-signed", "esc-unsigned")
 _LETTERS = {"undecided": "u", "normal": "n", "degraded": "d", "emergency": "E"}
@@ -45,7 +36,7 @@ def _gravest(found: Findings) -> Condition:
 
 def swept(fault: str, seeds: range, args: argparse.Namespace) -> dict[str, list[list[Condition]]]:
     """Return by tier, for each step of the severity, the verdicts on all surfaces of all seeds."""
-    steps = np.linspace(0.0, ENDS[fault], STEPS + 1).tolist()
+    steps = np.linspace(0.0, FAULTS[fault].gravest, STEPS + 1).tolist()
     tasks = [
         Task(
             f"{step}/{seed}",
@@ -75,8 +66,8 @@ def milder(verdicts: list[list[Condition]]) -> int:
 
 
 def rows(args: argparse.Namespace) -> Iterator[str]:
-    for fault in args.faults or ENDS:
-        steps = np.linspace(0.0, ENDS[fault], STEPS + 1)
+    for fault in args.faults or FAULTS:
+        steps = np.linspace(0.0, FAULTS[fault].gravest, STEPS + 1)
         yield ""
         yield f"| {fault} | " + " | ".join(f"{step:g}" for step in steps) + " | milder |"
         yield "|---" * (STEPS + 3) + "|"
@@ -93,7 +84,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("faults", nargs="*", choices=[[], *ENDS], help="all if omitted")
+    parser.add_argument("faults", nargs="*", choices=[[], *FAULTS], help="all if omitted")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--seconds", type=float, default=60.0)

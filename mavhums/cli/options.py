@@ -48,8 +48,9 @@ DECIDE = click.option(
     type=click.Choice(["physics", "network", "both"]),
     default="physics",
     show_default=True,
-    help="Who decides an actuator's friction: the physics, or the network without limits in the profile; the"
-    " network wherever one is for the airframe; or the physics, told where the network disagrees.",
+    help="Who decides an actuator's friction. physics: the physics, or a network if the profile has no"
+    " limits. network: a network wherever one is for the airframe. both: the physics, and the network's"
+    " disagreement is told.",
 )
 AIRCRAFT = click.option(
     "--aircraft",

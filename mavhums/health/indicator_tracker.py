@@ -132,6 +132,12 @@ class IndicatorTracker:
         self.latest = Estimate(*(float(column[at[-1]]) for column in look.own))
         return changes
 
+    @property
+    def faulty_windows(self) -> int:
+        """Number of windows on which a fault rests, the whole flight counting as one; 0 without a fault."""
+        faulty = SEVERITY[self.condition] > SEVERITY["normal"]
+        return max(self.judged, int(self.concluded is not None)) if faulty else 0
+
     def surely_grave(self, flight: Mapping[str, Fit]) -> bool:
         """Return whether the whole interval over the flight lies beyond the emergency limit.
 

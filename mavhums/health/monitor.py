@@ -235,7 +235,7 @@ class Monitor:
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
-                decidable=max([self._decidable, *(_rests_on(t) for t in deciding)]),
+                decidable=max([self._decidable, *(t.faulty_windows for t in deciding)]),
                 late=self._cutter.late,
             ),
             last_s=self._latest_s,
@@ -384,12 +384,6 @@ class Monitor:
             p_emergency=vote.p_emergency if vote else None,
             condition=self._held.condition,
         )
-
-
-def _rests_on(tracker: IndicatorTracker) -> int:
-    """Return the number of windows on which a fault rests; the whole flight is one."""
-    faulty = SEVERITY[tracker.condition] > SEVERITY["normal"]
-    return max(tracker.judged, int(tracker.concluded is not None)) if faulty else 0
 
 
 def _intervals(look: Look) -> dict[int, Interval]:

@@ -26,23 +26,26 @@ class Fault:
         Unit of the severity.
     meaning
         Meaning of the severity.
+    gravest
+        Severity beyond which nothing gets worse, or the model ends.
     limit
         Largest severity that the model can represent.
     """
 
     unit: str
     meaning: str
+    gravest: float
     limit: float = inf
 
 
 FAULTS = {
-    "friction": Fault("N·m", "Coulomb friction T_c beyond the healthy actuator's"),
-    "backlash": Fault("°", "play of the gear beyond the healthy actuator's, at the output shaft"),
-    "resistance": Fault("1", "winding resistance gained, as a share of R"),
-    "torque_constant": Fault("1", "torque constant lost, as a share of k_t", 1.0),
-    "supply_sag": Fault("V", "supply voltage lost", 26.0),
-    "sensor_bias": Fault("°", "error of the output shaft's position sensor"),
-    "jam": Fault("N·m", "torque that holds the output shaft; beyond the stall torque it stands"),
+    "friction": Fault("N·m", "Coulomb friction T_c beyond the healthy actuator's", 6.0),
+    "backlash": Fault("°", "play of the gear beyond the healthy actuator's, at the output shaft", 3.0),
+    "resistance": Fault("1", "winding resistance gained, as a share of R", 8.0),
+    "torque_constant": Fault("1", "torque constant lost, as a share of k_t", 1.0, 1.0),
+    "supply_sag": Fault("V", "supply voltage lost", 26.0, 26.0),
+    "sensor_bias": Fault("°", "error of the output shaft's position sensor", 10.0),
+    "jam": Fault("N·m", "torque that holds the output shaft; beyond the stall torque it stands", 10.0),
 }
 
 

@@ -12,18 +12,10 @@ from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.quantities import KEYS, column
+from mavhums_sim.conditions import FAULTS
 from mavhums_sim.conditions import Condition as Fault
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 
-ENDS = {
-    "friction": 6.0,
-    "backlash": 3.0,
-    "resistance": 8.0,
-    "torque_constant": 1.0,
-    "supply_sag": 26.0,
-    "sensor_bias": 10.0,
-    "jam": 10.0,
-}
 TIERS = {
     "instrumented": KEYS,
     "csrv": ("V1", "V3", "V4", "V5", "V10", "V11"),
@@ -77,30 +69,30 @@ def held(fault: str, severities: list[float], seed: int, cyclogram: str) -> None
 
 
 # The last step but one and the last are where an estimate was refused for being too far off.
-@pytest.mark.parametrize("fault", ENDS)
+@pytest.mark.parametrize("fault", FAULTS)
 def test_a_worse_fault_is_never_a_milder_verdict(fault: str) -> None:
-    severities = [share * ENDS[fault] for share in (0.0, 0.2, 0.7, 0.9, 1.0)]
+    severities = [share * FAULTS[fault].gravest for share in (0.0, 0.2, 0.7, 0.9, 1.0)]
     held(fault, severities, 941, "gusts")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "cyclogram"), [(942, "takeoff"), (943, "turns"), (944, "gusts")])
-@pytest.mark.parametrize("fault", ENDS)
+@pytest.mark.parametrize("fault", FAULTS)
 def test_ten_steps_of_severity_never_fall(fault: str, seed: int, cyclogram: str) -> None:
-    held(fault, np.linspace(0.0, ENDS[fault], 11).tolist(), seed, cyclogram)
+    held(fault, np.linspace(0.0, FAULTS[fault].gravest, 11).tolist(), seed, cyclogram)
 
 
 @pytest.mark.parametrize("fault", ["friction", "resistance", "torque_constant", "supply_sag", "jam"])
 def test_an_actuator_that_cannot_move_its_surface_is_an_emergency(fault: str) -> None:
     """Nine times the winding's resistance leaves a ninth of the torque; a sensor at the shaft shows it."""
-    found = verdicts(fault, ENDS[fault], 941, "gusts")
+    found = verdicts(fault, FAULTS[fault].gravest, 941, "gusts")
     assert {found[tier] for tier in ("instrumented", "csrv")} == {"emergency"}
     assert found["esc-signed"] in ("degraded", "emergency")
 
 
 @pytest.mark.parametrize("fault", ["friction", "torque_constant", "jam"])
 def test_magnitudes_show_a_shaft_that_does_not_move(fault: str) -> None:
-    assert verdicts(fault, ENDS[fault], 941, "gusts")["esc-unsigned"] == "emergency"
+    assert verdicts(fault, FAULTS[fault].gravest, 941, "gusts")["esc-unsigned"] == "emergency"
 
 
 def test_magnitudes_show_the_winding_where_the_shaft_stands() -> None:
