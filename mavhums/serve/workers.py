@@ -24,8 +24,13 @@ _FRUGAL: Final = {
     "OMP_NUM_THREADS": "1",
     "RAYON_NUM_THREADS": "1",
     "MALLOC_ARENA_MAX": "1",
+    "MIMALLOC_ARENA_EAGER_COMMIT": "0",
 }
-"""One log uses one core; each further thread reserves memory that counts against the limit: 1.5 GB in all."""
+"""One log uses one core; each further thread reserves memory that counts against the limit: 1.5 GB in all.
+
+Rerun's allocator reserves 1 GiB in one piece; committed at once, it counts against the limit before any use,
+and where it is refused, chance decides whether a thread's stack still fits.
+"""
 
 Job = dict[str, Any]
 Progress = Callable[[int], None]
