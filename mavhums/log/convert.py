@@ -16,11 +16,14 @@ if TYPE_CHECKING:
 
     from mavhums.log.tables import Table
 
-__all__ = ["to_arrow", "to_csv", "to_frame", "to_parquet"]
+__all__ = ["as_text", "text_of", "to_arrow", "to_csv", "to_frame", "to_parquet"]
+
+_MANY_TEXTS = 4096
+"""Rows from which on texts are compared as integers; below, the dictionary is faster (0.1 ms a column)."""
 
 
 def to_frame(table: Table) -> pd.DataFrame:
-    """Return a DataFrame indexed by time of reception (UTC)."""
+    """Return a DataFrame indexed by time of reception (UTC); array fields are one column an element."""
     import pandas as pd
 
     columns: dict[str, Any] = {
@@ -29,7 +32,7 @@ def to_frame(table: Table) -> pd.DataFrame:
         "sequence": table.sequence,
     }
     for name, values in _flat(table):
-        columns[name] = _as_text(values) if values.dtype.kind == "S" else np.ascontiguousarray(values)
+        columns[name] = as_text(values) if values.dtype.kind == "S" else np.ascontiguousarray(values)
     index = pd.DatetimeIndex(table.time_us.view("M8[us]"), name="time").tz_localize("UTC")
     return pd.DataFrame(columns, index=index, copy=False)
 
@@ -92,12 +95,39 @@ def _flat(table: Table) -> list[tuple[str, NDArray[Any]]]:
     return out
 
 
-def _as_text(values: NDArray[Any]) -> Any:
+def as_text(values: NDArray[Any]) -> Any:
     """Return chars as pandas' text, each distinct value decoded once."""
     import pandas as pd
 
-    codes, distinct = pd.factorize(np.array(values.tolist(), dtype=object))
+    if len(values) < _MANY_TEXTS:
+        numbers: dict[bytes, int] = {}
+        numbered = [numbers.setdefault(value, len(numbers)) for value in values.tolist()]
+        codes = np.array(numbered, dtype=np.int64)
+        distinct = list(numbers)
+    else:
+        codes, first = _distinct_texts(values)
+        distinct = values[first].tolist()
     return pd.array([text_of(value) for value in distinct], dtype="str").take(codes)
+
+
+def _distinct_texts(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the number of each row's text, and the first row of each text.
+
+    Eight characters are compared at a time, as one integer; an object per row takes three times as long.
+    """
+    import pandas as pd
+
+    rows = len(values)
+    chars = np.zeros((rows, -(-values.itemsize // 8) * 8), dtype=np.uint8)
+    chars[:, : values.itemsize] = np.ascontiguousarray(values).view(np.uint8).reshape(rows, -1)
+    codes = np.zeros(rows, dtype=np.int64)
+    for word in chars.view(np.uint64).T:
+        of_word, words = pd.factorize(word)
+        if len(words) > 1:
+            codes = pd.factorize(codes * len(words) + of_word)[0]
+    first = np.empty(int(codes.max()) + 1, dtype=np.int64)
+    first[codes[::-1]] = np.arange(rows)[::-1]
+    return codes, first
 
 
 def text_of(value: bytes) -> str:

@@ -16,6 +16,7 @@ _SIGNATURES = (
     (b"\x1f\x8b", "gzip-compressed"),
     (b"PK\x03\x04", "a zip archive"),
 )
+_PIECE = 1 << 16
 _DUMP = re.compile(rb"\s*FMT, *128, *89,")
 _PROFILE = re.compile(rb"^\s*\[\[ *actuators *\]\]", re.MULTILINE)
 _RECORD = "mavhums reads MAVLink telemetry logs (.tlog); record one with the ground station, or with MAVProxy"
@@ -64,8 +65,12 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
 
 def _holds_frames(data: bytes, dialect: str | os.PathLike[str] | None) -> bool:
     decoder = MavlinkDecoder((), dialect=dialect)
-    decoder.feed(data, final=True)
-    return bool(decoder.counts or decoder.unknown)
+    # The first frame settles it, usually in the first piece.
+    for place in range(0, len(data), _PIECE):
+        decoder.feed(data[place : place + _PIECE], final=place + _PIECE >= len(data))
+        if decoder.counts or decoder.unknown:
+            return True
+    return False
 
 
 def _is_text(head: bytes) -> bool:

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mavhums.core.errors import MissingExtraError
-from mavhums.log import Table, read_log
+from mavhums.log import Table, convert, read_log
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +58,30 @@ def test_without_pyarrow_the_extra_is_named(
     with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[arrow\]'"):
         table.to_parquet(tmp_path / "table.parquet")
     assert len(table.to_frame()) == len(table)
+
+
+@given(
+    st.lists(st.sampled_from([b"", b"a", b"a\0b", b"\xff\xfe", b"S1V05", b"SERVO1_MIN", b"Mission: 3 WP"]))
+)
+def test_many_texts_read_as_few_do(texts: list[bytes]) -> None:
+    """The comparison by integers, which long columns take, gives what decoding every row gives."""
+    chars = np.array(texts, dtype="S13")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(convert, "_MANY_TEXTS", 1)
+        many = convert.as_text(chars)
+    assert list(many) == list(convert.as_text(chars)) == [convert.text_of(value) for value in texts]
+
+
+def test_frames_are_made_when_they_are_read(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = read_log(short_log)
+    made: list[str] = []
+
+    def frame(table: Table) -> pd.DataFrame:
+        made.append(table.name)
+        return pd.DataFrame()
+
+    monkeypatch.setattr(Table, "to_frame", frame)
+    assert set(log.messages) == set(log.tables)
+    assert not made
+    assert log.messages["HEARTBEAT"] is log.messages["HEARTBEAT"]
+    assert made == ["HEARTBEAT"]

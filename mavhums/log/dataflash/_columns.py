@@ -54,7 +54,7 @@ class Lexicon:
     def learn(self, bodies: NDArray[np.uint8]) -> None:
         """Add the new definitions in ``bodies``."""
         for body in bodies[len(self.definitions) :]:
-            definition = definition_of(body)
+            definition = definition_of(body.tobytes())
             if definition is not None:
                 first = self._by_name.setdefault(definition.name, definition)
                 if first.wire != definition.wire or first.divisors != definition.divisors:

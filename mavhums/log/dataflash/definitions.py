@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.log.dataflash._layout import BODY, FMT, FMT_SIZE
 
@@ -45,15 +45,17 @@ class Definition:
     divisors: dict[str, float]
 
 
-def definition_of(body: NDArray[np.uint8]) -> Definition | None:
+@lru_cache(maxsize=4096)
+def definition_of(raw: bytes) -> Definition | None:
     """Return the definition in the payload of a FMT record; None if its fields lack distinct names.
+
+    Logs of one firmware have the same two hundred definitions, and a stream of logs repeats them.
 
     Examples
     --------
-    >>> definition_of(np.frombuffer(FMT_BODY, dtype=np.uint8)).wire["Columns"].str
+    >>> definition_of(FMT_BODY).wire["Columns"].str
     '|S64'
     """
-    raw = body.tobytes()
     name, letters, columns = (
         part.split(b"\0")[0].decode("ascii") for part in (raw[2:6], raw[6:22], raw[22:BODY])
     )

@@ -11,6 +11,7 @@ from mavhums.log.ulog.scanner import HEADER, UlogScanner
 
 __all__ = ["decoder", "refusal"]
 
+_PIECE = 1 << 16
 _CUT = "copy the log again from the card, or take another one"
 
 
@@ -27,9 +28,13 @@ def refusal(head: bytes) -> Refusal | None:
     ):
         return Refusal("this ULog needs a newer reader (unknown incompatible flags)", "update mavhums")
     scanner = UlogScanner()
-    rows = sum(batch.rows.size for batch in scanner.feed(head, final=True))
+    rows = 0
+    # A message and a topic settle it, usually in the first piece.
+    for place in range(0, len(head), _PIECE):
+        final = place + _PIECE >= len(head)
+        rows += sum(batch.rows.size for batch in scanner.feed(head[place : place + _PIECE], final=final))
+        if rows and scanner.topics.layouts:
+            return None
     if rows == 0:
         return Refusal("no message in the first megabyte of this ULog", _CUT)
-    if not scanner.topics.layouts:
-        return Refusal("this ULog defines no topic in its first megabyte", _CUT)
-    return None
+    return Refusal("this ULog defines no topic in its first megabyte", _CUT)
