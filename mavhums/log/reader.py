@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import Unpacked, opened
-from mavhums.log.decoding import Decoder, LogDecoder
-from mavhums.log.foreign import refuse_foreign
-from mavhums.log.losses import Losses
-from mavhums.log.tables import Table
+from mavhums.log.base.decoder import LogDecoder
+from mavhums.log.base.losses import Losses
+from mavhums.log.base.tables import Table
+from mavhums.log.decoding import Decoder, refuse_foreign
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.errors import MavhumsError
-from mavhums.log.flags import MAVLINK1, SIGNED
-from mavhums.log.mavlink._frame import HEAD_V1, HEAD_V2, SIGNATURE
-from mavhums.log.mavlink.scanner import Batch
-from mavhums.log.words import GUARD
+from mavhums.log.base.scanner import Batch
+from mavhums.log.base.tables import MAVLINK1, SIGNED
+from mavhums.log.mavlink.frames import HEAD_V1, HEAD_V2, SIGNATURE
 
 __all__ = ["TICKS_PER_MINUTE", "Guard", "KeyFileError", "frame_sizes", "load_key", "signing_ticks"]
 
@@ -124,7 +123,7 @@ class Guard:
         rows = batch.rows
         signed = (rows["flags"] & SIGNED) != 0
         self.unsigned += int(np.count_nonzero(~signed))
-        starts = rows["offset"] - batch.base + GUARD + batch.stamp
+        starts = batch.places + batch.stamp
         ends = starts + frame_sizes(rows)
         view = batch.data.data
         admitted: NDArray[np.bool_] = signed

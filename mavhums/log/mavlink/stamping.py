@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import kernel
-from mavhums.log.flags import MAVLINK1
+from mavhums.log.base.scanner import Batch
+from mavhums.log.base.tables import MAVLINK1
+from mavhums.log.base.unaligned_io import GUARD
 from mavhums.log.mavlink.dialect import Dialect
-from mavhums.log.mavlink.scanner import Batch, FrameScanner
+from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.signing import Guard, frame_sizes
-from mavhums.log.words import GUARD
 
 __all__ = ["Counts", "Piece", "Stamper"]
 
@@ -168,7 +169,7 @@ class Stamper:
         rows, data, starts, time_us, owner = _in_order(found)
         if self._guard:
             rows["offset"] = starts
-            admitted = self._guard.admit(Batch(data, GUARD, 0, rows))
+            admitted = self._guard.admit(Batch(data, GUARD, rows))
             rows, starts, time_us = rows[admitted], starts[admitted], time_us[admitted]
             owner = owner[admitted]
         sizes = frame_sizes(rows)
@@ -197,7 +198,7 @@ class Stamper:
 
     def _count(self, rows: NDArray[np.void]) -> None:
         self._counts.frames += rows.size
-        self._counts.unknown_frames += int(np.count_nonzero(rows["message"] < 0))
+        self._counts.unknown_frames += int(np.count_nonzero(rows["definition"] < 0))
         if not self.speaks_mavlink2:
             self.speaks_mavlink2 = bool(((rows["flags"] & MAVLINK1) == 0).any())
 
@@ -229,12 +230,10 @@ def _in_order(
     if len(found) == 1:
         one = found[0].batch
         owner = np.zeros(one.rows.size, dtype=np.int64)
-        return one.rows, one.data, one.rows["offset"] - one.base + GUARD, found[0].time_us, owner
+        return one.rows, one.data, one.places, found[0].time_us, owner
     sizes = [part.batch.rows.size for part in found]
     bases = np.cumsum([0, *(part.batch.data.size for part in found[:-1])])
-    starts = np.concatenate(
-        [p.batch.rows["offset"] - p.batch.base + GUARD + b for p, b in zip(found, bases, strict=True)]
-    )
+    starts = np.concatenate([p.batch.places + b for p, b in zip(found, bases, strict=True)])
     order = np.argsort(np.concatenate([part.arrival for part in found]), kind="stable")
     return (
         np.concatenate([part.batch.rows for part in found])[order],

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from mavhums.log.decoding import LogDecoder, Refusal
+from mavhums.log.base.decoder import PIECE, LogDecoder, Refusal
 from mavhums.log.ulog.decoder import UlogDecoder
 from mavhums.log.ulog.messages import flag_bits
 from mavhums.log.ulog.scanner import HEADER, UlogScanner
 
 __all__ = ["decoder", "refusal"]
 
-_PIECE = 1 << 16
 _CUT = "copy the log again from the card, or take another one"
 
 
@@ -30,9 +29,9 @@ def refusal(head: bytes) -> Refusal | None:
     scanner = UlogScanner()
     rows = 0
     # A message and a topic settle it, usually in the first piece.
-    for place in range(0, len(head), _PIECE):
-        final = place + _PIECE >= len(head)
-        rows += sum(batch.rows.size for batch in scanner.feed(head[place : place + _PIECE], final=final))
+    for place in range(0, len(head), PIECE):
+        final = place + PIECE >= len(head)
+        rows += sum(batch.rows.size for batch in scanner.feed(head[place : place + PIECE], final=final))
         if rows and scanner.topics.layouts:
             return None
     if rows == 0:

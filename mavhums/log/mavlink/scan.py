@@ -24,64 +24,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
-from mavhums.log.mavlink._crc import crc_of, finish_crc, seed_of
-from mavhums.log.mavlink._frame import (
-    NO,
+from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
+from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
+from mavhums.log.base.unaligned_io import GUARD
+from mavhums.log.mavlink.crc import crc_of, finish_crc, seed_of
+from mavhums.log.mavlink.frames import (
+    DAY_US,
+    HEAD_V1,
+    HEAD_V2,
     SIGNATURE,
-    WAIT,
-    YES,
     follows,
     frame_end,
+    judge_time,
     parts_of,
+    plausible,
+    stamp_at,
+    time_without_stamp,
 )
-from mavhums.log.mavlink._times import DAY_US, judge_time, plausible, stamp_at, time_without_stamp
-from mavhums.log.words import GUARD
 
-__all__ = ["REGION", "ROW", "STATE", "scan"]
+__all__ = ["ROW", "STATE", "scan"]
 
-ROW = np.dtype(
-    [
-        ("offset", "i8"),
-        ("time_us", "i8"),
-        ("id", "i4"),
-        ("crc", "u2"),
-        ("message", "i2"),
-        ("system", "u1"),
-        ("component", "u1"),
-        ("sequence", "u1"),
-        ("length", "u1"),
-        ("flags", "u1"),
-    ],
-    align=True,
-)
-"""One frame: ``offset`` of its record in the stream, ``message`` the row of its definition or -1."""
+ROW = np.dtype([*RECORD, ("id", "i4"), ("crc", "u2")], align=True)
+"""One frame: ``id`` of its message, and its ``crc``; the definition of an unknown message is -1."""
 
-REGION = np.dtype([("offset", "i8"), ("size", "i8")])
 STATE = np.dtype(
     [
-        ("base", "i8"),
-        ("position", "i8"),
-        ("time_us", "i8"),
-        ("lost_step", "i8"),
-        ("reserve", "i8"),
-        ("sender", "i8"),
-        ("sequence", "i8"),
-        ("skipped", "i8"),
-        ("zeros", "i8"),
-        ("odd_times", "i8"),
-        ("jumps", "i8"),
-        ("rewinds", "i8"),
-        ("padded", "i8"),
-        ("trials", "i8"),
+        (name, "i8")
+        for name in (
+            "base", "position", "time_us", "lost_step", "reserve", "sender", "sequence", "skipped", "filler",
+            "odd_times", "jumps", "rewinds", "padded", "trials",
+        )
     ]
-)
+)  # fmt: skip
 """State carried from block to block.
 
 ``base`` is the stream offset of the buffer's first byte after the guard; ``position`` is the
 position in the buffer where the scan stopped. Since the last frame, ``lost_step`` is set if the
 next record was not at the expected position, ``skipped`` counts the skipped bytes (negative while
-the scan tries a record inside the last frame, whose end may be missing), and ``zeros`` counts the
+the scan tries a record inside the last frame, whose end may be missing), and ``filler`` counts the
 zero bytes at their end. ``reserve`` is the size of that frame's signature; ``sender`` is
 256 · system + component of the last frame of a known message, and ``sequence`` its sequence number.
 ``trials`` counts the padded lengths tried.
@@ -199,7 +179,7 @@ def _step_on(data: NDArray[np.uint8], position: int, stamp: int, state: Record) 
         state.skipped = -state.reserve - stamp
         return int(position - state.reserve - stamp)
     if state.skipped >= 0:
-        state.zeros = state.zeros + 1 if data[position] == 0 else 0
+        state.filler = state.filler + 1 if data[position] == 0 else 0
     state.skipped += 1
     return position + 1
 
@@ -212,7 +192,7 @@ def _end_region(state: Record, region: Record, offset: int, stamp: int) -> int:
     region.size = size
     state.lost_step = 0
     state.skipped = 0
-    state.zeros = 0
+    state.filler = 0
     return 1 if size > 0 else 0
 
 
@@ -321,7 +301,8 @@ def scan(
         row.time_us = time_us
         row.id = number
         row.crc = np.int64(data[place]) | np.int64(data[place + 1]) << 8
-        row.message = message
+        row.definition = message
+        row.start = stamp + (HEAD_V1 if flags & MAVLINK1 else HEAD_V2)
         row.sequence = data[sender]
         row.system = data[sender + 1]
         row.component = data[sender + 2]

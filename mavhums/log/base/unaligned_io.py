@@ -1,4 +1,4 @@
-"""Eight bytes at a time from and to a buffer of bytes, for the compiled loops of every format."""
+"""Reads and writes of eight bytes at any position of a buffer, for the compiled loops of every format."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined
 
-__all__ = ["GUARD", "load_word", "store_word"]
+__all__ = ["GUARD", "SPARE", "load_word", "store_word"]
 
 GUARD = 32
 """Readable bytes before a buffer's first frame or record: MAVLink's signature and stamp, and a word."""
+
+SPARE = 8
+"""Bytes after a buffer's last record that may be read or written with it: a word."""
 
 
 def _load_word(typing_context: Any, data: Any, index: Any) -> Any:

@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
+from mavhums.log.base.scanner import NO, WAIT, YES
 
 __all__ = [
     "BODY",
-    "NO",
     "TOPIC",
     "UNKNOWN",
     "UNUSED",
-    "WAIT",
-    "YES",
     "follows",
     "header_fits",
     "kind_of",
@@ -28,9 +26,6 @@ __all__ = [
     "size_of",
     "topic_of",
 ]
-
-YES, NO, WAIT = 1, 0, -1
-"""Answers; ``WAIT`` where it lies in bytes to come."""
 
 UNUSED, UNKNOWN = -1, -2
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.words import load_word
+from mavhums.log.base.unaligned_io import load_word
 
 __all__ = ["crc_of", "finish_crc", "seed_of"]
 

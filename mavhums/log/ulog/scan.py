@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.ulog._headers import (
+from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
+from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.unaligned_io import load_word
+from mavhums.log.ulog.headers import (
     BODY,
-    NO,
     UNKNOWN,
     UNUSED,
-    WAIT,
-    YES,
     follows,
     header_fits,
     kind_of,
@@ -28,30 +28,18 @@ from mavhums.log.ulog._headers import (
     size_of,
     topic_of,
 )
-from mavhums.log.words import load_word
 
-__all__ = ["MOST_PAUSES", "REGION", "ROW", "STATE", "scan"]
+__all__ = ["MOST_PAUSES", "ROW", "STATE", "scan"]
 
-ROW = np.dtype(
-    [
-        ("offset", "i8"),
-        ("time_us", "i8"),
-        ("definition", "i4"),
-        ("size", "u2"),
-        ("kind", "u1"),
-        ("instance", "u1"),
-        ("odd", "u1"),
-    ],
-    align=True,
-)
-"""One message: ``offset`` of its header in the stream, ``definition`` of its layout, -1 if it is no data."""
+ROW = np.dtype([*RECORD, ("kind", "u1")], align=True)
+"""One message: ``offset`` of its header in the stream, ``definition`` of its layout, -1 if it is no data, and
+its ``kind``. The payload of data begins after the message id; ``component`` is the multi id."""
 
-REGION = np.dtype([("offset", "i8"), ("size", "i8")])
 STATE = np.dtype(
     [
         (name, "i8")
         for name in (
-            "base", "position", "found", "ended", "lost_step", "skipped", "zeros", "time_us",
+            "base", "position", "found", "ended", "lost_step", "skipped", "filler", "time_us",
             "astray", "run", "odd_times", "jumps", "unknown", "pauses", "cut",
         )
     ]
@@ -61,7 +49,7 @@ STATE = np.dtype(
 ``base`` is the stream offset of the buffer's first byte, ``position`` where in the buffer the scan
 stopped, ``found`` and ``ended`` how many rows and regions of this buffer are written. Since the last
 message ``lost_step`` tells whether the next was not where it ought to be, ``skipped`` counts the bytes
-skipped and ``zeros`` the zero bytes at their end. ``time_us`` is the clock, ``astray`` the last time
+skipped and ``filler`` the zero bytes at their end. ``time_us`` is the clock, ``astray`` the last time
 that was too far from it, ``run`` how many in a row were near that one. ``unknown`` counts messages of
 unknown kinds, ``cut`` tells whether a message is cut by the end.
 """
@@ -112,21 +100,23 @@ def _note_row(
     state: Record, row: Record, data: NDArray[np.uint8], position: int, topics: NDArray[np.void]
 ) -> None:
     row.offset = state.base + position
-    row.size = size_of(data, position)
+    row.start = BODY
+    row.length = size_of(data, position)
     row.kind = kind_of(data, position)
     row.definition = -1
-    row.instance = 0
-    row.odd = 0
+    row.component = row.sequence = row.flags = 0
     if row.kind == _D:
+        row.start += 2
+        row.length -= 2
         topic = topics[topic_of(data, position)]
         row.definition = topic.definition
-        row.instance = topic.instance
+        row.component = topic.instance
         if topic.stamp >= 0:
             told_us = int(np.int64(load_word(data, position + BODY + 2 + topic.stamp)))
             if _judge_time(state, told_us):
                 topic.timed = 1
             else:
-                row.odd = 1
+                row.flags = ODD_TIME
                 state.odd_times += topic.timed
     row.time_us = state.time_us
 
@@ -167,10 +157,11 @@ def _run_of_data(
         row.offset = state.base + position
         row.time_us = told_us
         row.definition = topic.definition
-        row.size = size
+        row.start = BODY + 2
+        row.length = size - 2
         row.kind = _D
-        row.instance = topic.instance
-        row.odd = 0
+        row.component = topic.instance
+        row.sequence = row.flags = 0
         found += 1
         position = end
     if found > state.found:
@@ -266,7 +257,7 @@ def scan(
         if answer == NO:
             state.lost_step = 1
             state.skipped += 1
-            state.zeros = state.zeros + 1 if data[position] == 0 else 0
+            state.filler = state.filler + 1 if data[position] == 0 else 0
             position += 1
             continue
         if answer == _DAMAGED:
@@ -275,7 +266,7 @@ def scan(
             continue
         if state.lost_step:
             _note_region(state, regions, state.base + position - state.skipped, state.skipped)
-            state.lost_step = state.skipped = state.zeros = state.cut = 0
+            state.lost_step = state.skipped = state.filler = state.cut = 0
         kind = kind_of(data, position)
         if kind == _D and topics[topic_of(data, position)].definition == UNKNOWN:
             topics[topic_of(data, position)].unknown += 1

@@ -20,36 +20,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.dataflash._layout import (
+from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
+from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.unaligned_io import GUARD
+from mavhums.log.dataflash.layout import (
+    BACK,
     FMT,
+    GAP_US,
     HEAD,
+    IN_ORDER,
     MAGIC_1,
     MAGIC_2,
-    NO,
-    WAIT,
-    YES,
+    ODD,
     begins,
     define,
+    is_near,
+    judge_time,
     time_at,
 )
-from mavhums.log.dataflash._times import BACK, GAP_US, IN_ORDER, ODD, is_near, judge_time
-from mavhums.log.flags import ODD_TIME
-from mavhums.log.words import GUARD
 
-__all__ = ["REGION", "ROW", "STATE", "scan"]
+__all__ = ["ROW", "STATE", "scan"]
 
-ROW = np.dtype(
-    [("offset", "i8"), ("time_us", "i8"), ("boot", "i4"), ("definition", "i2"), ("flags", "u1")], align=True
-)
-"""One record: ``offset`` in the stream; ``time_us`` since boot, -1 before the first time; ``boot`` counts
-the logs in the stream."""
+ROW = np.dtype([*RECORD, ("boot", "i4")], align=True)
+"""One record: ``time_us`` since boot, -1 before the first time; ``boot`` counts the logs in the stream."""
 
-REGION = np.dtype([("offset", "i8"), ("size", "i8")])
 STATE = np.dtype(
     [
         (name, "i8")
         for name in (
-            "base", "position", "time_us", "lost_step", "skipped", "fill", "definitions", "epoch",
+            "base", "position", "time_us", "lost_step", "skipped", "filler", "definitions", "epoch",
             "marked", "boot", "old_from", "old_records", "odd_times", "jumps", "rewinds",
         )
     ]
@@ -57,7 +56,7 @@ STATE = np.dtype(
 """What is carried from block to block.
 
 ``base`` is the stream offset of the buffer's first byte after the guard, ``position`` where in the
-buffer the scan stopped. Since the last record ``skipped`` counts the bytes skipped and ``fill`` the
+buffer the scan stopped. Since the last record ``skipped`` counts the bytes skipped and ``filler`` the
 equal bytes at their end. ``marked`` tells whether a FMT of FMT came since the last time, ``epoch``
 counts those, ``old_from`` is the offset at which an old cluster began, or -1.
 """
@@ -117,7 +116,7 @@ def _end_of(data: NDArray[np.uint8], size: int, position: int, types: NDArray[np
 def _step_on(data: NDArray[np.uint8], position: int, state: Record) -> None:
     state.lost_step = 1
     again = state.skipped > 0 and data[position] == data[position - 1]
-    state.fill = state.fill + 1 if again else 1
+    state.filler = state.filler + 1 if again else 1
     state.skipped += 1
 
 
@@ -187,7 +186,7 @@ def _take_definition(
 def _end_region(state: Record, region: Record, offset: int) -> int:
     """Record the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
     state.lost_step = 0
-    state.fill = 0
+    state.filler = 0
     if state.skipped == 0:
         return 0
     region.offset = offset - state.skipped
@@ -223,7 +222,9 @@ def _run_in_step(
         row.time_us = time_us
         row.boot = boot
         row.definition = kind.definition
-        row.flags = 0
+        row.start = HEAD
+        row.length = kind.length - HEAD
+        row.component = row.sequence = row.flags = 0
         found += 1
         position = end
     state.position, state.time_us, state.marked = position, time_us, marked
@@ -289,7 +290,7 @@ def scan(
         if counts == OLD:
             state.old_records += 1
             state.skipped += end - position
-            state.lost_step = state.fill = 0
+            state.lost_step = state.filler = 0
             position = end
             continue
         offset = state.base + (position - GUARD)
@@ -299,6 +300,9 @@ def scan(
         row.time_us = state.time_us
         row.boot = state.boot
         row.definition = types[kind].definition
+        row.start = HEAD
+        row.length = types[kind].length - HEAD
+        row.component = row.sequence = 0
         row.flags = flags
         found += 1
         position = end
