@@ -164,7 +164,8 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
     if _is_text(head):
         raise UnreadableLogError(f"{name}: this is a text file, not an aircraft's log", _RECORD)
     raise UnreadableLogError(
-        f"{name}: neither a MAVLink frame nor the beginning of a .BIN or .ulg found in the first {len(head)} bytes",
+        f"{name}: neither a MAVLink frame nor the beginning of a .BIN or .ulg "
+        f"found in the first {len(head)} bytes",
         _RECORD,
     )
 

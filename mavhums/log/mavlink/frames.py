@@ -8,8 +8,8 @@ link was silent. If no record follows, a step of up to a day is accepted.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import NO, WAIT, YES
 from mavhums.log.base.tables import MAVLINK1, SIGNED
@@ -46,7 +46,7 @@ _YEAR_2000_US, _YEAR_2100_US = 946_684_800_000_000, 4_102_444_800_000_000
 
 
 @inlined
-def frame_end(data: NDArray[np.uint8], start: int) -> int:
+def frame_end(data: Bytes, start: int) -> int:
     """Return the end of the frame at ``start``, ``NO`` if there is none, ``WAIT`` if its header is cut."""
     if start >= data.size:
         return WAIT
@@ -65,7 +65,7 @@ def frame_end(data: NDArray[np.uint8], start: int) -> int:
 
 
 @inlined
-def follows(data: NDArray[np.uint8], end: int, stamp: int, final: bool) -> int:
+def follows(data: Bytes, end: int, stamp: int, final: bool) -> int:
     """Return whether a magic byte, or the end of the log, follows the record that ends at ``end``."""
     if end + stamp < data.size:
         return YES if data[end + stamp] == MAGIC_V2 or data[end + stamp] == MAGIC_V1 else NO
@@ -75,7 +75,7 @@ def follows(data: NDArray[np.uint8], end: int, stamp: int, final: bool) -> int:
 
 
 @inlined
-def parts_of(data: NDArray[np.uint8], start: int) -> tuple[int, int, int, int]:
+def parts_of(data: Bytes, start: int) -> tuple[int, int, int, int]:
     """Return message id, positions of sequence number and CRC, and flags of the frame at ``start``."""
     length = int(np.int64(data[start + 1]))
     if data[start] == MAGIC_V1:
@@ -85,7 +85,7 @@ def parts_of(data: NDArray[np.uint8], start: int) -> tuple[int, int, int, int]:
 
 
 @inlined
-def stamp_at(data: NDArray[np.uint8], place: int) -> int:
+def stamp_at(data: Bytes, place: int) -> int:
     """Return the big-endian time stamp at ``place``, as a signed number."""
     word = load_word(data, place)
     out = np.uint64(0)
@@ -115,9 +115,7 @@ def _is_detour(last: int, time_us: int, following: int) -> bool:
 
 
 @kernel
-def _judge_first_time(
-    data: NDArray[np.uint8], time_us: int, following: int, end: int, final: bool
-) -> tuple[int, int]:
+def _judge_first_time(data: Bytes, time_us: int, following: int, end: int, final: bool) -> tuple[int, int]:
     """Return whether the first frame's time is valid, and the time to use.
 
     If it differs by a day from the time of the second record, which begins at ``end``, the third
@@ -147,7 +145,7 @@ def _judge_first_time(
 
 
 @inlined
-def judge_time(data: NDArray[np.uint8], position: int, end: int, last: int, final: bool) -> tuple[int, int]:
+def judge_time(data: Bytes, position: int, end: int, last: int, final: bool) -> tuple[int, int]:
     """Return whether the time stamp of the record from ``position`` to ``end`` is valid, and the time to use.
 
     ``last`` is the previous time, -1 if there is none. ``WAIT`` means that more bytes are needed.

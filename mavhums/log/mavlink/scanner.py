@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.log.base.scanner import Batch, BlockScanner
 from mavhums.log.base.unaligned_io import GUARD, SPARE
 from mavhums.log.mavlink.dialect import Dialect
@@ -68,7 +69,7 @@ class FrameScanner(BlockScanner):
 
 
 @cache
-def _by_row(dialect: Dialect) -> tuple[NDArray[np.int16], NDArray[np.uint8], NDArray[np.int32]]:
+def _by_row(dialect: Dialect) -> tuple[NDArray[np.int16], Bytes, NDArray[np.int32]]:
     """Return a dialect as arrays for the kernel: row by message id, then crc_extra and size by row."""
     definitions = dialect.definitions
     ids = np.full(max(definitions) + 1, -1, dtype=np.int16)

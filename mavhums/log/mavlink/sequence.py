@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Integers, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.losses import SequenceLoss
 from mavhums.log.mavlink.dialect import Dialect
@@ -189,13 +190,13 @@ def _goes_on(sender: Any, link: Any, sequence: int, crc: int) -> bool:
 
 @kernel
 def _account(
-    rows: NDArray[np.void],
+    rows: Records,
     first: int,
     places: NDArray[np.int32],
     known: int,
-    senders: NDArray[np.void],
-    counts: NDArray[np.int64],
-    totals: NDArray[np.int64],
+    senders: Records,
+    counts: Integers,
+    totals: Integers,
 ) -> tuple[int, int]:
     """Process the frames ``rows[first:]``, until there is no room for a new sender.
 
@@ -263,7 +264,7 @@ class StreamStats:
         self._senders = np.zeros(8, dtype=_SENDER)
         self._counts = np.zeros((8, len(self._names)), dtype=np.int64)
 
-    def add(self, rows: NDArray[np.void]) -> None:
+    def add(self, rows: Records) -> None:
         """Add the next frames."""
         if rows.size == 0:
             return

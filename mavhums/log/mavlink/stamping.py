@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import kernel
 from mavhums.log.base.scanner import Batch
 from mavhums.log.base.tables import MAVLINK1
@@ -65,8 +65,8 @@ class _Found(NamedTuple):
 
     sender: Hashable
     batch: Batch
-    time_us: NDArray[np.int64]
-    arrival: NDArray[np.int64]
+    time_us: Integers
+    arrival: Integers
 
 
 class Hear(Protocol):
@@ -183,9 +183,9 @@ class Stamper:
     def _tell(
         self,
         found: Sequence[_Found],
-        system: NDArray[np.uint8],
-        sizes: NDArray[np.int64],
-        owner: NDArray[np.int64],
+        system: Bytes,
+        sizes: Integers,
+        owner: Integers,
         time_us: int,
     ) -> None:
         """Call ``hear`` for each sender with its frames' systems."""
@@ -196,7 +196,7 @@ class Stamper:
             sender = found[owner[part[0]]].sender
             self._hear(sender, set(system[part].tolist()), int(sizes[part].sum()), time_us)
 
-    def _count(self, rows: NDArray[np.void]) -> None:
+    def _count(self, rows: Records) -> None:
         self._counts.frames += rows.size
         self._counts.unknown_frames += int(np.count_nonzero(rows["definition"] < 0))
         if not self.speaks_mavlink2:
@@ -211,7 +211,7 @@ class _Stream:
         self.frames = 0
         self._fed = 0
 
-    def feed(self, pieces: Sequence[bytes]) -> tuple[Batch, NDArray[np.int64]]:
+    def feed(self, pieces: Sequence[bytes]) -> tuple[Batch, Integers]:
         """Return the frames that these pieces complete, and the index of each frame's last piece."""
         batch = self.scanner.feed(b"".join(pieces))
         ends = self._fed + np.cumsum([len(piece) for piece in pieces])
@@ -222,7 +222,7 @@ class _Stream:
 
 def _in_order(
     found: Sequence[_Found],
-) -> tuple[NDArray[np.void], NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Records, Bytes, Integers, Integers, Integers]:
     """Return the frames of all senders in order of arrival.
 
     Returned are their rows, buffer, positions in it, times and senders.
@@ -256,11 +256,11 @@ def _add_losses(counts: Counts, stream: _Stream) -> None:
 
 @kernel
 def _pack(
-    data: NDArray[np.uint8],
-    starts: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    time_us: NDArray[np.int64],
-    out: NDArray[np.uint8],
+    data: Bytes,
+    starts: Integers,
+    sizes: Integers,
+    time_us: Integers,
+    out: Bytes,
 ) -> None:
     """Write records to ``out``: the time, eight bytes big-endian, then a frame of ``data``."""
     place = 0
