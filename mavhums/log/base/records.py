@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Flags, Integers, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import Batch
 from mavhums.log.base.tables import Table
@@ -38,7 +38,7 @@ class Gathered(NamedTuple):
     """Tables by name, and the number of rows of each definition, wanted or not, shape (definitions,)."""
 
     tables: dict[str, Table]
-    counts: NDArray[np.int64]
+    counts: Integers
 
 
 class _Definition(NamedTuple):
@@ -61,7 +61,7 @@ class DefinitionTable:
         self._counts_undefined = counts_undefined
         self._known = np.empty(0, dtype=np.bool_)
         self._definitions: list[_Definition | None] = []
-        self._sizes: dict[Collection[str] | None, NDArray[np.int64]] = {}
+        self._sizes: dict[Collection[str] | None, Integers] = {}
 
     def __len__(self) -> int:
         return len(self._definitions)
@@ -84,7 +84,7 @@ class DefinitionTable:
         self._sizes.clear()
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> Flags:
         """Whether the records of each definition count; last, whether those without one do."""
         if self._known.size <= len(self._definitions):
             defined = [definition is not None for definition in self._definitions]
@@ -123,7 +123,7 @@ class DefinitionTable:
             tables[definition.name] = table if before is None else _merged(before, table)
         return Gathered(tables, counts[:-1])
 
-    def _wanted(self, messages: frozenset[str] | None) -> NDArray[np.int64]:
+    def _wanted(self, messages: frozenset[str] | None) -> Integers:
         """Return the bytes of a payload by definition, 0 if it is not wanted; last, 0 for no definition."""
         if messages not in self._sizes:
             sizes = [
@@ -141,7 +141,7 @@ def _merged(first: Table, second: Table) -> Table:
 
 
 @kernel
-def _count(rows: NDArray[np.void], places: int) -> NDArray[np.int64]:
+def _count(rows: Records, places: int) -> Integers:
     """Return the number of rows of each definition, shape (places,); the last is of no definition (-1)."""
     counts = np.zeros(places, dtype=np.int64)
     for k in range(rows.size):
@@ -150,9 +150,7 @@ def _count(rows: NDArray[np.void], places: int) -> NDArray[np.int64]:
 
 
 @inlined
-def _copy(
-    data: NDArray[np.uint8], source: int, kept: int, out: NDArray[np.uint8], place: int, size: int
-) -> None:
+def _copy(data: Bytes, source: int, kept: int, out: Bytes, place: int, size: int) -> None:
     """Copy ``kept`` bytes and fill up to ``size`` with zeros; ``out`` has a word to spare behind it.
 
     Whole words are written; bytes beyond the end belong to the next record, which is written later.
@@ -170,19 +168,19 @@ def _copy(
 
 @kernel
 def _gather(
-    data: NDArray[np.uint8],
+    data: Bytes,
     base: int,
-    rows: NDArray[np.void],
+    rows: Records,
     ordinal: int,
     shift_us: int,
-    sizes: NDArray[np.int64],
-    known: NDArray[np.bool_],
-    row_of: NDArray[np.int64],
-    byte_of: NDArray[np.int64],
-    frame: NDArray[np.int64],
-    time_us: NDArray[np.int64],
-    header: NDArray[np.uint8],
-    payloads: NDArray[np.uint8],
+    sizes: Integers,
+    known: Flags,
+    row_of: Integers,
+    byte_of: Integers,
+    frame: Integers,
+    time_us: Integers,
+    header: Bytes,
+    payloads: Bytes,
 ) -> None:
     """Copy the wanted rows to columns, and restore the zeros that MAVLink's senders trim.
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.log.base.losses import Losses, Region
 from mavhums.log.base.unaligned_io import GUARD, SPARE
 
@@ -56,15 +56,15 @@ class Batch:
         Bytes of each MAVLink record before its frame.
     """
 
-    data: NDArray[np.uint8]
+    data: Bytes
     base: int
-    rows: NDArray[np.void]
+    rows: Records
     stamp: int = 0
 
     @property
-    def places(self) -> NDArray[np.int64]:
+    def places(self) -> Integers:
         """Position of each record in ``data``, shape (n,)."""
-        places: NDArray[np.int64] = self.rows["offset"] - (self.base - GUARD)
+        places: Integers = self.rows["offset"] - (self.base - GUARD)
         return places
 
     def payload(self, row: np.void) -> bytes:
@@ -117,9 +117,9 @@ class BlockScanner:
 
     def __init__(self, row: np.dtype[np.void], state: np.dtype[np.void], *, shortest: int) -> None:
         self.regions: list[tuple[int, int]] = []
-        self._carried: NDArray[np.void] = np.zeros(1, dtype=state)
-        self._rows: NDArray[np.void] = np.empty(0, dtype=row)
-        self._damaged: NDArray[np.void] = np.empty(0, dtype=REGION)
+        self._carried: Records = np.zeros(1, dtype=state)
+        self._rows: Records = np.empty(0, dtype=row)
+        self._damaged: Records = np.empty(0, dtype=REGION)
         self._shortest = shortest
         self._rest = bytes(GUARD)
         self._skipped = self._damaged_regions = self._cut = self._filler = 0
@@ -170,7 +170,7 @@ class BlockScanner:
         """Keep the bytes from ``position`` on, which wait for the next block, with the guard before them."""
         self._rest = joined[position - GUARD : len(joined) - SPARE]
 
-    def _add_damage(self, regions: NDArray[np.void]) -> None:
+    def _add_damage(self, regions: Records) -> None:
         self._skipped += int(regions["size"].sum())
         self._damaged_regions += regions.size
         room = _REGIONS_KEPT - len(self.regions)

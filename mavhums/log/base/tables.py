@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
@@ -58,13 +59,13 @@ class Table:
     """
 
     name: str
-    frame: NDArray[np.int64]
-    time_us: NDArray[np.int64]
-    system: NDArray[np.uint8]
-    component: NDArray[np.uint8]
-    sequence: NDArray[np.uint8]
-    flags: NDArray[np.uint8]
-    fields: NDArray[np.void]
+    frame: Integers
+    time_us: Integers
+    system: Bytes
+    component: Bytes
+    sequence: Bytes
+    flags: Bytes
+    fields: Records
     divisors: Mapping[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -186,7 +187,7 @@ def _as_text(values: NDArray[Any]) -> Any:
     return pd.array([text_of(value) for value in distinct], dtype="str").take(codes)
 
 
-def _distinct_texts(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _distinct_texts(values: NDArray[Any]) -> tuple[Integers, Integers]:
     """Return the number of each row's text, and the first row of each text.
 
     Eight characters are compared at a time, as one integer; an object per row takes three times as long.

@@ -8,8 +8,8 @@ import numpy as np
 from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.core.kernels import inlined
 
 __all__ = ["GUARD", "SPARE", "load_word", "store_word"]
@@ -47,7 +47,7 @@ def _store_word(typing_context: Any, data: Any, index: Any, word: Any) -> Any:
     return types.void(data, types.int64, types.uint64), generate
 
 
-def _load_bytes(data: NDArray[np.uint8], index: int) -> Any:
+def _load_bytes(data: Bytes, index: int) -> Any:
     if index < 0:
         raise IndexError
     word = np.uint64(0)
@@ -56,7 +56,7 @@ def _load_bytes(data: NDArray[np.uint8], index: int) -> Any:
     return word
 
 
-def _store_bytes(data: NDArray[np.uint8], index: int, word: Any) -> None:
+def _store_bytes(data: Bytes, index: int, word: Any) -> None:
     if index < 0:
         raise IndexError
     for k in range(8):

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import join_tables
 from mavhums.log.base.losses import Losses
 from mavhums.log.base.records import RowContext
@@ -52,7 +52,7 @@ class DataFlashDecoder:
         self._datings: dict[int, Dating] = {0: Dating(0)}
         self._pending: deque[Batch] = deque()
         self._held: list[bytes] = []
-        self._counts: dict[int, NDArray[np.int64]] = {}
+        self._counts: dict[int, Integers] = {}
         self._frames = 0
         self._span: tuple[int, int] | None = None
         self._firsts: dict[int, int] = {}

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.log.base.records import DefinitionTable
 from mavhums.log.dataflash.layout import BODY, FMT, FMT_SIZE
 
@@ -84,7 +84,7 @@ class Definitions(DefinitionTable):
         self.numbers: list[int] = []
         self._by_name: dict[str, Definition] = {}
 
-    def learn(self, bodies: NDArray[np.uint8]) -> None:
+    def learn(self, bodies: Bytes) -> None:
         """Add the new definitions in ``bodies``, the payloads of the FMT records so far."""
         for body in bodies[len(self) :]:
             definition = definition_of(body.tobytes())

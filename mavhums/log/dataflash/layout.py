@@ -11,8 +11,8 @@ before counts as a step only if the next records continue from there; otherwise 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import WAIT
 from mavhums.log.base.unaligned_io import load_word
@@ -71,13 +71,13 @@ _NAME, _FORMAT, _COLUMNS = HEAD + 2, HEAD + 6, HEAD + 22
 
 
 @inlined
-def begins(data: NDArray[np.uint8], place: int) -> bool:
+def begins(data: Bytes, place: int) -> bool:
     """Return whether ``place`` holds a record's two magic bytes."""
     return bool(data[place] == MAGIC_1 and data[place + 1] == MAGIC_2)
 
 
 @kernel
-def _is_text(data: NDArray[np.uint8], start: int, end: int) -> bool:
+def _is_text(data: Bytes, start: int, end: int) -> bool:
     """Return whether these bytes are printable text, with zeros only at its end."""
     length = 0
     while start + length < end and data[start + length] != 0:
@@ -91,7 +91,7 @@ def _is_text(data: NDArray[np.uint8], start: int, end: int) -> bool:
 
 
 @kernel
-def _size_told(data: NDArray[np.uint8], start: int, end: int) -> int:
+def _size_told(data: Bytes, start: int, end: int) -> int:
     """Return the size of a record with these fields, bytes; 0 if a field type does not exist."""
     size = HEAD
     place = start
@@ -108,7 +108,7 @@ def _size_told(data: NDArray[np.uint8], start: int, end: int) -> int:
 
 
 @kernel
-def _is_timed(data: NDArray[np.uint8], position: int) -> bool:
+def _is_timed(data: Bytes, position: int) -> bool:
     if data[position + _FORMAT] != ord("Q"):
         return False
     for k in range(_TIME.size):
@@ -120,7 +120,7 @@ def _is_timed(data: NDArray[np.uint8], position: int) -> bool:
 
 @kernel
 def define(
-    data: NDArray[np.uint8], position: int, epoch: int, types: NDArray[np.void], bodies: NDArray[np.uint8],
+    data: Bytes, position: int, epoch: int, types: Records, bodies: Bytes,
     known: int,
 ) -> int:  # fmt: skip
     """Process a FMT record, and return the number of definitions, or -1 if it is damaged.
@@ -167,14 +167,14 @@ def define(
 
 
 @inlined
-def time_at(data: NDArray[np.uint8], position: int) -> int:
+def time_at(data: Bytes, position: int) -> int:
     """Return TimeUS of the record at ``position``."""
     return int(np.int64(load_word(data, position + HEAD)))
 
 
 @kernel
 def _confirm(
-    data: NDArray[np.uint8], size: int, place: int, time_us: int, last: int, types: NDArray[np.void],
+    data: Bytes, size: int, place: int, time_us: int, last: int, types: Records,
     final: bool,
 ) -> int:  # fmt: skip
     """Judge a time by the times of the records from ``place`` on."""
@@ -216,7 +216,7 @@ def is_near(time_us: int, last: int) -> bool:
 
 @inlined
 def judge_time(
-    data: NDArray[np.uint8], size: int, end: int, time_us: int, last: int, types: NDArray[np.void],
+    data: Bytes, size: int, end: int, time_us: int, last: int, types: Records,
     final: bool,
 ) -> int:  # fmt: skip
     """Compare the time of a record that ends at ``end`` with ``last``, -1 if there is none."""

@@ -17,8 +17,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
 from mavhums.log.base.tables import ODD_TIME
@@ -74,9 +74,7 @@ Record = Any
 
 
 @kernel
-def _ends_before(
-    data: NDArray[np.uint8], size: int, end: int, offset: int, in_step: bool, final: bool
-) -> int:
+def _ends_before(data: Bytes, size: int, end: int, offset: int, in_step: bool, final: bool) -> int:
     """Return whether a record ending at ``end`` (``offset`` in the stream) counts with no magic after it."""
     if end == size:
         return YES if final else WAIT
@@ -98,7 +96,7 @@ def _ends_before(
 
 
 @inlined
-def _end_of(data: NDArray[np.uint8], size: int, position: int, types: NDArray[np.void]) -> int:
+def _end_of(data: Bytes, size: int, position: int, types: Records) -> int:
     """Return the end of the record at ``position``, ``NO`` if there is none, ``WAIT`` if it is cut."""
     if data[position] != MAGIC_1:
         return NO
@@ -113,7 +111,7 @@ def _end_of(data: NDArray[np.uint8], size: int, position: int, types: NDArray[np
 
 
 @inlined
-def _step_on(data: NDArray[np.uint8], position: int, state: Record) -> None:
+def _step_on(data: Bytes, position: int, state: Record) -> None:
     state.lost_step = 1
     again = state.skipped > 0 and data[position] == data[position - 1]
     state.filler = state.filler + 1 if again else 1
@@ -121,7 +119,7 @@ def _step_on(data: NDArray[np.uint8], position: int, state: Record) -> None:
 
 
 @inlined
-def _counts(data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, final: bool) -> int:
+def _counts(data: Bytes, size: int, position: int, end: int, state: Record, final: bool) -> int:
     """Return whether the bytes after a record from ``position`` to ``end`` confirm it."""
     if end <= NO:
         return NO if final else end
@@ -148,7 +146,7 @@ def _out_of_order(state: Record, how: int, time_us: int, offset: int) -> bool:
 
 @inlined
 def _take_time(
-    data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, types: NDArray[np.void],
+    data: Bytes, size: int, position: int, end: int, state: Record, types: Records,
     final: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """Return whether a record with a time counts, and its flags; store the time."""
@@ -168,9 +166,7 @@ def _take_time(
 
 
 @kernel
-def _take_definition(
-    data: NDArray[np.uint8], position: int, state: Record, types: NDArray[np.void], bodies: NDArray[np.uint8]
-) -> int:
+def _take_definition(data: Bytes, position: int, state: Record, types: Records, bodies: Bytes) -> int:
     """Return whether a FMT record counts; store its definition."""
     if data[position + HEAD] == FMT and state.time_us >= 0:
         state.marked = 1
@@ -197,7 +193,7 @@ def _end_region(state: Record, region: Record, offset: int) -> int:
 
 @kernel
 def _run_in_step(
-    data: NDArray[np.uint8], size: int, state: Record, types: NDArray[np.void], rows: NDArray[np.void],
+    data: Bytes, size: int, state: Record, types: Records, rows: Records,
     found: int,
 ) -> int:  # fmt: skip
     """Take records from ``state.position`` on while each is in step and in order; return the number found.
@@ -233,14 +229,14 @@ def _run_in_step(
 
 @kernel
 def scan(
-    data: NDArray[np.uint8],
+    data: Bytes,
     size: int,
     final: bool,
-    carried: NDArray[np.void],
-    types: NDArray[np.void],
-    bodies: NDArray[np.uint8],
-    rows: NDArray[np.void],
-    regions: NDArray[np.void],
+    carried: Records,
+    types: Records,
+    bodies: Bytes,
+    rows: Records,
+    regions: Records,
 ) -> tuple[int, int]:
     """Find the records of a buffer.
 

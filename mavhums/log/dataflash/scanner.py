@@ -6,8 +6,8 @@ Results do not depend on where a block of bytes ends: an unfinished record waits
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.log.base.scanner import Batch, BlockScanner
 from mavhums.log.base.unaligned_io import GUARD, SPARE
 from mavhums.log.dataflash.definitions import FMT_BODY
@@ -33,7 +33,7 @@ class RecordScanner(BlockScanner):
         self._carried["definitions"] = 1
 
     @property
-    def bodies(self) -> NDArray[np.uint8]:
+    def bodies(self) -> Bytes:
         """Payloads of the FMT records that defined something, shape (definitions, 86)."""
         return self._bodies[: int(self._carried["definitions"][0])]
 

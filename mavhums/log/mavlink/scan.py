@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
@@ -77,7 +78,7 @@ Record = Any
 
 @kernel
 def _tries_until_crc_fits(
-    data: NDArray[np.uint8], start: int, length: int, largest: int, seed: int, scratch: NDArray[np.uint8]
+    data: Bytes, start: int, length: int, largest: int, seed: int, scratch: Bytes
 ) -> int:
     """Try payloads padded with zeros, from ``largest`` bytes down; most such senders trim a full payload.
 
@@ -96,7 +97,7 @@ def _tries_until_crc_fits(
 
 @inlined
 def _accept(
-    data: NDArray[np.uint8],
+    data: Bytes,
     position: int,
     sender: int,
     place: int,
@@ -106,9 +107,9 @@ def _accept(
     state: Record,
     message: int,
     flags: int,
-    seeds: NDArray[np.uint8],
+    seeds: Bytes,
     largest: NDArray[np.int32],
-    scratch: NDArray[np.uint8],
+    scratch: Bytes,
 ) -> tuple[int, int]:
     """Return whether a frame (sequence number at ``sender``, CRC at ``place``) is accepted, and its flags."""
     start = position + stamp
@@ -144,7 +145,7 @@ def _is_near(last: int, time_us: int) -> bool:
 
 
 @inlined
-def _goes_on(state: Record, data: NDArray[np.uint8], sender: int) -> bool:
+def _goes_on(state: Record, data: Bytes, sender: int) -> bool:
     """Return whether a frame has the last one's sender and one of its next eight sequence numbers."""
     identity = np.int64(data[sender + 1]) << 8 | np.int64(data[sender + 2])
     ahead = (np.int64(data[sender]) - state.sequence) & 0xFF
@@ -152,7 +153,7 @@ def _goes_on(state: Record, data: NDArray[np.uint8], sender: int) -> bool:
 
 
 @inlined
-def _note_frame(state: Record, data: NDArray[np.uint8], sender: int, message: int, flags: int) -> None:
+def _note_frame(state: Record, data: Bytes, sender: int, message: int, flags: int) -> None:
     state.reserve = SIGNATURE if flags & SIGNED else 0
     if flags & PADDED:
         state.padded += 1
@@ -168,7 +169,7 @@ def _has_stamp(state: Record) -> bool:
 
 
 @inlined
-def _step_on(data: NDArray[np.uint8], position: int, stamp: int, state: Record) -> int:
+def _step_on(data: Bytes, position: int, stamp: int, state: Record) -> int:
     """Return the next position to scan.
 
     Out of step the scan continues directly after the last frame's CRC, because its signature or
@@ -211,17 +212,17 @@ def _note_time(state: Record, sound: bool, time_us: int) -> None:
 
 @kernel
 def scan(
-    data: NDArray[np.uint8],
+    data: Bytes,
     stamp: int,
     final: bool,
-    carried: NDArray[np.void],
+    carried: Records,
     ids: NDArray[np.int16],
-    seeds: NDArray[np.uint8],
+    seeds: Bytes,
     largest: NDArray[np.int32],
-    bad_crc: NDArray[np.int64],
-    rows: NDArray[np.void],
-    regions: NDArray[np.void],
-    spare: NDArray[np.uint8],
+    bad_crc: Integers,
+    rows: Records,
+    regions: Records,
+    spare: Bytes,
 ) -> tuple[int, int]:
     """Find the frames of a buffer.
 

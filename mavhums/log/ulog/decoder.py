@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import join_tables
 from mavhums.log.base.losses import Losses
 from mavhums.log.base.scanner import Batch
@@ -55,7 +55,7 @@ class UlogDecoder:
         self._held: list[Batch] = []
         self._first_us: int | None = None
         self._last_us: int | None = None
-        self._counts: NDArray[np.int64] = np.zeros((0, _INSTANCES), dtype=np.int64)
+        self._counts: Integers = np.zeros((0, _INSTANCES), dtype=np.int64)
 
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Records
 from mavhums.log.ulog.headers import TOPIC, UNKNOWN, UNUSED
 
 __all__ = ["BASIC", "Formats", "Layout", "Topics"]
@@ -193,7 +193,7 @@ class Topics:
     """
 
     def __init__(self) -> None:
-        self.ids: NDArray[np.void] = np.zeros(_IDS, dtype=TOPIC)
+        self.ids: Records = np.zeros(_IDS, dtype=TOPIC)
         self.ids["definition"] = UNUSED
         self.layouts: list[Layout] = []
         self._formats = Formats()

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
 from mavhums.log.base.tables import ODD_TIME
@@ -88,7 +88,7 @@ def _judge_time(state: Record, told_us: int) -> bool:
 
 
 @inlined
-def _note_region(state: Record, regions: NDArray[np.void], offset: int, size: int) -> None:
+def _note_region(state: Record, regions: Records, offset: int, size: int) -> None:
     region = regions[state.ended]
     region.offset = offset
     region.size = size
@@ -96,9 +96,7 @@ def _note_region(state: Record, regions: NDArray[np.void], offset: int, size: in
 
 
 @inlined
-def _note_row(
-    state: Record, row: Record, data: NDArray[np.uint8], position: int, topics: NDArray[np.void]
-) -> None:
+def _note_row(state: Record, row: Record, data: Bytes, position: int, topics: Records) -> None:
     row.offset = state.base + position
     row.start = BODY
     row.length = size_of(data, position)
@@ -122,7 +120,7 @@ def _note_row(
 
 
 @inlined
-def _is_data(data: NDArray[np.uint8], place: int, topics: NDArray[np.void]) -> bool:
+def _is_data(data: Bytes, place: int, topics: Records) -> bool:
     """Return whether a record of a known layout begins at ``place``; five bytes must be readable there."""
     topic = topics[topic_of(data, place)]
     size = size_of(data, place) - 2
@@ -130,9 +128,7 @@ def _is_data(data: NDArray[np.uint8], place: int, topics: NDArray[np.void]) -> b
 
 
 @kernel
-def _run_of_data(
-    data: NDArray[np.uint8], position: int, state: Record, topics: NDArray[np.void], rows: NDArray[np.void]
-) -> int:
+def _run_of_data(data: Bytes, position: int, state: Record, topics: Records, rows: Records) -> int:
     """Write rows for regular records in step; return the position of the first irregularity.
 
     `scan` finds the same rows, but checks each more thoroughly.
@@ -173,11 +169,11 @@ def _run_of_data(
 @inlined
 def _pass_damaged(
     state: Record,
-    data: NDArray[np.uint8],
+    data: Bytes,
     position: int,
     end: int,
-    topics: NDArray[np.void],
-    regions: NDArray[np.void],
+    topics: Records,
+    regions: Records,
 ) -> None:
     """Count a message with a damaged header and a known end."""
     kind = kind_of(data, position)
@@ -192,9 +188,7 @@ def _pass_damaged(
 
 
 @kernel
-def _judge(
-    data: NDArray[np.uint8], position: int, final: bool, state: Record, topics: NDArray[np.void]
-) -> tuple[int, int]:
+def _judge(data: Bytes, position: int, final: bool, state: Record, topics: Records) -> tuple[int, int]:
     """Return whether a message that counts begins at ``position``, and its end.
 
     ``_DAMAGED`` is a message with a damaged header and a known end.
@@ -220,12 +214,12 @@ def _judge(
 
 @kernel
 def scan(
-    data: NDArray[np.uint8],
+    data: Bytes,
     final: bool,
-    carried: NDArray[np.void],
-    topics: NDArray[np.void],
-    rows: NDArray[np.void],
-    regions: NDArray[np.void],
+    carried: Records,
+    topics: Records,
+    rows: Records,
+    regions: Records,
 ) -> bool:
     """Find the messages of a buffer, from ``carried[0].position`` on.
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.log.base.scanner import REGION, Batch, BlockScanner
 from mavhums.log.base.unaligned_io import GUARD, SPARE
 from mavhums.log.ulog.headers import BODY
@@ -88,7 +88,7 @@ class UlogScanner(BlockScanner):
         self._carried["base"] = place
         return place
 
-    def _scan(self, data: NDArray[np.uint8], begin: int, end: int, *, final: bool) -> Batch:
+    def _scan(self, data: Bytes, begin: int, end: int, *, final: bool) -> Batch:
         """Scan a part of the buffer; ``position`` is where in it the scan stopped."""
         state = self._carried[0]
         batch = Batch(data[begin - GUARD : end + SPARE], self.position, self._rows[:0])
