@@ -51,7 +51,7 @@ class ConditionTracker:
     'normal'
     >>> tracker.take("backlash", Change(5, "degraded", 3.0, "degraded: …")).since_s
     3.0
-    >>> tracker.condition, holding.worst
+    >>> tracker.condition, tracker.worst
     ('degraded', 'degraded')
     """
 
