@@ -12,9 +12,7 @@ pytest.importorskip("importlinter", reason="import-linter is an extra for develo
 from importlinter.cli import lint_imports
 
 ROOT = Path(__file__).parents[1]
-CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
-    "contracts"
-]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("contract", [each["id"] for each in PROJECT["tool"]["importlinter"]["contracts"]])

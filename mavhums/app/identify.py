@@ -13,12 +13,7 @@ from mavhums.app.analysis import analyse
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
-from mavhums.health.self_baseline.motor import (
-    Shares,
-    friction_current,
-    lacking,
-    shares,
-)
+from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
 from mavhums.report.assessment import Interval, OwnRecord
 
 __all__ = ["Motor", "identify", "with_motors"]

@@ -13,13 +13,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from mavhums.core.conditions import Condition
-from mavhums.health.decision.baseline import (
-    Baseline,
-    Drift,
-    Shift,
-    held,
-    held_since,
-)
+from mavhums.health.decision.baseline import Baseline, Drift, Shift, held, held_since
 from mavhums.health.decision.conditions import Change, ConditionTracker
 from mavhums.health.decision.evidence import (
     concludes,

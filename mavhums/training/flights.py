@@ -17,12 +17,7 @@ from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, Limits
 from mavhums.core.quantities import KEYS, column
-from mavhums.health.actuator.votes import (
-    Classifier,
-    Outcome,
-    count_votes,
-    outcome,
-)
+from mavhums.health.actuator.votes import Classifier, Outcome, count_votes, outcome
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, widen
 from mavhums_sim.conditions import Condition

@@ -14,15 +14,7 @@ from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.baseline import Baseline, Drift, held, held_since
 from mavhums.health.decision.conditions import Change, Episode, Episodes
 from mavhums.health.decision.evidence import drift_evidence, drift_rule, limit_rule, suspected
-from mavhums.health.decision.limits import (
-    FALSE_ALARMS,
-    Decision,
-    Look,
-    bounds,
-    half_width,
-    shown_by,
-    tail_of,
-)
+from mavhums.health.decision.limits import FALSE_ALARMS, Decision, Look, bounds, half_width, shown_by, tail_of
 from mavhums.health.decision.records import Decided, Estimate, FaultRecord, WindowRecord
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit

@@ -24,23 +24,8 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.health.axis.filters import Lag
-from mavhums.health.axis.reference import (
-    REFERENCE_S,
-    Constant,
-    Reference,
-    Second,
-    Standards,
-    constants,
-)
-from mavhums.health.axis.regressions import (
-    MEAN_ROWS,
-    Basis,
-    Chain,
-    Columns,
-    Form,
-    Shape,
-    judgeable,
-)
+from mavhums.health.axis.reference import REFERENCE_S, Constant, Reference, Second, Standards, constants
+from mavhums.health.axis.regressions import MEAN_ROWS, Basis, Chain, Columns, Form, Shape, judgeable
 from mavhums.health.axis.scores import EXTRA_S, Scores, Slowness, Sums
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ

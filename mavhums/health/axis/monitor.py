@@ -11,12 +11,7 @@ import numpy as np
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.detectors import Alarm, AxisInput, detectors
-from mavhums.health.axis.effectiveness import (
-    FULL_S,
-    JUDGED_ERROR,
-    EffectivenessTracker,
-    explained,
-)
+from mavhums.health.axis.effectiveness import FULL_S, JUDGED_ERROR, EffectivenessTracker, explained
 from mavhums.health.axis.reference import Reference, Second, Standards
 from mavhums.health.axis.regressions import Form, PitchForm, RollForm, YawForm
 from mavhums.health.decision.events import ConditionChanged, Indication

@@ -16,13 +16,7 @@ from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.grams import Groups, eliminated, full, packed
 from mavhums.health.estimation.least_squares import row_length, sums_of_slots
 from mavhums.health.estimation.motion import lasting
-from mavhums.health.estimation.slots import (
-    AIRSPEED,
-    SENSED,
-    SHAFT,
-    WINDOW_SLOTS,
-    Slots,
-)
+from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, WINDOW_SLOTS, Slots
 from mavhums.report.assessment import OwnRecord
 
 KEPT = ("sign", "speed", "acceleration", "load", "angle", "left")

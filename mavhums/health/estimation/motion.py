@@ -10,14 +10,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.window_features import products
-from mavhums.health.estimation.slots import (
-    APART,
-    BUS,
-    GUARD_S,
-    MAGNITUDES,
-    TURNED,
-    Slots,
-)
+from mavhums.health.estimation.slots import APART, BUS, GUARD_S, MAGNITUDES, TURNED, Slots
 
 _PERIODS = 2.5
 _LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; rounding must not affect the comparison

@@ -9,13 +9,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations.own_scale import POWER
-from mavhums.health.estimation.flight_sums import (
-    KEPT,
-    LINEAR,
-    POWER_COLUMNS,
-    QUADRATIC,
-    WEAR,
-)
+from mavhums.health.estimation.flight_sums import KEPT, LINEAR, POWER_COLUMNS, QUADRATIC, WEAR
 from mavhums.health.estimation.grams import eliminated, unpacked
 from mavhums.report.assessment import OwnRecord
 

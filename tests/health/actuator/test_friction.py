@@ -15,12 +15,7 @@ from mavhums.health.actuator.detector import DetectorInput
 from mavhums.health.actuator.detectors.friction import FrictionDetector
 from mavhums.health.estimation.fits import Estimates, Fits
 from mavhums.health.estimation.motion import Motion, motion
-from mavhums.health.estimation.slots import (
-    BUS,
-    COLUMNS,
-    SlotCutter,
-    Slots,
-)
+from mavhums.health.estimation.slots import BUS, COLUMNS, SlotCutter, Slots
 from tests.health.flown import actuator_of
 
 Array = NDArray[np.float64]

@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
 from mavhums.core.window_features import MOMENTS, SUMS, WINDOW_KEYS, products
-from mavhums.health.actuator.votes import (
-    Outcome,
-    count_votes,
-    outcome,
-    window_outcomes,
-)
+from mavhums.health.actuator.votes import Outcome, count_votes, outcome, window_outcomes
 
 RATIO = 300.0
 Array = NDArray[np.float64]

@@ -10,12 +10,7 @@ import numpy as np
 import pytest
 
 from mavhums.health.axis.detectors import AxisDetector, _slow, detectors, to_inspect
-from mavhums.health.axis.monitor import (
-    AxisMonitor,
-    _Axis,
-    _Episode,
-    _since_s,
-)
+from mavhums.health.axis.monitor import AxisMonitor, _Axis, _Episode, _since_s
 from mavhums.health.axis.reference import Second
 from mavhums.report.axis_limits import AxisLimits
 from tests.health.axis.flights import changes_of, excited, rolling, rows, steady

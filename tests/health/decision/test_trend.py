@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import brentq
 
-from mavhums.health.decision.trend import (
-    MIN_FLIGHTS,
-    REACH,
-    Trend,
-    departure,
-    fit_trend,
-)
+from mavhums.health.decision.trend import MIN_FLIGHTS, REACH, Trend, departure, fit_trend
 
 Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], Array]

@@ -27,14 +27,7 @@ from mavhums.health.actuator.detector import DetectorInput
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
-from mavhums.health.estimation.slots import (
-    GUARD_S,
-    MAGNITUDES,
-    SENSED,
-    SHAFT,
-    Slots,
-    Windows,
-)
+from mavhums.health.estimation.slots import GUARD_S, MAGNITUDES, SENSED, SHAFT, Slots, Windows
 
 _V1, _V5, _V7 = (column(key) for key in ("V1", "V5", "V7"))
 _STANDS = 0.8  # of healthy actuators none leaves out more than 0.15, of 1.5 N·m of friction 0.4
