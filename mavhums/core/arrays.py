@@ -1,16 +1,23 @@
-"""Aliases of numpy's array types."""
+"""Type aliases of numpy arrays."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Bytes", "Flags", "Indices", "Integers", "Records"]
+__all__ = ["Array", "Bytes", "Flags", "Integers", "Records"]
 
 Array = NDArray[np.float64]
+"""Numbers; NaN where they are not known."""
+
 Flags = NDArray[np.bool_]
+"""Masks."""
+
 Integers = NDArray[np.int64]
-Indices = NDArray[np.intp]
+"""Counts and indices."""
+
 Bytes = NDArray[np.uint8]
+"""Bytes of a log, or columns of small numbers."""
+
 Records = NDArray[np.void]
 """Rows with fields."""
