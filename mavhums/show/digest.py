@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.axis.detector import to_inspect as axis_to_inspect
-from mavhums.health.detector import to_inspect
-from mavhums.health.obstacles import NO_WINGS, PROPELLERS_ONLY
+from mavhums.health.actuator.detectors import to_inspect
+from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
+from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.show.servo_tables import ServoTable, reserve, usage
 from mavhums.show.verdict_words import (

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from mavhums.core.text import printable
-from mavhums.health.own.stall import STALL_SHARES
+from mavhums.health.self_baseline.motor import STALL_SHARES
 from mavhums.report.assessment import Assessment
 from mavhums.report.usage import OutputUsage, VehicleUsage
 from mavhums.show.words import clock, join, name, percent
