@@ -38,8 +38,14 @@ def render(assessment: Assessment, console: Console, *, verbose: bool = False) -
     monitored = [one for one in said.subjects if one.verdict.gravest != "unmonitored"]
     if any(one.verdict.gravest != "undecided" or one.verdict.coverage.windows for one in monitored):
         console.print(_table(monitored, console.width))
-    for title, lines in _paragraphs(said, verbose=verbose):
+    for title, lines in _findings(said, verbose=verbose):
         _print(title, lines, console)
+    for found in said.open:
+        _print_open(found, console)
+    if said.network:
+        _print("Physics and network", said.network, console)
+    for table in said.tables if verbose else ():
+        _print(table.title, table.lines, console)
     plain = [*said.without_wings, *said.whose]
     if verbose:
         plain += [_unmonitored(found) for found in said.unmonitored]
@@ -53,17 +59,28 @@ def render(assessment: Assessment, console: Console, *, verbose: bool = False) -
 
 def render_findings(assessment: Assessment, console: Console, title: str) -> None:
     """Print of an assessment what is not normal, under a title; nothing if there is no such thing."""
-    found = list(_findings(digest(assessment, brief=True), verbose=False))
-    if found:
+    said = digest(assessment, brief=True)
+    findings = list(_findings(said, verbose=False))
+    if findings or said.open:
         console.print(Text(printable(title)), soft_wrap=True)
-    for name_, lines in found:
-        _print(name_, lines, console)
+    for subject, lines in findings:
+        _print(subject, lines, console)
+    for found in said.open:
+        _print_open(found, console)
 
 
 def condition_text(condition: Condition) -> Text:
     """Return a condition as a table shows it, in its colour."""
     red, green, blue = COLOURS[condition]
     return Text(condition_word(condition), style=f"bold rgb({red},{green},{blue})")
+
+
+def _print_open(found: Paragraph, console: Console) -> None:
+    """Print why verdicts are open, behind their names: an ordinary flight has a few, and one screen."""
+    more = f" (and {found.left_out} more: --verbose)" if found.left_out else ""
+    head = (printable(f"{found.title}: {found.condition}"), "bold")
+    console.print(Text.assemble(head, printable(f": {found.why}{more}")))
+    console.print(Padding(Text(printable(f"what to do: {found.todo}")), (0, 0, 0, 2), expand=False))
 
 
 def _print(title: str, lines: Sequence[str], console: Console) -> None:
@@ -116,15 +133,6 @@ def _row(one: Subject) -> list[Text]:
     return [Text(printable(one.title)), condition, *(Text(cell or _NOTHING) for cell in cells)]
 
 
-def _paragraphs(said: Digest, *, verbose: bool) -> Iterator[tuple[str, list[str]]]:
-    yield from _findings(said, verbose=verbose)
-    if said.network:
-        yield "Physics and network", said.network
-    if verbose:
-        for table in said.tables:
-            yield table.title, table.lines
-
-
 def _findings(said: Digest, *, verbose: bool) -> Iterator[tuple[str, list[str]]]:
     """Yield a title and lines on what is not normal."""
     for verdict in said.faulty:
@@ -136,9 +144,6 @@ def _findings(said: Digest, *, verbose: bool) -> Iterator[tuple[str, list[str]]]
         yield name(verdict, said.assessment), [*lines, f"what to do: {advice(verdict)}"]
     for subject, odd in said.doubtful:
         yield f"{subject}: values in doubt", [odd]
-    for found in said.open:
-        more = f" (and {found.left_out} more: --verbose)" if found.left_out else ""
-        yield f"{found.title}: {found.condition}", [f"why: {found.why}{more}", f"what to do: {found.todo}"]
 
 
 def _unmonitored(found: Paragraph) -> str:

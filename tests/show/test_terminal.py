@@ -76,7 +76,7 @@ def test_below_the_table_evidence_remedies_losses_and_the_notice(assessment: Ass
     text = flat(rendered(assessment))
     assert "1m12s to 1m40s: the friction interval reaches the emergency limit (highest estimate 1.003" in text
     assert "what to do: do not fly; inspect gearbox, bearings and hinge line" in text
-    assert "rudder: undecided why: it stood still throughout" in text
+    assert "rudder: undecided: it stood still throughout" in text
     assert "Log losses: 1,234 bytes skipped" in text
     assert text.endswith(EPILOG)
 
@@ -85,7 +85,7 @@ def test_equal_reasons_are_said_once(new_verdict: New, new_assessment: Assess) -
     names = ("aileron_left", "aileron_right", "elevator", "rudder")
     text = flat(rendered(new_assessment(*(new_verdict(name, "undecided", 0.0, None) for name in names))))
     assert text.count("record a flight") == 1
-    assert "aileron_left, aileron_right, elevator and rudder: undecided why:" in text
+    assert "aileron_left, aileron_right, elevator and rudder: undecided:" in text
 
 
 def test_what_was_worse_is_shown(new_verdict: New, new_assessment: Assess) -> None:
@@ -136,7 +136,7 @@ def test_of_several_reasons_the_binding_one_is_shown(new_verdict: New, new_asses
     }
     verdict = new_verdict("elevator", "undecided", 0.0, None).model_copy(update=several)
     brief, whole = rendered(new_assessment(verdict)), rendered(new_assessment(verdict), verbose=True)
-    assert "why: outputs at 2.9 Hz, 10 are needed (and 1 more: --verbose)" in brief
+    assert "elevator: undecided: outputs at 2.9 Hz, 10 are needed (and 1 more: --verbose)" in flat(brief)
     assert "what to do: record at 10 Hz " in flat(brief) + " "
     assert "fly longer" not in brief
     assert several["reason"] in flat(whole)
