@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Final
 
+# Share of values that no such actuator can have from which they are the reason of a missing verdict. By
+# hand.
 LEAST_FLANK_SLOTS: Final = 3
 """Slots with load on either flank of the gear; fewer give no reliable error of the play. By hand."""
 
@@ -125,5 +127,3 @@ of windows learned has play and winds up: 2 of 8,479 windows were below. A rigid
 the network took that of the data sheet for a torque constant lost, at any friction."""
 
 IMPLAUSIBLE_SHARE: Final = 0.1
-"""Share of values that no such actuator can have from which they are the reason of a missing verdict. By
-hand."""

@@ -11,6 +11,7 @@ from typing import Final
 
 from mavhums.health.estimation.thresholds import WINDOW_S
 
+# Seconds of a doubted airspeed from which a reason names it.
 WINDOW_SECONDS: Final = int(WINDOW_S)
 """The length of a window, in whole seconds."""
 
@@ -278,4 +279,3 @@ MOST_LATE_SHARE: Final = 0.2
 """Share of a stream that comes too late from which a reason names it: below, its verdicts hardly change."""
 
 DOUBTED_AIRSPEED_S: Final = 10
-"""Seconds of a doubted airspeed from which a reason names it."""

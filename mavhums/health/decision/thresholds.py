@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+# Flights on either side of a step: one alone is an outlier.
 FALSE_ALARMS: Final = 1.0
 """Allowed false alarms per actuator and 100 hours. Fewer find faults later; the default of ``--false-
 alarms``."""
@@ -77,4 +78,3 @@ STEP_LIKELIHOOD_RATIO: Final = 20.0
 """How much likelier a step must be than the line. By hand."""
 
 STEP_FLIGHTS: Final = 2
-"""Flights on either side of a step: one alone is an outlier."""

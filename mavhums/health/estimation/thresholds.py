@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Final
 
+# Flights of a baseline by position only, whose line over the activity takes one more coefficient (docs/own-
+# history.md).
 WINDOW_S: Final = 10.0
 """Length of a window, s. Longer ones estimate better and find later; benchmarks/health.py windows has
 both."""
@@ -102,5 +104,3 @@ OWN_FLIGHTS: Final = 10
 (docs/own-history.md, 10 % scatter)."""
 
 TRACKING_FLIGHTS: Final = 20
-"""Flights of a baseline by position only, whose line over the activity takes one more coefficient (docs/own-
-history.md)."""

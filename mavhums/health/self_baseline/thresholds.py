@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+# Times the stated supply beyond which a voltage at the motor shows that the statement is wrong. By hand.
 REFERENCE_FLIGHTS: Final = 20
 """Flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter."""
 
@@ -48,4 +49,3 @@ STALL_BIAS_SHARE: Final = 0.1
 cancels only in a comparison with the past."""
 
 OVER_SUPPLY_TIMES: Final = 1.1
-"""Times the stated supply beyond which a voltage at the motor shows that the statement is wrong. By hand."""
