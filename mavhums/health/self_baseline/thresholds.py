@@ -7,45 +7,45 @@ from __future__ import annotations
 
 from typing import Final
 
-# Times the stated supply beyond which a voltage at the motor shows that the statement is wrong. By hand.
+# Flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter.
 REFERENCE_FLIGHTS: Final = 20
-"""Flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter."""
 
+# Largest ratio of sample rates of flights that are compared: the estimate depends on the rate. By hand.
 ALIKE_RATE_RATIO: Final = 1.25
-"""Largest ratio of sample rates of flights that are compared: the estimate depends on the rate. By hand."""
 
+# Flights that must determine the wear: the least whose population has a variance to speak of. By hand.
 SHOWN_FLIGHTS: Final = 4
-"""Flights that must determine the wear: the least whose population has a variance to speak of. By hand."""
 
+# Times the baseline's largest error, by information, that a flight's own error counts at most; of healthy
+# flights at most 2.4 (docs/own-history.md).
 BLURRED_TIMES: Final = 3.0
-"""Times the baseline's largest error, by information, that a flight's own error counts at most; of healthy
-flights at most 2.4 (docs/own-history.md)."""
 
+# Latest flights among which the onset of a change is sought: bounds the time of a comparison.
 TRAILING_FLIGHTS: Final = 100
-"""Latest flights among which the onset of a change is sought: bounds the time of a comparison."""
 
+# Temperature difference among the flights from which the slope over temperature can be determined, K. By
+# hand.
 WARMTH_K: Final = 5.0
-"""Temperature difference among the flights from which the slope over temperature can be determined, K. By
-hand."""
 
+# Temperature beyond the baseline's to which its line is extrapolated, K. By hand.
 BEYOND_K: Final = 3.0
-"""Temperature beyond the baseline's to which its line is extrapolated, K. By hand."""
 
+# Activity beyond the baseline's to which its line is extrapolated, of the logarithm: a fifth. By hand.
 BEYOND_ACTIVITY: Final = 0.2
-"""Activity beyond the baseline's to which its line is extrapolated, of the logarithm: a fifth. By hand."""
 
+# Confidence shown for a change: the test allows one false alarm in 100 hours.
 CHANGED_CONFIDENCE: Final = 0.999
-"""Confidence shown for a change: the test allows one false alarm in 100 hours."""
 
+# Flights that make a baseline of the motor's constants, as of the friction.
 MOTOR_FLIGHTS: Final = 10
-"""Flights that make a baseline of the motor's constants, as of the friction."""
 
+# Loss of the torque constant that explains a rise of the friction current: a hot magnet loses less. By
+# hand.
 LEAST_CONSTANT_LOSS_SHARE: Final = 0.03
-"""Loss of the torque constant that explains a rise of the friction current: a hot magnet loses less. By
-hand."""
 
+# Bias of the friction current's level by flight mode, as measured on aircraft 0–2 (docs/own-history.md); it
+# cancels only in a comparison with the past.
 STALL_BIAS_SHARE: Final = 0.1
-"""Bias of the friction current's level by flight mode, as measured on aircraft 0–2 (docs/own-history.md); it
-cancels only in a comparison with the past."""
 
+# Times the stated supply beyond which a voltage at the motor shows that the statement is wrong. By hand.
 OVER_SUPPLY_TIMES: Final = 1.1
