@@ -56,8 +56,8 @@ MOST_COLUMN_CORRELATION: Final = 0.999
 PEAK_EXCEEDED_SHARE: Final = 0.001
 
 # Share of its mean by which a healthy actuator's friction scatters from flight to flight: 3–13 % from day
-# to day on a real actuator on a bench (docs/own-history.md). It costs sensitivity and keeps the promised false
-# alarms (docs/health.md, early detection with and without it).
+# to day on a real actuator on a bench (docs/own-history.md). It costs sensitivity and keeps the promised
+# false alarms (docs/health.md, early detection with and without it).
 NATURAL_SCATTER_SHARE: Final = 0.05
 
 # Weight of the natural scatter, in degrees of freedom: as much as ten flights have (docs/own-
