@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.axis.monitor import NORMAL_S
+from mavhums.health.axis.thresholds import NORMAL_S
 from mavhums.report.assessment import Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, percent
 
