@@ -14,9 +14,9 @@ from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import join_tables
 from mavhums.log.base.losses import Losses
 from mavhums.log.base.records import RowContext
-from mavhums.log.base.scanner import Batch
+from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import ODD_TIME, Table
-from mavhums.log.dataflash.layout import Definitions
+from mavhums.log.dataflash.layout import RecordDefinitions
 from mavhums.log.dataflash.scanner import RecordScanner
 
 __all__ = ["DataFlashDecoder"]
@@ -124,9 +124,9 @@ class DataFlashDecoder:
         self._messages = None if messages is None else frozenset(messages)
         self._gathered = None if self._messages is None else self._messages | _DROPS
         self._scanner = RecordScanner()
-        self._definitions = Definitions()
+        self._definitions = RecordDefinitions()
         self._datings: dict[int, Dating] = {0: Dating(0)}
-        self._pending: deque[Batch] = deque()
+        self._pending: deque[RecordBatch] = deque()
         self._held: list[bytes] = []
         self._counts: dict[int, Integers] = {}
         self._frames = 0
@@ -206,7 +206,7 @@ class DataFlashDecoder:
             self._pending.append(part)
         return join_tables([table for tables in self._settled(final=final) for table in tables])
 
-    def _date(self, part: Batch) -> None:
+    def _date(self, part: RecordBatch) -> None:
         dating = self._datings[_boot_of(part)]
         if not dating.is_settled(int(part.rows["offset"][0])):
             before_end = replace(part, rows=part.rows[part.rows["offset"] < dating.end])
@@ -221,7 +221,7 @@ class DataFlashDecoder:
                 return
             yield self._tables(boot, self._pending.popleft())
 
-    def _tables(self, boot: int, part: Batch) -> list[Table]:
+    def _tables(self, boot: int, part: RecordBatch) -> list[Table]:
         vehicle, shift, first = self._datings[boot].vehicle, self._shift_of(boot), self._firsts.get(boot, 0)
         times = part.rows["time_us"]
         times[times < 0] = first  # records before the log's first time have this one
@@ -257,12 +257,12 @@ class DataFlashDecoder:
             self._dropped[boot] = max(self._dropped.get(boot, 0), int(table["Dp"].max()))
 
 
-def _boot_of(part: Batch) -> int:
+def _boot_of(part: RecordBatch) -> int:
     """Return the log of the stream to which a part of a batch belongs."""
     return int(part.rows["boot"][0])
 
 
-def _by_boot(batch: Batch) -> Iterator[Batch]:
+def _by_boot(batch: RecordBatch) -> Iterator[RecordBatch]:
     """Yield the parts of a batch that belong to one log each."""
     boots = batch.rows["boot"]
     for rows in np.split(batch.rows, np.flatnonzero(np.diff(boots)) + 1):

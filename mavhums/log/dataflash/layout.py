@@ -35,8 +35,8 @@ __all__ = [
     "MAGIC_2",
     "ODD",
     "TYPE",
-    "Definition",
-    "Definitions",
+    "RecordDefinition",
+    "RecordDefinitions",
     "begins",
     "define",
     "definition_of",
@@ -248,7 +248,7 @@ FMT_BODY += b"Type,Length,Name,Format,Columns".ljust(64, b"\0")
 
 
 @dataclass(frozen=True, slots=True)
-class Definition:
+class RecordDefinition:
     """Definition of the records of one type.
 
     Attributes
@@ -267,7 +267,7 @@ class Definition:
 
 
 @lru_cache(maxsize=4096)
-def definition_of(raw: bytes) -> Definition | None:
+def definition_of(raw: bytes) -> RecordDefinition | None:
     """Return the definition in the payload of a FMT record; None if its fields lack distinct names.
 
     Logs of one firmware have the same two hundred definitions, and a stream of logs repeats them.
@@ -287,10 +287,10 @@ def definition_of(raw: bytes) -> Definition | None:
     divisors = {
         f: _DIVISORS[letter] for f, letter in zip(fields, letters, strict=True) if letter in _DIVISORS
     }
-    return Definition(name, wire, divisors)
+    return RecordDefinition(name, wire, divisors)
 
 
-class Definitions(DefinitionTable):
+class RecordDefinitions(DefinitionTable):
     """The definitions of a log, in the order of their FMT records.
 
     A definition without names for its fields, or whose name already has another layout, cannot be used.
@@ -304,7 +304,7 @@ class Definitions(DefinitionTable):
     def __init__(self) -> None:
         super().__init__()
         self.numbers: list[int] = []
-        self._by_name: dict[str, Definition] = {}
+        self._by_name: dict[str, RecordDefinition] = {}
 
     def learn(self, bodies: Bytes) -> None:
         """Add the new definitions in ``bodies``, the payloads of the FMT records so far."""

@@ -22,7 +22,7 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import NO, RECORD, WAIT, YES, Batch, BlockScanner
+from mavhums.log.base.scanner import NO, RECORD, WAIT, YES, BlockScanner, RecordBatch
 from mavhums.log.base.tables import ODD_TIME
 from mavhums.log.base.unaligned_io import GUARD, SPARE
 from mavhums.log.dataflash.layout import (
@@ -334,7 +334,7 @@ class RecordScanner(BlockScanner):
         """Payloads of the FMT records that defined something, shape (definitions, 86)."""
         return self._bodies[: int(self._carried["definitions"][0])]
 
-    def feed(self, block: bytes, *, final: bool = False) -> Batch:
+    def feed(self, block: bytes, *, final: bool = False) -> RecordBatch:
         """Return the records that ``block`` completes; ``final`` says that nothing follows."""
         joined = self._joined(block)
         data = np.frombuffer(joined, dtype=np.uint8)
@@ -356,4 +356,4 @@ class RecordScanner(BlockScanner):
         if final:
             self._finish(longest=_LONGEST_RECORD)
         # A copy: records wait for the flight's date while the next blocks are scanned.
-        return Batch(data, base, self._rows[:found].copy())
+        return RecordBatch(data, base, self._rows[:found].copy())

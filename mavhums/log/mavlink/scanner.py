@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import NO, RECORD, WAIT, YES, Batch, BlockScanner
+from mavhums.log.base.scanner import NO, RECORD, WAIT, YES, BlockScanner, RecordBatch
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.base.unaligned_io import GUARD, SPARE
 from mavhums.log.mavlink.dialect import Dialect
@@ -353,7 +353,7 @@ class FrameScanner(BlockScanner):
         self._scratch = np.zeros(GUARD + 265, dtype=np.uint8)
         self._carried["time_us"] = self._carried["sender"] = -1
 
-    def feed(self, block: bytes, *, final: bool = False) -> Batch:
+    def feed(self, block: bytes, *, final: bool = False) -> RecordBatch:
         """Return the frames that ``block`` completes; ``final`` marks the end of the stream."""
         joined = self._joined(block)
         data = np.frombuffer(joined, dtype=np.uint8)
@@ -368,7 +368,7 @@ class FrameScanner(BlockScanner):
         self._carried["base"] += position - GUARD
         if final:
             self._finish(longest=_LONGEST_RECORD)
-        return Batch(data, base, self._rows[:found], self._stamp)
+        return RecordBatch(data, base, self._rows[:found], self._stamp)
 
 
 @cache

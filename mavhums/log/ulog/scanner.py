@@ -17,7 +17,7 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import NO, RECORD, REGION, WAIT, YES, Batch, BlockScanner
+from mavhums.log.base.scanner import NO, RECORD, REGION, WAIT, YES, BlockScanner, RecordBatch
 from mavhums.log.base.tables import ODD_TIME
 from mavhums.log.base.unaligned_io import GUARD, SPARE, load_word
 from mavhums.log.ulog.headers import (
@@ -307,7 +307,7 @@ class UlogScanner(BlockScanner):
         self._boundaries: list[int] = []
         self._open = False
 
-    def feed(self, block: bytes, *, final: bool = False) -> Iterator[Batch]:
+    def feed(self, block: bytes, *, final: bool = False) -> Iterator[RecordBatch]:
         """Yield the messages that ``block`` completes; ``final`` says that nothing follows."""
         joined = self._joined(block)
         begin, end = GUARD, len(joined) - SPARE
@@ -350,10 +350,10 @@ class UlogScanner(BlockScanner):
         self._carried["base"] = place
         return place
 
-    def _scan(self, data: Bytes, begin: int, end: int, *, final: bool) -> Batch:
+    def _scan(self, data: Bytes, begin: int, end: int, *, final: bool) -> RecordBatch:
         """Scan a part of the buffer; ``position`` is where in it the scan stopped."""
         state = self._carried[0]
-        batch = Batch(data[begin - GUARD : end + SPARE], self.position, self._rows[:0])
+        batch = RecordBatch(data[begin - GUARD : end + SPARE], self.position, self._rows[:0])
         for name in ("position", "found", "ended", "cut"):
             state[name] = 0
         handled, paused = 0, True
@@ -372,4 +372,4 @@ class UlogScanner(BlockScanner):
             self._finish(longest=_ANY_LENGTH if state["cut"] else 0)
             state["lost_step"] = 0
         # A copy: messages wait for the flight's date while the next blocks are scanned.
-        return Batch(batch.data, batch.base, self._rows[:handled].copy())
+        return RecordBatch(batch.data, batch.base, self._rows[:handled].copy())
