@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Decoded", "Log", "decode_blocks", "read_blocks", "read_log"]
 
 _BLOCK = 1 << 20
-_HEAD = 1 << 20
+_HEAD = 1 << 20  # bytes in which a log must show what it is
 
 
 def read_blocks(

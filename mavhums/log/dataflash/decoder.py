@@ -25,7 +25,7 @@ DATING_MESSAGES: Final = frozenset({"PARM", "GPS"})
 """Messages with the vehicle's id and the date."""
 
 _IDS: Final = (b"SYSID_THISMAV", b"MAV_SYSID")
-_HELD: Final = 1 << 20
+_HELD: Final = 1 << 20  # bytes that wait for the vehicle's id and a fix, so that memory is bounded
 _FIX: Final = 3
 _WEEK_US: Final = 7 * 86_400 * 1_000_000
 
@@ -97,7 +97,7 @@ class Dating:
         self.offset_us = utc_us - ahead_s * 1_000_000 - int(positions["TimeUS"][first])
 
 
-_PIECE: Final = 1 << 16
+_PIECE: Final = 1 << 16  # bytes: below, the Python around a scan takes longer than the scan
 _DROPS: Final = frozenset({"DSF"})
 
 
@@ -216,7 +216,7 @@ class DataFlashDecoder:
         """Yield the tables of the parts whose vehicle and date are final."""
         while self._pending:
             boot = _boot_of(self._pending[0])
-            followed = _boot_of(self._pending[-1]) > boot
+            followed = _boot_of(self._pending[-1]) > boot  # of a log that has ended nothing more comes
             if not (final or followed or self._datings[boot].is_settled(self._scanner.position)):
                 return
             yield self._tables(boot, self._pending.popleft())
@@ -224,7 +224,7 @@ class DataFlashDecoder:
     def _tables(self, boot: int, part: RecordBatch) -> list[Table]:
         vehicle, shift, first = self._datings[boot].vehicle, self._shift_of(boot), self._firsts.get(boot, 0)
         times = part.rows["time_us"]
-        times[times < 0] = first  # records before the log's first time have this one
+        times[times < 0] = first  # records before the log's first time, as its definitions, have this one
         context = RowContext(self._frames, shift, vehicle)
         found = self._definitions.gather(part, self._gathered, context)
         counts = found.counts.copy()

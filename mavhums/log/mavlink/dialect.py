@@ -121,6 +121,7 @@ def load_dialect(path: Path | None = None) -> Dialect:
         _merge_enums(enums, document)
         for definition in map(_definition, document.message):
             known = definitions.get(definition.id)
+            # The larger of two has the newer extension fields; a shorter payload is filled with zeros.
             if known is None or definition.wire.itemsize > known.wire.itemsize:
                 definitions[definition.id] = definition
     if path is not None:
@@ -161,6 +162,7 @@ def _parse(path: Path) -> Any:
     from pymavlink.generator import mavparse
 
     try:
+        # mavparse lets expat's own error through, which is not ElementTree's; shipped dialects are well-formed.
         if _pymavlink_folder() not in path.parents:
             with path.open("rb") as file:
                 ElementTree.parse(file)

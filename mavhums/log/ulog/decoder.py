@@ -19,7 +19,7 @@ from mavhums.log.ulog.scanner import UlogScanner
 __all__ = ["UlogDecoder"]
 
 _INSTANCES = 256
-_HELD_BYTES = 1 << 20
+_HELD_BYTES = 1 << 20  # bytes that may wait for a fix; without one in them the log has no date
 _DATA, _PARAMETER = b"DP"
 _VEHICLE: Final = b"MAV_SYS_ID"
 _GPS: Final = "vehicle_gps_position"
@@ -152,6 +152,7 @@ class UlogDecoder:
                     if offset_us is not None:
                         self._unpacker.offset_us, self._dated, self._settled = offset_us, True, True
                         return
+        # Not the end of the block: a record that it cuts may still be a fix within the megabyte.
         self._settled = self._scanner.position >= _HELD_BYTES
 
 
