@@ -162,7 +162,7 @@ def _parse(path: Path) -> Any:
     from pymavlink.generator import mavparse
 
     try:
-        # mavparse lets expat's own error through, which is not ElementTree's; shipped dialects are well-formed.
+        # mavparse lets expat's own error through, which is not ElementTree's.
         if _pymavlink_folder() not in path.parents:
             with path.open("rb") as file:
                 ElementTree.parse(file)
