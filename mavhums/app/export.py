@@ -23,7 +23,7 @@ from mavhums.health.sample_answers import answer_samples
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.texts import TEXT_MESSAGES
+from mavhums.vehicle.states import TEXT_MESSAGES
 
 __all__ = ["export_messages", "export_quantities"]
 

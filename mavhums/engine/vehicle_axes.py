@@ -17,11 +17,11 @@ from mavhums.engine.told import Known, Told
 from mavhums.health.axis.monitor import AxisMonitor, explained_by
 from mavhums.health.events import ConditionChanged, Indication
 from mavhums.report.axis_limits import AxisLimits
-from mavhums.vehicle.events import Followed
+from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
-from mavhums.vehicle.signals import Signal
+from mavhums.vehicle.states import Followed
 from mavhums.vehicle.surfaces import Demands, Surfaces
 from mavhums.vehicle.usage import Usage
 

@@ -14,8 +14,8 @@ from mavhums.health.axis.monitor import NORMAL_S, AxisFindings
 from mavhums.health.axis.reference import REFERENCE_S
 from mavhums.health.obstacles import NO_WINGS
 from mavhums.vehicle.flight import LEAST_SPEED, Flight
+from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import PERIPHERALS, in_words
-from mavhums.vehicle.order import Received
 from mavhums.vehicle.surfaces import Surfaces
 
 __all__ = ["Obstacle", "disorder", "why_not_at_all", "why_undecided"]

@@ -12,7 +12,7 @@ from mavhums.health.axis.monitor import AxisFindings
 from mavhums.health.axis.obstacles import why_undecided
 from mavhums.report.assessment import Interval, Since, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.order import Received
+from mavhums.vehicle.grid import Received
 from mavhums.vehicle.surfaces import Surfaces
 
 __all__ = ["judged_axis", "unjudged_axes"]
