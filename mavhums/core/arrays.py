@@ -1,4 +1,4 @@
-"""Types of arrays, for annotations."""
+"""Type aliases of numpy arrays."""
 
 from __future__ import annotations
 
@@ -8,5 +8,10 @@ from numpy.typing import NDArray
 __all__ = ["Array", "Flags", "Integers"]
 
 Array = NDArray[np.float64]
+"""Numbers; NaN where they are not known."""
+
 Flags = NDArray[np.bool_]
+"""Masks."""
+
 Integers = NDArray[np.int64]
+"""Counts and indices."""

@@ -17,8 +17,8 @@ from mavhums.app.own_flights import among_own
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
-from mavhums.health import Monitor
-from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.decision.limits import FALSE_ALARMS
 from mavhums.history.aircraft import latest
 from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.live.address import Address

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.log import Table
-from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
-from mavhums.vehicle.signals import SignalReader
+from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal, SignalReader
 
 Fields = list[tuple[Any, ...]]
 

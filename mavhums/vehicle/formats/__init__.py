@@ -18,9 +18,11 @@ from mavhums.vehicle.formats.base import ANY, Format, Report, Rows, ServoSource,
 __all__ = [
     "FORMATS",
     "SERVO_SOURCES",
+    "Format",
     "Report",
     "Rows",
     "each",
+    "message_of",
     "messages_of",
     "remedy",
     "reports",
@@ -60,6 +62,17 @@ def messages_of(*facts: str) -> frozenset[str]:
     ['MSG', 'STATUSTEXT', 'logged_string']
     """
     return frozenset(source.message for _, source in _sources(facts))
+
+
+def message_of(fact: str, form: str) -> str:
+    """Return the first message of a format, by its name, that carries a fact.
+
+    Examples
+    --------
+    >>> message_of("outputs", "dataflash")
+    'RCOU'
+    """
+    return next(source.message for known, source in _sources((fact,)) if form == known.NAME)
 
 
 def reports(tables: Mapping[str, Table], *facts: str) -> Iterator[Report]:

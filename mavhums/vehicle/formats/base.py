@@ -124,8 +124,23 @@ Split = Iterator[tuple[ServoIds, ServoPart]]
 
 
 class Format(Protocol):
-    """The interface of a format's module."""
+    """The interface of a format's module.
 
+    Attributes
+    ----------
+    NAME
+        Name of the format, as its decoder gives it.
+    AUTOPILOT
+        The MAV_AUTOPILOT that writes such logs; None if any may.
+    SOURCES, SERVO_SOURCES
+        Where it keeps facts, and telemetry of servos. Of several sources of a signal the first received
+        counts.
+    REMEDIES
+        How a fact that is missing is recorded, by autopilot: the messages, and the parameter that sets them.
+        ``motion`` stands for outputs, rates and attitude together, which every axis needs.
+    """
+
+    NAME: str
     AUTOPILOT: int | None
     SOURCES: tuple[Source, ...]
     SERVO_SOURCES: tuple[ServoSource, ...]

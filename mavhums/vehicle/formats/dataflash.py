@@ -33,7 +33,7 @@ from mavhums.vehicle.formats.base import (
     records_of_parameters,
 )
 
-__all__ = ["AUTOPILOT", "REMEDIES", "SERVO_SOURCES", "SOURCES", "is_stamped", "mode_name"]
+__all__ = ["AUTOPILOT", "NAME", "REMEDIES", "SERVO_SOURCES", "SOURCES", "is_stamped", "mode_name"]
 
 _FIX: Final = 3  # GPS_STATUS of a three-dimensional fix: before it, speed and course are noise
 _REAL32: Final = 9  # MAV_PARAM_TYPE
@@ -110,6 +110,7 @@ def _parameters(table: Table) -> NDArray[Any]:
 
 _STAT: Final = {"Armed": 1, "isFlying": 1}
 
+NAME: Final = "dataflash"
 AUTOPILOT: Final = ARDUPILOT
 """Which autopilot writes such logs."""
 

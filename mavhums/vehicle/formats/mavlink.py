@@ -38,6 +38,7 @@ from mavhums.vehicle.formats.base import (
 
 __all__ = [
     "AUTOPILOT",
+    "NAME",
     "REMEDIES",
     "SERVO_SOURCES",
     "SOURCES",
@@ -150,6 +151,7 @@ _MILLI_RATES: Final = ("xgyro", "ygyro", "zgyro")
 _MILLI_FORCE: Final = ("xacc", "yacc", "zacc")
 _ESC_BATCHES: Final = {f"ESC_TELEMETRY_{k + 1}_TO_{k + 4}": k for k in range(0, 32, 4)}
 
+NAME: Final = "tlog"
 AUTOPILOT: Final = None
 """Which autopilot writes such logs: any."""
 

@@ -30,7 +30,7 @@ from mavhums.vehicle.formats.base import (
     wide,
 )
 
-__all__ = ["AUTOPILOT", "REMEDIES", "SERVO_SOURCES", "SOURCES", "is_stamped", "mode_name"]
+__all__ = ["AUTOPILOT", "NAME", "REMEDIES", "SERVO_SOURCES", "SOURCES", "is_stamped", "mode_name"]
 
 _ARMED: Final = 2  # vehicle_status.ARMING_STATE_ARMED
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
@@ -165,6 +165,7 @@ def _commands(table: Table, servos: Sequence[ServoIds]) -> Split:
             yield ids, ServoPart(f"actuator_outputs[{driver}]", {"pulse": f"output[{k}]"}, rows, values)
 
 
+NAME: Final = "ulog"
 AUTOPILOT: Final = PX4
 """Which autopilot writes such logs."""
 
