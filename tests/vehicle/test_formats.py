@@ -1,4 +1,4 @@
-"""Only :mod:`mavhums.log` and :mod:`mavhums.vehicle.formats` know messages; the tables there are consistent."""
+"""Only the rooms of the formats name messages, and their tables are consistent."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mavhums.vehicle.formats import FORMATS, SERVO_SOURCES, messages_of
 ROOM = Path(formats.__file__).parents[2]
 KNOWS = (ROOM / "log", ROOM / "vehicle" / "formats")
 
-WORDS = {"airspeed", "info", "parameter", "ESC", "GPS", "IMU", "MODE", "POS", "STAT", "EVENT", "PING"}
+WORDS = {"airspeed", "info", "parameter", "ESC", "GPS", "IMU", "RPM", "MODE", "POS", "STAT", "EVENT", "PING"}
 """Messages whose names are also words of the field: facts, kinds of telemetry, parts of a vehicle."""
 
 RECORDS = {
@@ -37,8 +37,12 @@ RECORDS = {
 """Messages of on-board logs that no table here reads."""
 
 
+def messages(form: formats.Format) -> set[str]:
+    return {source.message for source in form.SOURCES} | {source.message for source in form.SERVO_SOURCES}
+
+
 def names_of_messages() -> set[str]:
-    tables = {source.message for form in FORMATS for source in (*form.SOURCES, *form.SERVO_SOURCES)}
+    tables = set().union(*map(messages, FORMATS))
     dialect = {definition.name for definition in load_dialect().definitions.values()}
     return (tables | dialect | RECORDS) - WORDS
 
@@ -67,9 +71,8 @@ def test_nothing_else_names_a_message(path: Path) -> None:
 
 def test_a_message_would_be_found(tmp_path: Path) -> None:
     module = tmp_path / "one.py"
-    module.write_text(
-        '"""ATTITUDE is a message."""\nKINDS = {"RCOU", "attitude"}\nTOLD = f"of ESC_STATUS[{1}]"\n'
-    )
+    lines = '"""ATTITUDE is a message."""', 'KINDS = {"RCOU", "attitude"}', 'TOLD = f"of ESC_STATUS[{1}]"'
+    module.write_text("\n".join(lines))
     assert [line for line, text in texts(module) if NAME.search(text)] == [2, 3]
 
 
@@ -88,8 +91,8 @@ def test_the_tables_name_known_facts_and_tiers(form: formats.Format) -> None:
 
 
 def test_no_message_is_of_two_formats() -> None:
-    messages = [{source.message for source in (*form.SOURCES, *form.SERVO_SOURCES)} for form in FORMATS]
-    assert sum(map(len, messages)) == len(set().union(*messages))
+    found = [messages(form) for form in FORMATS]
+    assert sum(map(len, found)) == len(set().union(*found))
 
 
 def test_every_fact_has_a_source_and_every_tier_its_messages() -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mavhums.log import Table
-from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal, SignalReader
+from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
+from mavhums.vehicle.signals import SignalReader
 
 Fields = list[tuple[Any, ...]]
 
