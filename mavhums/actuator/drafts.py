@@ -19,7 +19,7 @@ from mavhums.actuator.profile import Airframe
 from mavhums.actuator.tiers import TIERS
 from mavhums.core.arrays import Flags, Integers
 from mavhums.log import Table
-from mavhums.log.convert import text_of
+from mavhums.log.base.tables import text_of
 from mavhums.vehicle.formats import SERVO_SOURCES, messages_of, reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.parameters import Sent

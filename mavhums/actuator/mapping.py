@@ -21,7 +21,7 @@ from mavhums.actuator.tiers import TIERS
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
-from mavhums.log.flags import LOOSE_TIME
+from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.formats import SERVO_SOURCES
 
 __all__ = ["AirframeNamed", "Gate", "Mapped", "Mapper", "Samples", "bounds", "messages_for"]

@@ -11,7 +11,7 @@ from mavhums.actuator.profile import Airframe
 from mavhums.engine.told import Told
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.log import Table
-from mavhums.log.convert import text_of
+from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import reports
 from mavhums.vehicle.formats.base import Report

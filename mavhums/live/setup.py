@@ -18,7 +18,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.health.actuator.monitor import Monitor
-from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.history.aircraft import latest
 from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.live.address import Address

@@ -10,7 +10,7 @@ import numpy as np
 
 from mavhums.core.arrays import Integers
 from mavhums.log import Table
-from mavhums.log.convert import text_of
+from mavhums.log.base.tables import text_of
 from mavhums.vehicle.formats import each, messages_of, reports
 
 __all__ = ["ESC_TEMPERATURE_MESSAGES", "NAMED_MESSAGES", "EscTemperatures", "NamedValues"]

@@ -16,7 +16,7 @@ import numpy as np
 
 from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
-from mavhums.log.convert import text_of
+from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import PX4
 from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS
 from mavhums.log import Table
-from mavhums.log.convert import text_of
+from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import ALL_OUTPUTS, ServoIds
 
 __all__ = [

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.log import Table
-from mavhums.log.flags import LOOSE_TIME
+from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.facts import NO_AUTOPILOT, OUTPUTS, PX4, ServoIds
 from mavhums.vehicle.formats.base import (
     ANY,
