@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from mavhums.actuator.tiers import TIERS
-from mavhums.log.decoding import FORMATS as LOG_FORMATS
+from mavhums.log.formats import FORMATS as LOG_FORMATS
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.vehicle import formats
 from mavhums.vehicle.facts import REPORTS, SIGNALS
@@ -79,7 +79,7 @@ def test_a_message_would_be_found(tmp_path: Path) -> None:
 def test_every_format_that_is_read_says_where_it_keeps_facts() -> None:
     modules = {path.stem for path in KNOWS[1].glob("*.py")} - {"__init__", "base"}
     modules |= {path.parent.name for path in KNOWS[1].glob("*/__init__.py")}
-    assert {form.NAME for form in FORMATS} == {"tlog", *(known.name for known in LOG_FORMATS)}
+    assert {form.NAME for form in FORMATS} == {known.name for known in LOG_FORMATS}
     assert {form.NAME for form in FORMATS} - {"tlog"} | {"mavlink"} == modules
 
 
