@@ -18,8 +18,7 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
-from mavhums.engine.axes import Axes
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
@@ -53,13 +52,11 @@ from mavhums.report.flight import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
-from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
-from mavhums.vehicle.order import Received
-from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
-from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
+from mavhums.vehicle.counts import ESC_TEMPERATURE_MESSAGES, EscTemperatures
+from mavhums.vehicle.grid import Received
+from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
+from mavhums.vehicle.states import STATE_MESSAGES, TEXT_MESSAGES, VehicleStates, texts
 from mavhums.vehicle.surfaces import AXES
-from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["Engine"]
@@ -100,10 +97,10 @@ class Engine:
         airframe = options.airframe
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._crowd = Crowd(telemetry - TEXT_MESSAGES)
-        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | RECORDED_MESSAGES
+        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
         wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
-        wanted |= AXIS_MESSAGES
+        wanted |= SIGNAL_MESSAGES
         self._axes = Axes(airframe, angles=options.vehicle_states)
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)

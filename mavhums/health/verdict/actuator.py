@@ -26,6 +26,7 @@ from mavhums.report.assessment import (
     Suspect,
     Verdict,
 )
+from mavhums.vehicle.formats import remedy as to_record
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
 
@@ -276,7 +277,7 @@ def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str,
     if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
         return (
             "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",
-            "measure at the motor's terminals, or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA",
+            f"measure at the motor's terminals, or {to_record('motor quantities')}",
         )
     if missing:
         return f"{', '.join(missing)} not measured, so the torque balance cannot be formed", TO_BE_JUDGED
@@ -292,7 +293,7 @@ def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str,
         return (
             f"the actuator moves in {share} of the samples, too slowly to show friction: in slow motion the "
             "magnitudes that the ESC sends do not tell a driving current from a braking one",
-            "analyse a flight in which the surface moves faster, or send signed values (ESC_STATUS)",
+            f"analyse a flight in which the surface moves faster, or {to_record('signed currents')}",
         )
     return (
         f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",

@@ -16,8 +16,7 @@ from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.report.assessment import Indicator, Interval, Since, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.order import Received
+from mavhums.vehicle.grid import RATE_HZ, Received
 from mavhums.vehicle.surfaces import Surfaces
 
 _BEGINS_IN_FLIGHT: Final = (
