@@ -12,10 +12,10 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import CENTRAL_95, TAIL_95
 from mavhums.health.actuator.detector import Detector
-from mavhums.health.decision.baseline import Baseline, Drift, held, held_since
-from mavhums.health.decision.conditions import Change, Episode, Episodes
+from mavhums.health.decision.baseline import Baseline, Drift, condition_with_drift, onset_with_drift
+from mavhums.health.decision.conditions import Episode, Episodes, IndicatorChange
 from mavhums.health.decision.evidence import drift_evidence, drift_rule, limit_rule, suspected
-from mavhums.health.decision.limits import Decision, Look, bounds, half_width, shown_by, tail_of
+from mavhums.health.decision.limits import Decision, WindowEvaluation, bounds, half_width, shown_by, tail_of
 from mavhums.health.decision.records import Decided, Estimate, FaultRecord, WindowRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
@@ -91,15 +91,17 @@ class IndicatorTracker:
     @property
     def condition(self) -> Condition:
         """Condition according to the limits, or at least degraded after a shift from the baseline."""
-        return held(self.decision.condition, self.drift.alarm if self.drift else None)
+        return condition_with_drift(self.decision.condition, self.drift.alarm if self.drift else None)
 
     @property
     def since_s(self) -> float | None:
         """Flight time of the onset of the condition."""
         decision = self.decision
-        return held_since(decision.condition, decision.since_s, self.drift.alarm if self.drift else None)
+        return onset_with_drift(
+            decision.condition, decision.since_s, self.drift.alarm if self.drift else None
+        )
 
-    def feed(self, look: Look, end_s: Array) -> list[Change]:
+    def feed(self, look: WindowEvaluation, end_s: Array) -> list[IndicatorChange]:
         """Process the windows that end at ``end_s``, shape (k,); return the changes."""
         at = np.flatnonzero(np.isfinite(look.own.value))
         if not at.size:
@@ -125,7 +127,7 @@ class IndicatorTracker:
                 self.episodes.extend(here, end, agrees=agrees)
             if (decided or separate) and self.condition != before:
                 before = self.condition
-                changes.append(Change(k, before, self.since_s or 0.0, self.rule(before)))
+                changes.append(IndicatorChange(k, before, self.since_s or 0.0, self.rule(before)))
         self.latest = Estimate(*(float(column[at[-1]]) for column in look.own))
         return changes
 
@@ -146,7 +148,7 @@ class IndicatorTracker:
         low = judged.value - half_width(judged, tail=tail_of(self.false_alarms))
         return bool(low[0] > emergency)
 
-    def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> Change | None:
+    def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> IndicatorChange | None:
         """Judge by the whole flight, which may have evidence that no run of windows has; return the change.
 
         It counts as one more test against the limits and one against the baseline, like another window.
@@ -156,7 +158,9 @@ class IndicatorTracker:
         self._conclude_limits(self.detector.conclusion(flight), start_s, end_s)
         if self.condition == before:
             return None
-        return Change(0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight")
+        return IndicatorChange(
+            0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight"
+        )
 
     def _conclude_drift(self, overall: Estimates | None, start_s: float) -> None:
         if self.drift is None or overall is None or not np.isfinite(overall.value[0]):

@@ -69,7 +69,7 @@ VOTE_COLUMNS = 6
 """Number of columns that :func:`count_votes` returns."""
 
 
-class Outcome(NamedTuple):
+class VoteOutcome(NamedTuple):
     """A window's probability of an emergency, and the network that gave it."""
 
     p_emergency: float
@@ -124,12 +124,12 @@ def count_votes(
     return counts
 
 
-def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
+def outcome(networks: Sequence[Classifier], counts: Counts) -> VoteOutcome | None:
     """Return the outcome of one window, of shape (slots, 6), as :func:`outcomes` does."""
     return outcomes(networks, counts[None])[0]
 
 
-def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array) -> list[Outcome | None]:
+def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array) -> list[VoteOutcome | None]:
     """Return the probability of an emergency by friction in each window; None if the networks abstain.
 
     The first network that can be asked decides: a network of windows where the log has the quantities of
@@ -156,7 +156,7 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
             known = open_ & np.isfinite(probabilities[:, place])
             for k in np.flatnonzero(known).tolist():
                 answers = asked[k] and inside[k]
-                said[k] = Outcome(float(probabilities[k, place]), number) if answers else None
+                said[k] = VoteOutcome(float(probabilities[k, place]), number) if answers else None
             open_ &= ~known
         open_ &= ~voted
     return said
@@ -172,7 +172,7 @@ def _statistics(sums: Array) -> Array:
     return features
 
 
-def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | None]:
+def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome | None]:
     """Return the probability of an emergency in each window by votes; None if the networks abstain.
 
     They abstain with fewer than twenty votes, with fewer than five in either direction, and if more
@@ -201,7 +201,7 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | N
     )
     share = np.mean(emergency / np.maximum(voters, 1), axis=1)
     return [
-        Outcome(networks[network].probability(one), network) if voted else None
+        VoteOutcome(networks[network].probability(one), network) if voted else None
         for voted, network, one in zip(votes.tolist(), decides.tolist(), share.tolist(), strict=True)
     ]
 

@@ -34,7 +34,7 @@ _LATEST_EPISODES: Final = 3  # among which an alarm finds its own
 
 
 @dataclass(slots=True)
-class _Episode:
+class _AxisEpisode:
     fault: str
     condition: Condition
     start_s: int
@@ -46,7 +46,7 @@ class _Episode:
 
 
 @dataclass(slots=True)
-class _Axis:
+class _AxisState:
     """The condition of one axis."""
 
     condition: Condition = "undecided"
@@ -61,7 +61,7 @@ class _Axis:
     windows: int = 0
     mean: float = 0.0
     squares: float = 0.0
-    episodes: list[_Episode] = field(default_factory=list)
+    episodes: list[_AxisEpisode] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class AxisMonitor:
         self.limits = limits or AxisLimits()
         self._gains = {axis: new_tracker(axis, self.limits) for axis in AXES}
         self._detectors = detectors(self.limits)
-        self._axes = {axis: _Axis() for axis in AXES}
+        self._axes = {axis: _AxisState() for axis in AXES}
         self._skidded_s = -(1 << 30)
         self._flew, self._waited_rows = False, 0
 
@@ -209,7 +209,7 @@ class AxisMonitor:
                 self._vehicle, axis, float(end_s), since_s, before, held.condition, rule, fault, finding
             )
 
-    def _count(self, held: _Axis, second: Second) -> None:
+    def _count(self, held: _AxisState, second: Second) -> None:
         held.seconds += 1
         if second.value is None or second.error > JUDGED_ERROR:
             return
@@ -220,7 +220,7 @@ class AxisMonitor:
         if whole and not held.lost:
             self._average(held, second.value, second.error)
 
-    def _measure(self, held: _Axis, found: list[Alarm], second: Second | None, *, fresh: bool) -> None:
+    def _measure(self, held: _AxisState, found: list[Alarm], second: Second | None, *, fresh: bool) -> None:
         """Take the effectiveness since the onset of a loss: that of the second which the reason names."""
         if fresh:
             held.value = None
@@ -234,7 +234,7 @@ class AxisMonitor:
                 k, half = second.left_over, NORMAL_95 * second.left_error
                 held.value = Interval(estimate=k, low=k - half, high=k + half)
 
-    def _average(self, held: _Axis, value: float, error: float) -> None:
+    def _average(self, held: _AxisState, value: float, error: float) -> None:
         """Add a window that does not overlap the previous one to the mean since the last change."""
         held.windows += 1
         step = value - held.mean
@@ -244,13 +244,13 @@ class AxisMonitor:
         half = NORMAL_95 * (max(spread, error**2) / held.windows) ** 0.5
         held.value = Interval(estimate=held.mean, low=held.mean - half, high=held.mean + half)
 
-    def _well(self, held: _Axis) -> bool:
+    def _well(self, held: _AxisState) -> bool:
         """Return whether the axis is known to respond as in the reference."""
         if SEVERITY[held.condition] > SEVERITY["normal"]:
             return held.full >= FULL_S
         return held.judged >= NORMAL_S and held.value is not None and held.value.low > NORMAL_EFFECTIVENESS
 
-    def _extend(self, held: _Axis, one: Alarm) -> None:
+    def _extend(self, held: _AxisState, one: Alarm) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
         episodes = held.episodes
         for earlier in episodes[-_LATEST_EPISODES:]:
@@ -268,7 +268,7 @@ class AxisMonitor:
         if len(episodes) == _MOST_EPISODES:
             del episodes[_MOST_EPISODES // 2]
         episodes.append(
-            _Episode(
+            _AxisEpisode(
                 one.fault,
                 one.condition,
                 one.since_s,
@@ -315,7 +315,7 @@ class AxisMonitor:
         )
 
 
-def _since_s(held: _Axis) -> float | None:
+def _since_s(held: _AxisState) -> float | None:
     """Return the onset of the present condition: the earliest one that its evidence shows.
 
     A fault that takes longer to prove than the one that raised the alarm may have begun before it.

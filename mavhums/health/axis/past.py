@@ -29,7 +29,7 @@ LOSSES: Final = ("effectiveness", "manoeuvre")
 
 
 @dataclass(frozen=True, slots=True)
-class _Compared:
+class _ComparedIndicator:
     """An indicator beside its baseline: the difference, its standard error and its degrees of freedom."""
 
     indicator: Indicator
@@ -39,7 +39,7 @@ class _Compared:
     freedom: float
 
     @classmethod
-    def of(cls, indicator: Indicator, baseline: Baseline) -> _Compared:
+    def of(cls, indicator: Indicator, baseline: Baseline) -> _ComparedIndicator:
         value = indicator.value
         own = ((value.high - value.low) / 2 / NORMAL_95) ** 2
         between = baseline.flight_variance
@@ -64,7 +64,7 @@ class _Compared:
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _Departure:
     """A difference from the earlier flights that counts."""
 
     fault: str
@@ -76,7 +76,7 @@ class _Found:
     effectiveness: Interval | None = None
 
 
-def against_flights(
+def compare_with_earlier_flights(
     verdict: Verdict,
     baselines: Mapping[str, Baseline],
     *,
@@ -98,7 +98,7 @@ def against_flights(
         Allowed false alarms per 100 hours of the axis.
     """
     compared = [
-        _Compared.of(shown, baselines[shown.fault])
+        _ComparedIndicator.of(shown, baselines[shown.fault])
         for shown in verdict.indicators
         if shown.fault in baselines
     ]
@@ -129,7 +129,7 @@ def _beside(shown: Indicator, baseline: Baseline | None) -> Indicator:
     return shown.model_copy(update={"baseline": expected, "baseline_flights": baseline.flights})
 
 
-def _found(compared: list[_Compared], limits: AxisLimits, tail: float) -> Iterator[_Found]:
+def _found(compared: list[_ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[_Departure]:
     """Yield the differences that are certain and beyond the limits: of the gains the most certain one."""
     lost = [one for one in compared if one.indicator.fault in LOSSES and one.baseline.mean > 0]
     losses = [loss for one in lost if (loss := _loss(one, limits, tail))]
@@ -141,17 +141,17 @@ def _found(compared: list[_Compared], limits: AxisLimits, tail: float) -> Iterat
             rule = (
                 f"degraded: answers {size:.1f} s later than in {flights} earlier flights, from the start on"
             )
-            yield _Found("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
+            yield _Departure("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
         if one.indicator.fault == "hard_over" and abs(size) >= limits.trim_shift and abs(one.ratio) > bound:
             way = "right" if size > 0 else "left"
             rule = (
                 f"degraded: needs {100 * abs(size):.0f} % of the full demand more to the {way} than in "
                 f"{flights} earlier flights to keep its wings level, from the start on"
             )
-            yield _Found("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
+            yield _Departure("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
 
 
-def _loss(one: _Compared, limits: AxisLimits, tail: float) -> _Found | None:
+def _loss(one: _ComparedIndicator, limits: AxisLimits, tail: float) -> _Departure | None:
     """Return a certain loss of effectiveness; None if there is none."""
     share = one.share
     k = share.estimate
@@ -165,14 +165,14 @@ def _loss(one: _Compared, limits: AxisLimits, tail: float) -> _Found | None:
         f"{condition}: {100 * max(k, 0.0):.0f} % of the {what} of {one.baseline.flights} earlier flights "
         "is left, from the start on"
     )
-    return _Found("effectiveness", condition, k, limit, rule, _confidence(one), share)
+    return _Departure("effectiveness", condition, k, limit, rule, _confidence(one), share)
 
 
-def _confidence(one: _Compared) -> float:
+def _confidence(one: _ComparedIndicator) -> float:
     return round(min(float(stdtr(one.freedom, abs(one.ratio))), MOST_CONFIDENCE), 4)
 
 
-def _judged(verdict: Verdict, found: list[_Found], start_utc: datetime, end_s: float) -> Verdict:
+def _judged(verdict: Verdict, found: list[_Departure], start_utc: datetime, end_s: float) -> Verdict:
     """Return a verdict with the findings; what they say holds from the start of the flight on."""
     worst = max((one.condition for one in found), key=SEVERITY.__getitem__)
     decided = SEVERITY[worst] >= SEVERITY[verdict.condition]

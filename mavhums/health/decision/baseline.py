@@ -145,14 +145,14 @@ class Shift(NamedTuple):
     since_s: float
 
 
-def held(decided: Condition, alarm: Shift | None) -> Condition:
+def condition_with_drift(decided: Condition, alarm: Shift | None) -> Condition:
     """Return what a quantity shows: what the limits decided, or at least that it left its baseline."""
     return "degraded" if alarm and SEVERITY[decided] < SEVERITY["degraded"] else decided
 
 
-def held_since(decided: Condition, since_s: float | None, alarm: Shift | None) -> float | None:
+def onset_with_drift(decided: Condition, since_s: float | None, alarm: Shift | None) -> float | None:
     """Return the flight time since which it does, the limits having decided at ``since_s``."""
-    condition = held(decided, alarm)
+    condition = condition_with_drift(decided, alarm)
     times = [since_s] if condition == decided else []
     times += [alarm.since_s] if alarm and condition == "degraded" else []
     return min((time for time in times if time is not None), default=None)
@@ -191,11 +191,11 @@ class Drift:
         self.alarm: Shift | None = None
         self._two_sided = two_sided
         self._tail = tail_of(false_alarms) / 2 / (2 if two_sided else 1)
-        self._windows: deque[_Window] = deque(maxlen=DRIFT_SPANS_WINDOWS[-1])
+        self._windows: deque[_SeparateWindow] = deque(maxlen=DRIFT_SPANS_WINDOWS[-1])
 
     def feed(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
         """Add a window that does not overlap the previous one; return the most significant shift."""
-        self._windows.append(_Window(value - self.baseline.mean, error, freedom, start_s))
+        self._windows.append(_SeparateWindow(value - self.baseline.mean, error, freedom, start_s))
         tail = self._tail / DRIFT_LOOKS
         shifts = [self._over(span, tail) for span in DRIFT_SPANS_WINDOWS if span <= len(self._windows)]
         return self._heed(max(shifts, key=lambda shift: shift.ratio))
@@ -234,7 +234,7 @@ class Drift:
         return Shift(shift, error, size / (float(stdtrit(freedom, 1.0 - tail)) * error), since_s)
 
 
-class _Window(NamedTuple):
+class _SeparateWindow(NamedTuple):
     """A window's estimate minus the baseline, its standard error, degrees of freedom, and start."""
 
     value: float

@@ -13,7 +13,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 _MOST_EPISODES = 100
 
 
-class Change(NamedTuple):
+class IndicatorChange(NamedTuple):
     """A change of an indicator's condition: the window k that brings it, and the onset."""
 
     window: int
@@ -56,7 +56,7 @@ class ConditionTracker:
     """
 
     def __init__(self) -> None:
-        self.shown: dict[str, Change] = {}
+        self.shown: dict[str, IndicatorChange] = {}
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
         self.since_s: float | None = None
@@ -67,7 +67,7 @@ class ConditionTracker:
         """Whether the shaft is jammed, in which case no balance of torques or angles is valid."""
         return "jam" in self.shown and self.shown["jam"].condition == "emergency"
 
-    def take(self, fault: str, change: Change) -> ConditionChange | None:
+    def take(self, fault: str, change: IndicatorChange) -> ConditionChange | None:
         """Process a detector's change; return the resulting change of the actuator's condition, if any."""
         self.shown[fault] = change
         before, self.condition = self.condition, self._gravest()

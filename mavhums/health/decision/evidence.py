@@ -8,7 +8,7 @@ from typing import Protocol
 from scipy.special import stdtr
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.decision.baseline import Baseline, Shift, held
+from mavhums.health.decision.baseline import Baseline, Shift, condition_with_drift
 from mavhums.health.decision.limits import Levels
 from mavhums.health.decision.records import Estimate
 from mavhums.health.decision.thresholds import SHOWN_SHIFT_FREEDOM
@@ -103,7 +103,7 @@ def suspected(
     described: Described, decided: Condition, latest: Estimate | None, alarm: Shift | None
 ) -> Suspect | None:
     """Return the fault, with the probability that the quantity exceeds its limit or its baseline."""
-    if SEVERITY[held(decided, alarm)] < SEVERITY["degraded"] or latest is None:
+    if SEVERITY[condition_with_drift(decided, alarm)] < SEVERITY["degraded"] or latest is None:
         return None
     value, error, freedom = latest
     normal = described.levels.normal

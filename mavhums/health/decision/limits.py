@@ -134,7 +134,7 @@ class Levels(NamedTuple):
     emergency: float | None = None
 
 
-class Look(NamedTuple):
+class WindowEvaluation(NamedTuple):
     """Evaluation of one quantity in k windows; arrays of shape (k,).
 
     Attributes
@@ -175,7 +175,7 @@ class Panel:
         self._tails = tail_of(false_alarms) ** np.array([0.5, 1.0])[:, None]
         self._errors = PooledErrors()
 
-    def feed(self, estimates: Sequence[Estimates], windows: Flags) -> list[Look]:
+    def feed(self, estimates: Sequence[Estimates], windows: Flags) -> list[WindowEvaluation]:
         """Evaluate each detector's estimates in the selected windows, shape (k,)."""
         own = Estimates(*(np.array(arrays)[:, windows] for arrays in zip(*estimates, strict=True)))
         steadied = self._errors.feed(own)
@@ -185,7 +185,8 @@ class Panel:
         sure = (severity == SEVERITY["normal"]) | (surely > 0)
         printed = half_width(own, tail=TAIL_95)
         return [
-            Look(own.at(k), steadied.at(k), printed[k], severity[k], sure[k]) for k in range(len(estimates))
+            WindowEvaluation(own.at(k), steadied.at(k), printed[k], severity[k], sure[k])
+            for k in range(len(estimates))
         ]
 
 

@@ -80,7 +80,7 @@ class Trend:
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
+class _TrendLine:
     """Level at the last flight and slope, their covariance, and the factor that widened it."""
 
     level: float
@@ -136,7 +136,7 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
     )
 
 
-def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Flags, _Line]:
+def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Flags, _TrendLine]:
     """Exclude outliers: repeatedly the flight farthest from the line of the others, up to one in ten."""
     kept = np.ones(len(values), dtype=np.bool_)
     line = _fit(numbers, values, errors, numbers[-1])
@@ -151,7 +151,7 @@ def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Fla
     return kept, line
 
 
-def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
+def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _TrendLine:
     design = np.column_stack([np.ones_like(numbers), numbers - last])
     between = variance_between(design, values, errors)
     weights = 1 / (errors**2 + between)
@@ -163,7 +163,7 @@ def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
     free = np.clip(1 - leverage, 1e-9, None)
     others = (scale * freedom - residuals**2 / free) / (freedom - 1)
     deleted = residuals / np.sqrt(free * np.maximum(others, 1e-12 * scale + 1e-24))
-    return _Line(
+    return _TrendLine(
         level=float(coefficients[0]),
         slope=float(coefficients[1]),
         covariance=widening * scale * inverse,
@@ -183,7 +183,7 @@ def _widening(residuals: Array) -> float:
     return (1 + alike) / (1 - alike)
 
 
-def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> Interval | str:
+def _outlook(line: _TrendLine, emergency: float | None, t: float, reach: float) -> Interval | str:
     """Return the remaining useful life in flights, or the reason why it is not known."""
     if emergency is not None and line.level >= emergency:
         return "the emergency limit is reached"
@@ -202,7 +202,7 @@ def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> In
     return left
 
 
-def _flights_left(line: _Line, limit: float, t: float) -> Interval:
+def _flights_left(line: _TrendLine, limit: float, t: float) -> Interval:
     """Return Fieller's interval, the roots of (level + slope·x − limit)² = t²·variance of the line at x."""
     missing = limit - line.level
     (v_level, v_both), (_, v_slope) = line.covariance * t**2

@@ -36,7 +36,7 @@ class Slots:
     judged
         Mask of the samples that belong to the slots; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, ``COLUMNS``), increasing in time; the columns are those of :func:`widen`.
+        Shapes (n,) and (n, ``COLUMNS``), increasing in time; columns of :func:`with_extra_columns`.
     """
 
     index: Integers
@@ -55,7 +55,7 @@ class Slots:
         return np.diff(self.start, append=self.judged.stop - self.judged.start)
 
 
-def widen(
+def with_extra_columns(
     values: Array,
     measured: Flags | None = None,
     bus_v: Array | None = None,

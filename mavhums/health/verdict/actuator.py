@@ -11,7 +11,7 @@ from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
-from mavhums.health.actuator.monitor import Findings
+from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import WEAR_UNSEEN, obstacle
@@ -30,11 +30,11 @@ from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
 
 
-class Held(NamedTuple):
+class BaselineFindings(NamedTuple):
     """Findings about an actuator in comparison with its own baseline, unrounded.
 
     ``baselines`` are by fault; ``decidable`` is the number of windows that show what left its baseline. The
-    other fields are those of :class:`mavhums.health.actuator.monitor.Findings`.
+    other fields are those of :class:`mavhums.health.actuator.monitor.ActuatorFindings`.
     """
 
     condition: Condition
@@ -47,10 +47,10 @@ class Held(NamedTuple):
     decidable: int
 
 
-def judged(
+def verdict_of_actuator(
     vehicle: int,
     actuator: Actuator,
-    findings: Findings,
+    findings: ActuatorFindings,
     *,
     start_utc: datetime,
     end_s: float,
@@ -99,7 +99,9 @@ def judged(
     )
 
 
-def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_s: float) -> Verdict:
+def against_baseline(
+    verdict: Verdict, found: BaselineFindings, *, start_utc: datetime, end_s: float
+) -> Verdict:
     """Return a verdict on a flight alone, updated by the comparison with the actuator's own baseline.
 
     ``end_s`` is the end of the log, in flight time.
@@ -269,7 +271,9 @@ def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
     )
 
 
-def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
+def _why_undecided(
+    actuator: Actuator, findings: ActuatorFindings, provenance: dict[str, str]
+) -> tuple[str, str]:
     missing = [] if "V7" in provenance else ["V7"]
     if not {"V5", "V8"} & provenance.keys():
         missing.append("V5 or V8")

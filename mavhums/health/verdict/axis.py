@@ -41,7 +41,7 @@ def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
     )
 
 
-def judged_axis(
+def verdict_of_axis(
     vehicle: int,
     findings: AxisFindings,
     surfaces: Surfaces | None,
