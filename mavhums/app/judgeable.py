@@ -11,7 +11,7 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.engine.axes import VehicleAxes
-from mavhums.health.verdict.actuator import contradicted_actuator, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
 from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.report.assessment import ALL, Verdict
@@ -62,9 +62,7 @@ def judgeable(
         against = axes.told.last.against(actuator.name) if axes else ()
         if against:
             why = against_log(against), remedy(against)
-            yield _said(
-                contradicted_actuator(identity.vehicle, actuator.name, why, tier, provenance), judged=False
-            )
+            yield _said(unjudged(identity.vehicle, actuator.name, why, tier, provenance), judged=False)
             continue
         verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
         yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)

@@ -34,8 +34,8 @@ from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.self_baseline.past import comparable
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.health.verdict.actuator import (
-    contradicted_actuator,
     crowded_out,
+    unjudged,
     unjudged_actuator,
     unjudged_vehicle,
     verdict_of_actuator,
@@ -92,7 +92,7 @@ class Engine:
     >>> engine = Engine()
     >>> events = engine.feed(b"") + engine.finish()
     >>> engine.assessment().verdicts[0].reason
-    'no vehicle sends in this log'
+    'no vehicle found in this log'
     """
 
     def __init__(self, options: EngineOptions | None = None) -> None:
@@ -361,7 +361,7 @@ class Engine:
             if against:
                 why = against_log(against), remedy(against)
                 sent = tier_named(own) if own else tier
-                yield contradicted_actuator(vehicle, actuator.name, why, sent, provenance)
+                yield unjudged(vehicle, actuator.name, why, sent, provenance)
                 continue
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
