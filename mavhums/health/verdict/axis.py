@@ -13,7 +13,7 @@ from mavhums.health.axis.monitor import AxisFindings
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import LAG_ERROR_S, PAST_FLIGHTS, REFERENCE_S, WINDOW_DEVIATION
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.health.verdict.actuator import rounded_suspects, since
+from mavhums.health.verdict.actuator import rounded, rounded_suspects, since
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.report.assessment import Indicator, Interval, Verdict
 from mavhums.vehicle.flight import Flight
