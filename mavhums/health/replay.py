@@ -53,6 +53,7 @@ def replay(
         End of the log, in flight time.
     """
     traces = [_Trace(record, fault, baselines.get(fault.fault)) for fault in record.faults]
+    # In the order of time, then of the detectors, as in flight.
     changes = [(at_s, place, said) for place, trace in enumerate(traces) for at_s, said in trace.changes()]
     holding = ConditionTracker()
     for _, place, said in sorted(changes, key=lambda each: each[:2]):

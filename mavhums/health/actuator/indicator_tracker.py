@@ -113,9 +113,11 @@ class IndicatorTracker:
             at.tolist(), *(column[at].tolist() for column in columns), strict=True
         ):
             here = abs(signed) if self.detector.two_sided else signed
+            # Only windows that share no sample are independent tests against the baseline.
             separate = end >= self.next_due_s
             if separate:
                 self._feed_separate(signed, error, freedom, end)
+            # An inconclusive window must not end a fault.
             severity = self._shown(said, here)
             decided = self.decision.feed(severity, end - self._span_s, end, sure=certain)
             if decided and self._recorded:
@@ -143,6 +145,7 @@ class IndicatorTracker:
         A shaft that friction hardly lets move gives no window enough samples; the flight may still be clear.
         """
         judged, (_, emergency) = self.detector.conclusion(flight), bounds(self.detector.levels)
+        # The interval of a two-sided quantity has two ends, of which neither is surely grave.
         if judged is None or self.detector.two_sided:
             return False
         low = judged.value - half_width(judged, tail=tail_of(self.false_alarms))
@@ -176,6 +179,7 @@ class IndicatorTracker:
         size = np.abs(judged.value) if self.detector.two_sided else judged.value
         half = half_width(judged, tail=tail_of(self.false_alarms))
         shown = int(shown_by(size - half, size + half, *bounds(self.detector.levels))[0])
+        # The whole flight adds what no run of windows showed; it ends nothing.
         if not self.decision.settle(shown, start_s):
             return
         value, printed = float(judged.value[0]), float(half_width(judged, tail=TAIL_95)[0])

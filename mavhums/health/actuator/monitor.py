@@ -119,6 +119,8 @@ class Monitor:
         self._window_s = window_s
         self._cutter = SlotCutter(self._slot_s)
         self._waiting: list[tuple[Array, Array, Flags, Array, Array, Array]] = []
+        # With all constants and limits the data sheet decides; a current at the bus is another quantity than
+        # the motor's.
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
         self._own: list[OwnSums | VoltageSums] = [
             collector(equation, actuator) for equation in OWN_EQUATIONS if open_limits
@@ -180,6 +182,7 @@ class Monitor:
         unsigned = np.full((count, 3), np.nan) if magnitudes is None else magnitudes
         self._waiting.append((time_s, values, known, bus, air, unsigned))
         self._latest_s = max(self._latest_s, float(time_s.max()))
+        # Live blocks of a few samples are gathered until they complete a slot: arrays of one are slow.
         if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
             yield from self._judge(self._cut())
 
@@ -188,6 +191,7 @@ class Monitor:
         if self._waiting:
             yield from self._judge(self._cut())
         yield from self._judge(self._cutter.finish())
+        # On a held shaft no balance of torques or angles is valid, over the flight neither.
         if self._first is None or self._windows == 0 or self._held.jammed:
             return
         whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
@@ -300,6 +304,7 @@ class Monitor:
         found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
         moving, votes, sums = self._count(slots, moved)
         self._first = int(slots.index[0]) if self._first is None else self._first
+        # The first windows of a flight are not full, and their errors not comparable.
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
         end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
         looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
@@ -308,6 +313,7 @@ class Monitor:
         for fault, look in looks.items():
             yield from self._indicate(fault, look, end_s)
             for change in self._trackers[fault].feed(look, end_s):
+                # Where a network decides the friction, the physics is shown and changes nothing.
                 if fault in deciding:
                     changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
@@ -353,6 +359,7 @@ class Monitor:
 
     def _count_decidable(self, looks: Iterable[WindowEvaluation], friction: Set[int]) -> None:
         """Count the windows on which a condition can rest: those that show the friction, or a fault."""
+        # A fault of any detector makes a window decidable, not only the friction.
         faulty = np.any([look.severity > SEVERITY["normal"] for look in looks], axis=0)
         self._decidable += len(friction | set(np.flatnonzero(faulty).tolist()))
 

@@ -89,8 +89,10 @@ class NetworkTally:
             self.latest = end, said
             emergency = said.p_emergency > EVEN_PROBABILITY
             if emergency and self._first_s is None:
+                # The middle of the window is the best guess of the moment.
                 self._first_s = end - self._window_s / 2
             severity = SEVERITY["emergency" if emergency else "normal"]
+            # A probability has no interval: only windows that agree for long decide.
             if self._decision.feed(severity, end - self._window_s, end, sure=False):
                 condition, since_s = self._decision.condition, self._decision.since_s or 0.0
                 self.worst = max(self.worst, condition, key=SEVERITY.__getitem__)

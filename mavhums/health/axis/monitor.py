@@ -141,6 +141,7 @@ class AxisMonitor:
         judged = {axis: {second.end_s: second for second in seconds[axis]} for axis in AXES}
         for end_s in range(rows.second + 1, rows.second + rows.seconds + 1):
             now = shown.get(end_s, [])
+            # A skid rolls and pitches the aircraft: what follows about the other axes is its consequence.
             if any(one.axis == "yaw" and one.fault == "hard_over" for one in now):
                 self._skidded_s = end_s
             for axis in AXES:
@@ -184,6 +185,7 @@ class AxisMonitor:
             worst = max(found, key=lambda one: SEVERITY[one.condition])
             held.full = 0
             fresh = SEVERITY[before] <= SEVERITY["normal"]
+            # A milder finding does not lift a graver one: only full effectiveness ends a fault.
             if fresh or SEVERITY[worst.condition] > SEVERITY[before]:
                 held.condition = worst.condition
                 held.since_s = worst.since_s if fresh else min(worst.since_s, held.since_s or worst.since_s)
@@ -200,6 +202,7 @@ class AxisMonitor:
             finding = ""
         if SEVERITY[held.condition] > SEVERITY[held.worst]:
             held.worst = held.condition
+        # A mean over a change would belong to neither condition.
         if held.condition != before:
             held.windows, held.mean, held.squares, held.counted = 0, 0.0, 0.0, 0
             if held.condition == "normal" and before != "undecided" and second is not None:
@@ -216,6 +219,8 @@ class AxisMonitor:
         held.judged += 1
         held.counted += 1
         held.full = held.full + 1 if second.value >= self.limits.effectiveness_degraded else 0
+        # Windows that share seconds are one piece of evidence. The first one counts at once, so that a value
+        # is shown.
         whole = held.counted % WINDOW_SECONDS == 0 or held.judged == 1
         if whole and not held.lost:
             self._average(held, second.value, second.error)
@@ -247,6 +252,7 @@ class AxisMonitor:
     def _well(self, held: _AxisState) -> bool:
         """Return whether the axis is known to respond as in the reference."""
         if SEVERITY[held.condition] > SEVERITY["normal"]:
+            # An axis is well again only when the gain itself is back, not when evidence runs out.
             return held.full >= FULL_S
         return held.judged >= NORMAL_S and held.value is not None and held.value.low > NORMAL_EFFECTIVENESS
 
@@ -255,17 +261,20 @@ class AxisMonitor:
         episodes = held.episodes
         for earlier in episodes[-_LATEST_EPISODES:]:
             kinds = (one.fault, earlier.fault, earlier.condition)
+            # What first looked like a loss was the beginning of this lag.
             if kinds == ("slow", "effectiveness", "degraded") and earlier.start_s == one.since_s:
                 earlier.fault = one.fault
         same = next((e for e in reversed(episodes[-_LATEST_EPISODES:]) if e.fault == one.fault), None)
         if same is not None and same.end_s >= one.end_s - 2 * MASKED_S:
             graver = SEVERITY[one.condition] >= SEVERITY[same.condition]
             same.end_s = one.end_s
+            # The reason of the worst moment stays; later seconds of the same fault often say less.
             if graver:
                 same.condition, same.value, same.limit = one.condition, one.value, one.limit
                 same.rule, same.confidence = one.rule, one.confidence
             return
         if len(episodes) == _MOST_EPISODES:
+            # Memory stays bounded; the first and the last ones tell most.
             del episodes[_MOST_EPISODES // 2]
         episodes.append(
             _AxisEpisode(

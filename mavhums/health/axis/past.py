@@ -41,8 +41,10 @@ class _ComparedIndicator:
     @classmethod
     def of(cls, indicator: Indicator, baseline: Baseline) -> _ComparedIndicator:
         value = indicator.value
+        # The interval of the report is the only form in which the error was stored.
         own = ((value.high - value.low) / 2 / NORMAL_95) ** 2
         between = baseline.flight_variance
+        # Satterthwaite's, for the sum of a flight's own variance and that between flights.
         freedom = (own + between) ** 2 / (
             own**2 / max(indicator.windows - 1, 1) + between**2 / baseline.certainty
         )
@@ -109,8 +111,10 @@ def compare_with_earlier_flights(
         update={"indicators": tuple(_beside(shown, known.get(shown.fault)) for shown in verdict.indicators)}
     )
     seconds = max(verdict.coverage.windows, WINDOW_S)
+    # The rate is per hour: a longer flight may use more of it.
     tail = min(tail_of(false_alarms) * seconds / WINDOW_S, MOST_FLIGHT_TAIL) / PAST_TESTS
     seen = {item.kind for item in verdict.evidence}
+    # What the flight itself shows is told with its onset, not from the start on.
     found = [one for one in _found(compared, verdict.limits or AxisLimits(), tail) if one.fault not in seen]
     if found:
         return _judged(verdict, found, start_utc, end_s)
@@ -133,6 +137,7 @@ def _found(compared: list[_ComparedIndicator], limits: AxisLimits, tail: float) 
     """Yield the differences that are certain and beyond the limits: of the gains the most certain one."""
     lost = [one for one in compared if one.indicator.fault in LOSSES and one.baseline.mean > 0]
     losses = [loss for one in lost if (loss := _loss(one, limits, tail))]
+    # Gain and load factor fall with the same surface: one loss, the graver one.
     yield from sorted(losses, key=lambda loss: loss.value)[:1]
     for one in compared:
         bound = float(stdtrit(one.freedom, 1.0 - tail))
@@ -155,6 +160,7 @@ def _loss(one: _ComparedIndicator, limits: AxisLimits, tail: float) -> _Departur
     """Return a certain loss of effectiveness; None if there is none."""
     share = one.share
     k = share.estimate
+    # Certain alone is not enough: a small certain loss is within what loading and air change.
     if -one.ratio <= float(stdtrit(one.freedom, 1.0 - tail)) or k >= limits.effectiveness_degraded:
         return None
     grave = k <= limits.effectiveness_emergency

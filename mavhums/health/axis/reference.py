@@ -212,12 +212,14 @@ def _constants(form: Form, speed: float, design: Array, answer: Array) -> Mappin
     if not whole:
         return {}
     without = []
+    # Residuals of neighbouring rows are alike: whole blocks are left out, not rows.
     for block in np.array_split(np.arange(len(answer)), CONSTANT_BLOCKS):
         beta = _fitted(np.delete(design, block, axis=0), np.delete(answer, block))
         without.append(form.kept(beta, speed))
     found = {}
     for fault, value in whole.items():
         parts = np.array([part[fault] for part in without])
+        # Variance of the delete-one-block jackknife.
         error = float(np.sqrt((CONSTANT_BLOCKS - 1) / CONSTANT_BLOCKS * ((parts - parts.mean()) ** 2).sum()))
         if np.isfinite(value) and np.isfinite(error):
             found[fault] = Constant(float(value), error)

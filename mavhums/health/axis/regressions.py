@@ -89,7 +89,9 @@ def judgeable(rows: Rows, basis: Basis) -> Flags:
 
     Rates and speeds from other sources than the reference's are no measure of what is left of it.
     """
+    # Near the stall ailerons lose most of their effect without a fault.
     slow = rows.speed < LEAST_SPEED_SHARE * basis.speed
+    # The regressions are linear in the angles.
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
     gap = rows.spacing > LONGEST_SAMPLE_GAP_S
     good: Flags = rows.flying & rows.trusted & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
@@ -132,12 +134,14 @@ class Chain:
         relative = rows.speed / self._basis.speed
         lagged = np.stack([lag.feed(rows.demand(axis)) for axis, lag in self._lags.items()], axis=1)
         own = ("roll", "pitch", "yaw").index(form.axis)
+        # Only the axis's own servo is suspected to be slow.
         if self._extra:
             lagged[:, own] = self._slower.feed(lagged[:, own])
         late = self._demands.feed(lagged)[1 : n + 1]
         demands = dict(zip(self._lags, late.T, strict=True))
         drive = form.drive(demands[form.axis], relative)
         raw = np.column_stack([drive, form.others(rows, relative, demands), form.answer(rows)])
+        # The filters fill gaps of the demand; a filled demand is no evidence.
         known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
         joined = self._means.feed(raw * known[:, None])
         total = joined[1 : n + 2].copy()
@@ -147,6 +151,7 @@ class Chain:
         now, before = means[1:], means[:-1]
         answer = now[:, -1]
         if form.derivative:
+            # The difference of two means is half a row later than either: so are the other columns taken.
             answer = (now[:, -1] - before[:, -1]) * RATE_HZ
             now = (now + before) / 2
         good = judgeable(rows, self._basis) & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)

@@ -83,6 +83,7 @@ class Baseline:
 
         Ten are needed, or as many as the indicators say.
         """
+        # Axes ask for fewer flights than actuators, and say so themselves.
         needed = max((i.needed_flights for i in indicators if i.needed_flights), default=BASELINE_FLIGHTS)
         shown = [
             (i.value.estimate, i.windows, i.scatter)
@@ -93,6 +94,7 @@ class Baseline:
             return None
         values, windows, scatter = (np.array(column, dtype=np.float64) for column in zip(*shown, strict=True))
         errors = _errors(windows, scatter)
+        # A flight with an error of zero would outweigh all others.
         errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), 1e-12))
         natural = AXIS_SCATTER_SHARE.get(indicators[0].fault, NATURAL_SCATTER_SHARE)
         flights = population(np.ones((len(values), 1)), values, errors, natural)
@@ -190,6 +192,7 @@ class Drift:
         self.baseline = baseline
         self.alarm: Shift | None = None
         self._two_sided = two_sided
+        # Half for the tests in flight, half for the finish; a two-sided test has two tails.
         self._tail = tail_of(false_alarms) / 2 / (2 if two_sided else 1)
         self._windows: deque[_SeparateWindow] = deque(maxlen=DRIFT_SPANS_WINDOWS[-1])
 
@@ -206,9 +209,11 @@ class Drift:
         The more certain of the two counts; a window's error excludes errors that all flights share.
         """
         count = max(len(self._windows), 1)
+        # The finish has half of the allowed alarms for itself, over as many windows as the flight had.
         tail = self._tail * count
         whole = self._shift(value - self.baseline.mean, error**2, freedom, start_s, tail)
         together = self._over(count, tail) if self._windows else whole
+        # The more certain of the two; a window's error leaves out what all flights share.
         return self._heed(min(whole, together, key=lambda shift: shift.error))
 
     def _heed(self, shift: Shift) -> Shift:
@@ -221,6 +226,7 @@ class Drift:
         weights = 1.0 / np.maximum(errors, 1e-12) ** 2
         shift = float(weights @ values / weights.sum())
         scatter = float(weights @ (values - shift) ** 2 / max(span - 1, 1))
+        # By the windows' own scatter where it is larger than their errors promise.
         own = float(max(scatter, 1.0) / weights.sum())
         freedom = max(float(freedoms.max()), _FREEDOM * span)
         return self._shift(shift, own, freedom, float(starts_s[0]), tail)

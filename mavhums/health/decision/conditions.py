@@ -81,6 +81,7 @@ class ConditionTracker:
             if c.condition == self.condition and name in self._deciding()
         ]
         since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
+        # Not before the last change: conditions follow each other in time.
         since_s = self._changed_s = max(since_s, self._changed_s)  # not before the last change
         self.since_s = None if self.condition == "undecided" else since_s
         return ConditionChange(since_s, before, self.condition, rule, why)
@@ -92,6 +93,7 @@ class ConditionTracker:
         )
         if SEVERITY[gravest] > SEVERITY["normal"]:
             return gravest
+        # Silence of the other detectors is not health: normal requires that the friction was judged.
         return self.shown["friction"].condition if "friction" in self.shown else "undecided"
 
     def _deciding(self) -> Collection[str]:

@@ -110,6 +110,7 @@ def suspected(
     confidence = 0.0
     if SEVERITY[decided] > 0 and normal is not None:
         size = abs(value) if described.two_sided else value
+        # A jam has no error: it is proven or not.
         confidence = float(stdtr(freedom, (size - normal) / error)) if error else 1.0
     if alarm is not None:
         confidence = max(confidence, float(stdtr(SHOWN_SHIFT_FREEDOM, abs(alarm.value) / alarm.error)))

@@ -119,10 +119,12 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
     """
     if len(values) < TREND_FLIGHTS:
         return None
+    # A flight with next to no error would be the line.
     errors = np.maximum(errors, max(1e-3 * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     kept, line = _without_outliers(numbers, values, errors)
     t = float(stdtrit(line.freedom, CENTRAL_95))
     outlook = _outlook(line, emergency, t, TREND_REACH_SPANS * float(np.ptp(numbers)))
+    # Whether it is an outlier or the beginning of the end only the next flights tell.
     if not kept[-1]:
         outlook = "its last flight lies far off the line of the others; the next ones will tell"
     return Trend(
@@ -179,6 +181,7 @@ def _widening(residuals: Array) -> float:
     """Return the variance inflation from correlated neighbouring flights; 1 if they are uncorrelated."""
     total = float(residuals @ residuals)
     alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
+    # Neighbours that differ more than by chance do not make the line more certain.
     alike = min(max(alike, 0.0), MOST_AUTOCORRELATION)
     return (1 + alike) / (1 - alike)
 
@@ -188,6 +191,7 @@ def _outlook(line: _TrendLine, emergency: float | None, t: float, reach: float) 
     if emergency is not None and line.level >= emergency:
         return "the emergency limit is reached"
     slope_error = float(stdtrit(line.freedom, TREND_CONFIDENCE)) * sqrt(line.covariance[1, 1])
+    # Without the widening: a course that is no line is named as such, and not called flat.
     grows = line.slope > slope_error / sqrt(line.widening)
     if grows and line.departure:
         return f"{line.departure}, so a straight line does not extrapolate"
@@ -206,6 +210,7 @@ def _flights_left(line: _TrendLine, limit: float, t: float) -> Interval:
     """Return Fieller's interval, the roots of (level + slope·x − limit)² = t²·variance of the line at x."""
     missing = limit - line.level
     (v_level, v_both), (_, v_slope) = line.covariance * t**2
+    # Positive, because the slope is significant: the interval is bounded.
     square = line.slope**2 - v_slope
     linear = -line.slope * missing - v_both
     constant = missing**2 - v_level
@@ -241,6 +246,7 @@ def departure(numbers: Array, values: Array, weights: Array) -> str | None:
     at = (numbers - numbers.mean()) / np.ptp(numbers)
     line = _residuals(at, values, root, 1)
     squares = float(line @ line)
+    # Sums of squares compare as likelihoods to the power of 2/n.
     if _best_step(values, weights) < squares * STEP_LIKELIHOOD_RATIO ** (-2 / len(values)):
         return "it changed in one step"
     curve = _residuals(at, values, root, 2)

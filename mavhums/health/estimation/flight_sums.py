@@ -66,6 +66,7 @@ class OwnSums:
         if told is None:
             return
         time_s = slots.time_s[slots.judged]
+        # Rate and duration are those of the evidence, not of the log.
         seen = np.isfinite(told.y) & np.isfinite(told.X[:, 1])
         told = self.expanded(told)
         rows = sums_of_slots(told.X, told.y, told.usable, slots.start)
@@ -118,6 +119,7 @@ class OwnSums:
     def in_window(self, gram: Array) -> Array:
         """Return a window's sums without its own offset."""
         self._pressure |= bool(gram[PRESSURE, PRESSURE] > 0.0)
+        # An integrated angle has an unknown zero: its load is a multiple of the pressure.
         free = [ONE] if self._turned.source == "V3" else [ONE, PRESSURE]
         return eliminated(gram, free)[np.ix_(_COLUMNS, _COLUMNS)]
 
@@ -193,6 +195,7 @@ class AngleIntegrator:
             return np.where(measured, np.radians(shaft_deg), np.nan)
         speed = np.nan_to_num(rad_s)
         before_s = time_s[0] if np.isnan(self._time_s) else self._time_s
+        # A pause of the telemetry is no travel.
         step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, LONGEST_INTEGRATED_STEP_S)
         around = (speed + np.concatenate([[self._rad_s], speed[:-1]])) / 2
         angle: Array = np.concatenate([[self._angle], step_s * around]).cumsum()[1:]
@@ -220,6 +223,7 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Angle
     acceleration[1:-1] = (speed.rad_s[2:] - speed.rad_s[:-2]) / span[1:-1]
     longest_s = 1.0 / equation.min_rate_hz
     moving = lasting(time_s, speed.rad_s, speed.moving_rad_s, LONGEST_GAP_PERIODS * longest_s)
+    # Central differences span two samples.
     moving &= span < 2 * LONGEST_GAP_PERIODS * longest_s
     values = slots.values
     angle = turned.feed(slots, speed.rad_s[own])
@@ -260,6 +264,7 @@ class PowerSums(OwnSums):
         """Return the products of the torque's terms at the samples with a known airspeed."""
         factors = told.X[:, [0, 1, 2, LOAD]]
         known = told.X[:, PRESSURE] > 0.0
+        # Without an airspeed no load is known, and no law of the power.
         self._pressure |= bool(known.any())
         products = factors[:, _FIRST] * factors[:, _SECOND]
         X = np.concatenate([factors, products, np.ones((len(factors), 1))], axis=1)

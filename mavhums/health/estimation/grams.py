@@ -36,6 +36,7 @@ def eliminated(gram: Array, columns: Sequence[int]) -> Array:
     gram, least = gram.copy(), np.maximum(_ROUNDING * np.diag(gram), _NOTHING)
     for k in columns:
         pivot = gram[k, k]
+        # A column that others explain leaves rounding errors, not information.
         if pivot > least[k]:
             gram -= np.outer(gram[:, k], gram[k]) / pivot
         gram[k, :] = 0.0

@@ -65,6 +65,7 @@ class VoltageSums:
         volts, current = np.ascontiguousarray(values[:, _V4]), values[:, _V5]
         terms = (current, values[:, _V7] * RAD_S_PER_REV_MIN, np.sign(current), np.ones(len(current)))
         X = np.stack(terms, axis=1)
+        # At the bus V4 and V5 are not the motor's.
         usable = np.isfinite(X).all(axis=1) & np.isfinite(volts) & self._motor_side
         if not usable.any():
             return
@@ -212,12 +213,14 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
     spread = np.array(others) - np.mean(others, axis=0)
     error = np.sqrt((spread**2).sum(axis=0) * (count - 1) / count)
     noise = _attenuation(total, value)
+    # What is true lies between the least squares of the voltage and of the current: the middle is taken.
     value = value + noise / 2.0
     half = stdtrit(count - 1, CENTRAL_95) * np.hypot(error, uniform_deviation(noise))
     resistance, back_emf, drop = (
         Interval(estimate=float(f"{v:.6g}"), low=float(f"{v - h:.6g}"), high=float(f"{v + h:.6g}"))
         for v, h in zip(value, half, strict=True)
     )
+    # No motor has less than nothing: the flights do not determine it.
     if resistance.low <= 0.0 or back_emf.low <= 0.0:
         return None
     return Identified(resistance, back_emf, drop, len(own))
@@ -236,6 +239,7 @@ def _solved(gram: Array) -> Array | None:
     if not (scale > 0.0).all():
         return None
     alike = normal / np.outer(scale, scale)
+    # Current, speed and drop that always go together cannot be separated.
     if np.abs(np.triu(alike, 1)).max() > MOST_COLUMN_CORRELATION:
         return None
     solved: Array = np.linalg.solve(alike, right / scale) / scale

@@ -67,11 +67,14 @@ def population(
     freedom = len(values) - p
     natural = (natural_scatter * float(first[0])) ** 2
     pooled = (NATURAL_SCATTER_FREEDOM * natural + freedom * own) / (NATURAL_SCATTER_FREEDOM + freedom)
+    # A few flights may agree by chance, but real actuators differ from day to day.
     between = max(own, pooled)
     weights = 1.0 / (errors**2 + between)
     coefficients, residuals, inverse = weighted(design, values, weights)
+    # Never less than the stated errors.
     scale = max(float(residuals @ residuals) / freedom, 1.0)
     effective = float(weights.sum() ** 2 / (weights**2).sum()) - p
+    # Where the prior decides, it brings its own certainty.
     trusted = NATURAL_SCATTER_FREEDOM if pooled > own else 0.0
     return Population(coefficients, scale * inverse, float(np.sqrt(between)), max(effective, 1.0) + trusted)
 
@@ -109,6 +112,7 @@ def variance_between(design: Array, values: Array, errors: Array) -> float:
         residuals = weighted(design, values, 1 / (errors**2 + variance))[1]
         return float(residuals @ residuals - freedom)
 
+    # The errors alone explain the scatter.
     if excess(0.0) <= 0:
         return 0.0
     plain = weighted(design, values, np.ones_like(values))[1]

@@ -107,6 +107,7 @@ def compare(
     held = wear(own, healthy.nuisances)
     if held is None:
         return _still(equation, healthy.shown)
+    # Outside the baseline's range the line over temperature or activity is a guess.
     if healthy.beyond(own):
         why = f"its flight was {healthy.beyond(own)} than any of its baseline"
         return Comparison("undecided", _interval(held), healthy.shown, needed, why=why)
@@ -169,8 +170,10 @@ class _Healthy:
     def rise(self, held: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
         """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
         variance = self.flights.variance_at(self._row(record))
+        # A grave fault makes the flight as uncertain as large, and would hide itself.
         own = min(held.error, self.noise / information(record) ** 0.5) ** 2
         freedom = (variance + own) ** 2 / (variance**2 / self.flights.freedom + own**2 / held.freedom)
+        # The rate is per hour: a longer flight may use more of it.
         tail = min(tail_of(false_alarms) * max(record.duration_s / WINDOW_S, 1.0), MOST_FLIGHT_TAIL)
         error = (variance + own) ** 0.5
         bound = float(stdtrit(freedom, 1.0 - tail)) * error
@@ -195,6 +198,7 @@ class _Healthy:
         first = None
         for number, date, record in reversed(after):
             held = wear(record, self.nuisances)
+            # A flight that says nothing neither begins nor ends a run.
             if held is None or self.beyond(record):
                 continue
             rise, bound, _ = self.rise(held, record, false_alarms)
@@ -282,6 +286,7 @@ def _difference(
     of: _Of, records: Sequence[OwnRecord], margin: float, below: str, above: str
 ) -> Difference | None:
     told = [value for record in records if (value := of(record)) is not None]
+    # A difference that some flights do not tell would be fitted on the others alone.
     if len(told) < len(records):
         return None
     return Difference(of, float(np.mean(told)), min(told), max(told), margin, below, above)

@@ -127,6 +127,7 @@ def lacking(records: Sequence[OwnRecord]) -> str | None:
         return "the supply's voltage is not known; set supply_voltage in the profile"
     supply = max(record.supply_v or 0.0 for record in records)
     highest = max(record.peak_v or 0.0 for record in records)
+    # A motor cannot have more than its supply: the profile is wrong, and the shares would be.
     if highest > OVER_SUPPLY_TIMES * supply:
         return f"the motor had {highest:g} V, more than the supply_voltage of {supply:g} V in the profile"
     if not all(record.peak_a for record in records):
@@ -186,6 +187,7 @@ def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
     values, errors, freedom = np.array(found).T
     count = len(found)
     between = float(values.std(ddof=1)) if count > 1 else 0.0
+    # By the flights' errors, or by their scatter if that is larger.
     error = max(float(np.hypot.reduce(errors)) / count, between / count**0.5)
     half = float(stdtrit(max(count - 1.0, freedom.min()), CENTRAL_95)) * error
     mean = float(values.mean())
@@ -258,9 +260,11 @@ def constant_lost(
     if own is None or found.change is None or found.least_rise is None:
         return None
     now, known = identified([own]), identified(before[:REFERENCE_FLIGHTS])
+    # A loss of the constant counts only where the intervals lie apart.
     if now is None or known is None or now.back_emf.high >= known.back_emf.low:
         return None
     left = now.back_emf.estimate / known.back_emf.estimate
+    # The friction torque is k_e·I_c: what is left of its rise.
     rest = (1.0 + found.change.estimate) * left - 1.0
     explained = rest < min(found.least_rise, found.change.estimate / 2.0)
     return 1.0 - left if explained and 1.0 - left >= LEAST_CONSTANT_LOSS_SHARE else None

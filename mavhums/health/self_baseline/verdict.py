@@ -56,6 +56,7 @@ def compare_with_own_flights(
         Allowed false alarms per 100 hours of the actuator.
     """
     told_by = _deciding(verdict)
+    # A limit or a jam decides: neither is taken back by what is usual for this servo.
     if told_by is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
         return verdict
     equation, record = told_by

@@ -67,6 +67,7 @@ def verdict_of_actuator(
     implausible values and the number of all values.
     """
     silent = _is_silent(findings.last_s, end_s)
+    # Silence is never normal; earlier findings stay as the worst.
     condition: Condition = "undecided" if silent else findings.condition
     reason, remedy = None, None
     if findings.condition == "undecided":
@@ -141,6 +142,7 @@ def unjudged_actuator(
     An actuator without feedback is unmonitored, regardless of its profile. ``own_gap`` is the reason why it
     cannot be compared with its own earlier flights either.
     """
+    # Absence of telemetry is never an alarm, and never normal.
     if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
         unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
         if actuator.travel_deg is not None or "V1" in actuator.fields:
@@ -259,6 +261,7 @@ def _why_undecided(
             "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",
             "measure at the motor's terminals, or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA",
         )
+    # In the order of what binds: what is not measured, then how long, then how it moved.
     if missing:
         return f"{', '.join(missing)} not measured, so the torque balance cannot be formed", TO_BE_JUDGED
     coverage = findings.coverage

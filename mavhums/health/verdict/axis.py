@@ -54,6 +54,7 @@ def verdict_of_axis(
     reason, remedy = None, None
     if findings.condition == "undecided":
         reason, remedy = why_undecided(findings, surfaces, flight, received)
+    # A reference from a flight that was already damaged calls the damage normal.
     elif findings.condition == "normal" and not findings.from_take_off:
         reason, remedy = _BEGINS_IN_FLIGHT
     axis = findings.axis

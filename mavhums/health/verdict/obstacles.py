@@ -120,9 +120,11 @@ def why_not_at_all(
         return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
     missing = [name for name in _NEEDED if name not in flight.heard]
     told = " and ".join(_NEEDED[name] for name in missing)
+    # The messages are there: recording more of them would not help.
     if missing and (late := disorder(received)):
         return Obstacle(f"{told} came too late to be used: {late}", _IN_ORDER)
     silent = next((name for name in _OUTPUTS if name in received and received[name].kept), None)
+    # Outputs without pulses: ArduPilot writes 0 while the safety switch is on.
     if missing == ["outputs"] and silent:
         reason = f"the servo outputs are recorded ({received[silent].kept:,} {silent}) and carry no pulses"
         return Obstacle(
@@ -211,6 +213,7 @@ def _obstacles(
         if surfaces
         else None
     )
+    # A contradiction matters where it kept the outputs from being known in time.
     late = findings.reference is None and findings.usable_s < REFERENCE_S
     if against and (late or not outputs):
         yield Obstacle(against, _CORRECT)

@@ -80,9 +80,12 @@ class FollowingDetector:
             np.fmax.reduceat(angle, slots.start) - np.fmin.reduceat(angle, slots.start)
             for angle in (shaft, shaft - error)
         )
+        # A second that asks little neither shows a fault nor ends one.
         tells = (rms > self._limit) | (asked >= FOLLOWING_ASKED_LIMITS * self._limit)
+        # A shaft that stands is jammed or idle; either would read as a large error.
         moved = np.where((travel >= FOLLOWING_STANDS_SHARE * rms) & tells, rms, np.nan)
         windows = self._windows.feed(slots.index, moved[:, None])[:, :, 0]
+        # The third largest of ten: one glitch of a sensor, or a step in two seconds, is no fault.
         largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -FOLLOWING_SECONDS]
         return Estimates.of(largest, np.zeros_like(largest), np.ones_like(largest), np.isfinite(largest))
 
@@ -107,7 +110,9 @@ def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Ar
         if np.isnan(command[k]) or np.isnan(shaft[k]):
             continue
         passed = time_s[k] - state[0]
+        # After a gap the model starts where the shaft is.
         if passed <= FOLLOWING_LONGEST_GAP_S:  # not of NaN
+            # The mean of two commands: a step between the samples came at half time on average.
             asked = min(max((command[k] + state[1]) / 2, low), high)
             step = (asked - state[2]) * (1.0 - exp(-passed / lag))
             state[2] += min(max(step, -slew * passed), slew * passed)
