@@ -91,6 +91,20 @@ class Detector(Protocol):
         ...
 
 
+class WindowDetector:
+    """A detector that judges windows by themselves: its quantity has no mean over a flight."""
+
+    equations: ClassVar[tuple[str, ...]] = ()
+    two_sided: ClassVar[bool] = False
+    span_s: ClassVar[float | None] = None
+
+    def overall(self, flight: Mapping[str, Fit]) -> None:
+        """Return None."""
+        return
+
+    conclusion = overall
+
+
 class EquationDetector:
     """A detector that reads its quantity from fits of equations, for windows and whole flights alike.
 

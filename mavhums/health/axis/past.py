@@ -20,6 +20,7 @@ from mavhums.health.axis.thresholds import MOST_CONFIDENCE, PAST_TESTS
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
+from mavhums.health.estimation.random_effects import satterthwaite
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
 from mavhums.report.axis_limits import AxisLimits
@@ -44,10 +45,7 @@ class _ComparedIndicator:
         # The interval of the report is the only form in which the error was stored.
         own = ((value.high - value.low) / 2 / NORMAL_95) ** 2
         between = baseline.flight_variance
-        # Satterthwaite's, for the sum of a flight's own variance and that between flights.
-        freedom = (own + between) ** 2 / (
-            own**2 / max(indicator.windows - 1, 1) + between**2 / baseline.certainty
-        )
+        freedom = satterthwaite(own, max(indicator.windows - 1, 1), between, baseline.certainty)
         return cls(
             indicator, baseline, value.estimate - baseline.mean, max(own + between, 1e-24) ** 0.5, freedom
         )

@@ -27,7 +27,7 @@ from mavhums.health.decision.thresholds import (
     FALSE_ALARMS,
     LEAST_WINDOW_FREEDOM,
 )
-from mavhums.health.estimation.random_effects import population
+from mavhums.health.estimation.random_effects import population, satterthwaite
 from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, WINDOW_SLOTS
 from mavhums.report.assessment import Indicator, Interval
 
@@ -235,7 +235,7 @@ class Drift:
         """Return a shift of known variance, relative to its threshold for this tail probability."""
         flight = self.baseline.flight_variance
         error = float(np.sqrt(own + flight))
-        freedom = _satterthwaite(own, own_freedom, flight, self.baseline.certainty)
+        freedom = satterthwaite(own, own_freedom, flight, self.baseline.certainty)
         size = abs(shift) if self._two_sided else shift
         return Shift(shift, error, size / (float(stdtrit(freedom, 1.0 - tail)) * error), since_s)
 
@@ -247,8 +247,3 @@ class _SeparateWindow(NamedTuple):
     error: float
     freedom: float
     start_s: float
-
-
-def _satterthwaite(first: float, first_freedom: float, second: float, second_freedom: float) -> float:
-    """Return the degrees of freedom of a sum of two variances (F. E. Satterthwaite, 1946)."""
-    return (first + second) ** 2 / (first**2 / first_freedom + second**2 / second_freedom)

@@ -13,11 +13,11 @@ from mavhums.core.quantities import column
 from mavhums.core.statistics import AIR_DENSITY
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import POWER
-from mavhums.health.estimation.grams import Groups, eliminated, full, packed
-from mavhums.health.estimation.least_squares import row_length, sums_of_slots
+from mavhums.health.estimation.grams import Groups, eliminated, packed
+from mavhums.health.estimation.least_squares import sums_of_slots
 from mavhums.health.estimation.motion import lasting
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
-from mavhums.health.estimation.thresholds import LONGEST_GAP_PERIODS, LONGEST_INTEGRATED_STEP_S, WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import LONGEST_GAP_PERIODS, LONGEST_INTEGRATED_STEP_S
 from mavhums.report.assessment import OwnRecord
 
 KEPT = ("sign", "speed", "acceleration", "load", "angle", "left")
@@ -54,9 +54,7 @@ class OwnSums:
     def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
         self._equation, self._actuator = equation, actuator
         self._turned = AngleIntegrator()
-        self._window: int | None = None
-        self._row = np.zeros(row_length(self.width))
-        self._groups = Groups(self.joined)
+        self._groups = Groups(self.width, self.in_window, self.joined)
         self._span, self._samples = 0.0, 0
         self._pressure = False
 
@@ -71,11 +69,8 @@ class OwnSums:
         told = self.expanded(told)
         rows = sums_of_slots(told.X, told.y, told.usable, slots.start)
         ends = np.append(slots.start[1:], time_s.size)
-        for k, index in enumerate(slots.index.tolist()):
-            if index // WINDOW_SLOTS != self._window:
-                self._close()
-                self._window = index // WINDOW_SLOTS
-            self._row += rows[k]
+        self._groups.feed(slots.index, rows)
+        for k in range(len(rows)):
             times = time_s[slots.start[k] : ends[k]][seen[slots.start[k] : ends[k]]]
             if times.size > 1:
                 self._span += float(times[-1] - times[0])
@@ -83,10 +78,7 @@ class OwnSums:
 
     def record(self) -> OwnRecord | None:
         """Return the record of the flight so far; None if it has no evidence for this equation."""
-        groups = [*self._groups.parts]
-        last = self._last()
-        if last is not None:
-            groups.append(last)
+        groups = self._groups.parts()
         if not groups or self._span <= 0.0 or self.rate_hz < self._equation.min_rate_hz:
             return None
         return OwnRecord(
@@ -131,19 +123,6 @@ class OwnSums:
         """Return the measurement set-up as text; only flights with the same set-up are compared."""
         angle = self._turned.source or "speed"
         return f"angle from {angle}, {'airspeed' if self._pressure else 'no airspeed'}"
-
-    def _close(self) -> None:
-        """End a window."""
-        last = self._last()
-        if last is not None:
-            self._groups.add(*last)
-        self._row[:] = 0.0
-
-    def _last(self) -> tuple[int, Array] | None:
-        """Return the sums of the open window, without its own offset."""
-        if self._row[0] < 1.0:
-            return None
-        return int(self._row[0]), self.in_window(full(self._row, self.width))
 
 
 class Terms(NamedTuple):

@@ -118,3 +118,8 @@ def variance_between(design: Array, values: Array, errors: Array) -> float:
     plain = weighted(design, values, np.ones_like(values))[1]
     enough = 2 * float(plain @ plain) / freedom
     return float(brentq(excess, 0.0, enough, xtol=1e-9 * enough, rtol=1e-6))
+
+
+def satterthwaite(first: float, first_freedom: float, second: float, second_freedom: float) -> float:
+    """Return the degrees of freedom of a sum of two variances (F. E. Satterthwaite, 1946)."""
+    return (first + second) ** 2 / (first**2 / first_freedom + second**2 / second_freedom)

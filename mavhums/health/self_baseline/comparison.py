@@ -17,7 +17,7 @@ from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT
-from mavhums.health.estimation.random_effects import Population, population
+from mavhums.health.estimation.random_effects import Population, population, satterthwaite
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.estimation.wear import Individual, Wear, grams_of, information, learned, wear
 from mavhums.health.self_baseline.past import PastRecord, compared
@@ -172,7 +172,7 @@ class _Healthy:
         variance = self.flights.variance_at(self._row(record))
         # A grave fault makes the flight as uncertain as large, and would hide itself.
         own = min(held.error, self.noise / information(record) ** 0.5) ** 2
-        freedom = (variance + own) ** 2 / (variance**2 / self.flights.freedom + own**2 / held.freedom)
+        freedom = satterthwaite(variance, self.flights.freedom, own, held.freedom)
         # The rate is per hour: a longer flight may use more of it.
         tail = min(tail_of(false_alarms) * max(record.duration_s / WINDOW_S, 1.0), MOST_FLIGHT_TAIL)
         error = (variance + own) ** 0.5

@@ -11,7 +11,6 @@ ends none.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import exp
 from typing import ClassVar
 
@@ -21,7 +20,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
-from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.actuator.detector import DetectorInput, WindowDetector
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
     FOLLOWING_LONGEST_GAP_S,
@@ -30,13 +29,12 @@ from mavhums.health.actuator.thresholds import (
 )
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
-from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.slots import SENSED, SHAFT, Windows
 
 _V1 = column("V1")
 
 
-class FollowingDetector:
+class FollowingDetector(WindowDetector):
     """Error of following: the shaft's angle minus that of the model, root mean square over a second.
 
     Of a window's ten seconds, the third largest counts.
@@ -48,9 +46,6 @@ class FollowingDetector:
     inspect: ClassVar[str] = (
         "supply, motor, winding and gear, which move the surface too slowly or too little"
     )
-    equations: ClassVar[tuple[str, ...]] = ()
-    two_sided: ClassVar[bool] = False
-    span_s: ClassVar[float | None] = None
 
     def __init__(self, actuator: Actuator) -> None:
         limits = actuator.limits
@@ -88,14 +83,6 @@ class FollowingDetector:
         # The third largest of ten: one glitch of a sensor, or a step in two seconds, is no fault.
         largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -FOLLOWING_SECONDS]
         return Estimates.of(largest, np.zeros_like(largest), np.ones_like(largest), np.isfinite(largest))
-
-    def overall(self, flight: Mapping[str, Fit]) -> None:
-        """Return None: how far a shaft lags depends on how fast it is commanded, flight by flight."""
-        return
-
-    def conclusion(self, flight: Mapping[str, Fit]) -> None:
-        """Return None, as ``overall``."""
-        return
 
 
 @kernel

@@ -14,7 +14,6 @@ its torque at stall, for a second of ten altogether. The current's sign does not
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -24,7 +23,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
-from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.actuator.detector import DetectorInput, WindowDetector
 from mavhums.health.actuator.thresholds import (
     JAM_COMMAND_DEG,
     JAM_LATEST_PARTS,
@@ -40,14 +39,13 @@ from mavhums.health.actuator.thresholds import (
 )
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
-from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.slots import MAGNITUDES, SENSED, SHAFT, Slots, Windows
 from mavhums.health.estimation.thresholds import GUARD_S
 
 _V1, _V5, _V7 = (column(key) for key in ("V1", "V5", "V7"))
 
 
-class JamDetector:
+class JamDetector(WindowDetector):
     """Fraction of the commanded travel that the shaft does not follow within three seconds.
 
     If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
@@ -59,8 +57,6 @@ class JamDetector:
     quantity: ClassVar[str] = "commanded travel not flown"
     unit: ClassVar[str] = "1"
     inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
-    equations: ClassVar[tuple[str, ...]] = ()
-    two_sided: ClassVar[bool] = False
     span_s: ClassVar[float | None] = JAM_SPAN_S
 
     def __init__(self, actuator: Actuator, slot_s: float = 1.0) -> None:
@@ -164,11 +160,3 @@ class JamDetector:
         # far beyond.
         proves = ~np.isnan(angle) | (share >= JAM_SHARE) | (share <= 1.0 - SURELY_FOLLOWS_SHARE)
         return np.where(proves, share, np.nan)
-
-    def overall(self, flight: Mapping[str, Fit]) -> None:
-        """Return None: a jam has no mean."""
-        return
-
-    def conclusion(self, flight: Mapping[str, Fit]) -> None:
-        """Return None: a jam has no mean."""
-        return
