@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import sqrt
 
 import numpy as np
 from scipy.special import stdtrit
@@ -20,6 +19,7 @@ from mavhums.health.decision.records import Decided, Estimate, FaultRecord, Wind
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
+from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.report.assessment import Evidence, Indicator, Interval, Suspect
 
 
@@ -209,35 +209,6 @@ class IndicatorTracker:
         if condition != self.decision.condition and self.drift is not None and self.drift.alarm:
             return drift_rule(self.detector, self.drift.baseline, self.drift.alarm, self.false_alarms)
         return limit_rule(self.detector, condition, self.false_alarms)
-
-
-class RunningVariance:
-    """Updates count, mean and sum of squared deviations with each number.
-
-    Examples
-    --------
-    >>> variance = RunningVariance()
-    >>> for number in (1.0, 2.0, 3.0):
-    ...     variance.add(number)
-    >>> variance.count, variance.deviation
-    (3, 1.0)
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._mean = self._squares = 0.0
-
-    def add(self, number: float) -> None:
-        """Add a number."""
-        self.count += 1
-        before = number - self._mean
-        self._mean += before / self.count
-        self._squares += before * (number - self._mean)
-
-    @property
-    def deviation(self) -> float | None:
-        """Standard deviation; None for fewer than two numbers."""
-        return sqrt(self._squares / (self.count - 1)) if self.count > 1 else None
 
 
 def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:

@@ -23,6 +23,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_SECONDS,
 )
 from mavhums.health.decision.events import ConditionChanged, Indication
+from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
@@ -31,18 +32,6 @@ from mavhums.vehicle.surfaces import AXES
 
 _MOST_EPISODES: Final = 100  # kept for the evidence
 _LATEST_EPISODES: Final = 3  # among which an alarm finds its own
-
-
-@dataclass(slots=True)
-class _AxisEpisode:
-    fault: str
-    condition: Condition
-    start_s: int
-    end_s: int
-    value: float
-    limit: float
-    rule: str
-    confidence: float
 
 
 @dataclass(slots=True)
@@ -58,10 +47,8 @@ class _AxisState:
     lost: bool = False
     full: int = 0
     value: Interval | None = None
-    windows: int = 0
-    mean: float = 0.0
-    squares: float = 0.0
-    episodes: list[_AxisEpisode] = field(default_factory=list)
+    mean: RunningVariance = field(default_factory=RunningVariance)
+    episodes: list[Alarm] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +191,7 @@ class AxisMonitor:
             held.worst = held.condition
         # A mean over a change would belong to neither condition.
         if held.condition != before:
-            held.windows, held.mean, held.squares, held.counted = 0, 0.0, 0.0, 0
+            held.mean, held.counted = RunningVariance(), 0
             if held.condition == "normal" and before != "undecided" and second is not None:
                 self._average(held, second.value or 0.0, second.error)
             since_s = float(held.since_s if held.since_s is not None else end_s)
@@ -241,13 +228,10 @@ class AxisMonitor:
 
     def _average(self, held: _AxisState, value: float, error: float) -> None:
         """Add a window that does not overlap the previous one to the mean since the last change."""
-        held.windows += 1
-        step = value - held.mean
-        held.mean += step / held.windows
-        held.squares += step * (value - held.mean)
-        spread = held.squares / (held.windows - 1) if held.windows > 1 else 0.0
-        half = NORMAL_95 * (max(spread, error**2) / held.windows) ** 0.5
-        held.value = Interval(estimate=held.mean, low=held.mean - half, high=held.mean + half)
+        held.mean.add(value)
+        mean, count = held.mean.mean, held.mean.count
+        half = NORMAL_95 * (max(held.mean.variance, error**2) / count) ** 0.5
+        held.value = Interval(estimate=mean, low=mean - half, high=mean + half)
 
     def _well(self, held: _AxisState) -> bool:
         """Return whether the axis is known to respond as in the reference."""
@@ -259,35 +243,24 @@ class AxisMonitor:
     def _extend(self, held: _AxisState, one: Alarm) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
         episodes = held.episodes
-        for earlier in episodes[-_LATEST_EPISODES:]:
-            kinds = (one.fault, earlier.fault, earlier.condition)
+        latest = range(max(len(episodes) - _LATEST_EPISODES, 0), len(episodes))
+        for k in latest:
+            kinds = (one.fault, episodes[k].fault, episodes[k].condition)
             # What first looked like a loss was the beginning of this lag.
-            if kinds == ("slow", "effectiveness", "degraded") and earlier.start_s == one.since_s:
-                earlier.fault = one.fault
-        same = next((e for e in reversed(episodes[-_LATEST_EPISODES:]) if e.fault == one.fault), None)
-        if same is not None and same.end_s >= one.end_s - 2 * MASKED_S:
-            graver = SEVERITY[one.condition] >= SEVERITY[same.condition]
-            same.end_s = one.end_s
+            if kinds == ("slow", "effectiveness", "degraded") and episodes[k].since_s == one.since_s:
+                episodes[k] = episodes[k]._replace(fault=one.fault)
+        same = next((k for k in reversed(latest) if episodes[k].fault == one.fault), None)
+        # Alarms that are no farther apart are of one fault, which the air hid for a while.
+        if same is not None and episodes[same].end_s >= one.end_s - 2 * MASKED_S:
+            earlier = episodes[same]
             # The reason of the worst moment stays; later seconds of the same fault often say less.
-            if graver:
-                same.condition, same.value, same.limit = one.condition, one.value, one.limit
-                same.rule, same.confidence = one.rule, one.confidence
+            kept = one if SEVERITY[one.condition] >= SEVERITY[earlier.condition] else earlier
+            episodes[same] = kept._replace(since_s=earlier.since_s, end_s=one.end_s)
             return
         if len(episodes) == _MOST_EPISODES:
             # Memory stays bounded; the first and the last ones tell most.
             del episodes[_MOST_EPISODES // 2]
-        episodes.append(
-            _AxisEpisode(
-                one.fault,
-                one.condition,
-                one.since_s,
-                one.end_s,
-                one.value,
-                one.limit,
-                one.rule,
-                one.confidence,
-            )
-        )
+        episodes.append(one)
 
     def findings(self, axis: str) -> AxisFindings:
         """Return the findings so far about an axis."""
@@ -308,12 +281,12 @@ class AxisMonitor:
             ),
             evidence=tuple(
                 Evidence(
-                    kind=e.fault, start_s=e.start_s, end_s=e.end_s, value=e.value, limit=e.limit, rule=e.rule
+                    kind=e.fault, start_s=e.since_s, end_s=e.end_s, value=e.value, limit=e.limit, rule=e.rule
                 )
                 for e in held.episodes
             ),
             effectiveness=held.value,
-            windows=0 if held.lost else held.windows,
+            windows=0 if held.lost else held.mean.count,
             reference=gain.reference,
             best=gain.best,
             usable_s=gain.usable_s,
@@ -331,4 +304,4 @@ def _since_s(held: _AxisState) -> float | None:
     """
     if held.since_s is None or SEVERITY[held.condition] <= SEVERITY["normal"]:
         return None if held.since_s is None else float(held.since_s)
-    return float(min([held.since_s, *(e.start_s for e in held.episodes if e.end_s > held.since_s)]))
+    return float(min([held.since_s, *(e.since_s for e in held.episodes if e.end_s > held.since_s)]))
