@@ -14,7 +14,7 @@ E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import replace
 from math import exp
 from typing import Final
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.health.axis.filters import Lag
-from mavhums.health.axis.reference import STANDARDS, Constant, Reference, Second, Standards, constants
+from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards, constants
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Shape, judgeable
 from mavhums.health.axis.scores import Scores, Slowness, Sums
 from mavhums.health.axis.thresholds import (
@@ -129,7 +129,8 @@ class EffectivenessTracker:
     def _refer(self, rows: Rows) -> None:
         """Use the buffered rows as the reference if they meet the requirements."""
         basis = Basis.of(rows)
-        self.spacing_s = _median(rows.spacing[rows.flying])
+        spacing = rows.spacing[rows.flying & np.isfinite(rows.spacing)]
+        self.spacing_s = float(np.median(spacing)) if spacing.size else 0.0
         # Slower samples alias the manoeuvres: their gain would be that of the sampling.
         if self.too_slow:
             return
@@ -146,12 +147,9 @@ class EffectivenessTracker:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
         if found.explained >= wanted.explained and found.error <= wanted.error:
-            self.reference = replace(found, constants=self._constants(rows, found))
+            design, answer, _ = self._design(Chain(self._form, basis, found.shape).feed(rows))
+            self.reference = replace(found, constants=constants(self._form, found.speed, design, answer))
             self._begin(rows)
-
-    def _constants(self, rows: Rows, found: Reference) -> Mapping[str, Constant]:
-        design, answer, _ = self._design(Chain(self._form, found.basis, found.shape).feed(rows))
-        return constants(self._form, found.speed, design, answer)
 
     def _design(self, columns: Columns) -> tuple[Array, Array, NDArray[np.intp]]:
         """Return the last usable rows that a reference needs: design, response and their places."""
@@ -230,7 +228,9 @@ class EffectivenessTracker:
             if ratio < 0.0 or self._informs(reference):
                 self._cusum = min(MOST_CUSUM, max(0.0, _FORGET * self._cusum + ratio))
                 self._recent.append(sums)
-        value, error = self._estimate(reference) if count >= LEAST_ROWS_PER_S else (None, np.inf)
+        value, error = None, np.inf
+        if count >= LEAST_ROWS_PER_S and len(self._window) == WINDOW_SECONDS:
+            value, error = _measured([window[0] for window in self._window], reference)
         if value is not None and error <= JUDGED_ERROR:
             self._full = self._full + 1 if value >= self._standards.full else 0
         # A fault that is over must not leave its sum behind.
@@ -264,11 +264,6 @@ class EffectivenessTracker:
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None
         return float(sum(left[self._slowness.lag] for left, _ in self._left)) / count
-
-    def _estimate(self, reference: Reference) -> tuple[float | None, float]:
-        """Return the effectiveness of the last ten judged seconds and its standard error."""
-        lagless = [sums[0] for sums in self._window]
-        return _measured(lagless, reference) if len(lagless) == WINDOW_SECONDS else (None, np.inf)
 
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.
@@ -354,11 +349,6 @@ def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float |
     # Healthy windows differ by this whatever their own errors say.
     spread = WINDOW_DEVIATION**2 * min(WINDOW_SECONDS / n, 1.0)
     return k, float(np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + spread))
-
-
-def _median(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else 0.0
 
 
 def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:

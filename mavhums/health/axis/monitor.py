@@ -132,7 +132,8 @@ class AxisMonitor:
             if any(one.axis == "yaw" and one.fault == "hard_over" for one in now):
                 self._skidded_s = end_s
             for axis in AXES:
-                found = [one for one in now if one.axis == axis and not self._masked(one, end_s)]
+                masked = axis != "yaw" and end_s - self._skidded_s <= MASKED_S
+                found = [one for one in now if one.axis == axis and not masked]
                 second = judged[axis].get(end_s)
                 if found or second is not None:
                     yield from self._take(axis, second, found, end_s)
@@ -156,10 +157,6 @@ class AxisMonitor:
                 yield Indication(
                     self._vehicle, axis, "effectiveness", end_s, value, value - half, value + half
                 )
-
-    def _masked(self, one: Alarm, end_s: int) -> bool:
-        """Return whether a hard-over rudder explains the findings about the other axes."""
-        return one.axis != "yaw" and end_s - self._skidded_s <= MASKED_S
 
     def _take(
         self, axis: str, second: Second | None, found: list[Alarm], end_s: int

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -75,10 +75,12 @@ class ConditionTracker:
             self.worst = self.condition
         if self.condition == before:
             return None
+        # Only the friction can make an actuator normal; any fault can make it worse.
+        deciding = {"friction"} if self.condition == "normal" else self.shown.keys()
         holding = [
             (c.since_s, name, c.rule)
             for name, c in self.shown.items()
-            if c.condition == self.condition and name in self._deciding()
+            if c.condition == self.condition and name in deciding
         ]
         since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
         # Not before the last change: conditions follow each other in time.
@@ -95,10 +97,6 @@ class ConditionTracker:
             return gravest
         # Silence of the other detectors is not health: normal requires that the friction was judged.
         return self.shown["friction"].condition if "friction" in self.shown else "undecided"
-
-    def _deciding(self) -> Collection[str]:
-        """Return the faults that can cause the condition; only the friction can make it normal."""
-        return {"friction"} if self.condition == "normal" else self.shown.keys()
 
 
 @dataclass(slots=True)

@@ -272,7 +272,7 @@ def differences(equation: OwnEquation, records: Sequence[OwnRecord], *, warm: bo
         Whether the temperature of the judged flight is known.
     """
     found = []
-    warmth = _difference(_temperature, records, BEYOND_K, "colder", "warmer")
+    warmth = _difference(lambda record: record.temperature_c, records, BEYOND_K, "colder", "warmer")
     if warm and warmth is not None and warmth.high - warmth.low >= WARMTH_K:
         found.append(warmth)
     if equation.by_activity:
@@ -290,10 +290,6 @@ def _difference(
     if len(told) < len(records):
         return None
     return Difference(of, float(np.mean(told)), min(told), max(told), margin, below, above)
-
-
-def _temperature(record: OwnRecord) -> float | None:
-    return record.temperature_c
 
 
 def _activity(record: OwnRecord) -> float:

@@ -154,7 +154,7 @@ def shares(records: Sequence[OwnRecord], found: Identified, friction: Interval |
     if not volts > 0.0:
         return None
     per_ampere = found.resistance.estimate / volts
-    error = hypot(_relative(found.resistance), _half(found.drop) / volts)
+    error = hypot(_half(found.resistance) / found.resistance.estimate, _half(found.drop) / volts)
     peak = max((record.peak_a for record in own if record.peak_a), key=lambda one: one.estimate)
     torque = _share(peak, per_ampere, error)
     return Shares(friction and _share(friction, per_ampere, hypot(error, STALL_BIAS_SHARE)), torque)
@@ -235,10 +235,6 @@ def _share(current: Interval, per_ampere: float, error: float) -> Interval:
 
 def _half(interval: Interval) -> float:
     return (interval.high - interval.low) / 2.0
-
-
-def _relative(interval: Interval) -> float:
-    return _half(interval) / interval.estimate
 
 
 def constant_lost(
