@@ -7,7 +7,7 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.core.text import printable
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, LogSummary, Verdict
 
 __all__ = [
