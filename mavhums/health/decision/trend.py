@@ -36,6 +36,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import CENTRAL_95, NORMAL_99
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
+    LEAST_ERROR_SHARE,
     MOST_AUTOCORRELATION,
     OUTLIER_PROBABILITY,
     STEP_FLIGHTS,
@@ -119,8 +120,7 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
     """
     if len(values) < TREND_FLIGHTS:
         return None
-    # A flight with next to no error would be the line.
-    errors = np.maximum(errors, max(1e-3 * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
+    errors = np.maximum(errors, max(LEAST_ERROR_SHARE * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     kept, line = _without_outliers(numbers, values, errors)
     t = float(stdtrit(line.freedom, CENTRAL_95))
     outlook = _outlook(line, emergency, t, TREND_REACH_SPANS * float(np.ptp(numbers)))
