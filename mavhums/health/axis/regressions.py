@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -30,33 +30,33 @@ class Shape(NamedTuple):
     tau_s: float
 
 
-class Form(Protocol):
+class Form:
     """A regression: the drive by the demand, the nuisances, and the aircraft's response."""
 
     axis: str
     nuisances: int
-    derivative: bool
-    """Whether the answer is the rate of change of ``answer``."""
+    derivative = False
+    """Whether the response is the rate of change of ``answer``."""
 
     def drive(self, demand: Array, relative: Array) -> Array:
-        """Return the moment of the lagged demand at a speed relative to the reference, (n,)."""
-        ...
+        """Return the moment of the lagged demand at a speed relative to the reference, (n,): v²·δ."""
+        return relative**2 * demand
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return the other contributions to the response, shape (n, nuisances)."""
-        ...
+        raise NotImplementedError
 
     def answer(self, rows: Rows) -> Array:
         """Return the aircraft's response, shape (n,)."""
-        ...
+        raise NotImplementedError
 
     def possible(self, others: Array) -> bool:
-        """Return whether an aircraft can have these coefficients of the other contributions."""
-        ...
+        """Return whether an aircraft can have these coefficients of the others."""
+        return True
 
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
-        """Return what the coefficients tell of the aircraft, by the fault that changes it."""
-        ...
+        """Return what the coefficients tell of the aircraft beside the gain, by the fault that changes it."""
+        return {}
 
 
 class Columns(NamedTuple):
@@ -158,12 +158,11 @@ class Chain:
         return Columns(now[:, 0], now[:, 1:-1], answer, good)
 
 
-class RollForm:
+class RollForm(Form):
     """``p = K·v·δ + b·v + c·r``: roll rate p, relative airspeed v, demand δ by the ailerons, yaw rate r."""
 
     axis = "roll"
     nuisances = 2
-    derivative = False
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return v·δ."""
@@ -177,25 +176,17 @@ class RollForm:
         """Return the roll rate."""
         return rows.roll_rate
 
-    def possible(self, others: Array) -> bool:
-        """Return True: no sign is certain."""
-        return True
-
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return the demand that keeps the wings level, −b/K."""
         return {"hard_over": -beta[1] / beta[0]}
 
 
-class PitchForm:
+class PitchForm(Form):
     """``q̇ = K·v²·δ + a·v² + b·v·q + c·n``: pitch rate q, load factor n for the angle of attack."""
 
     axis = "pitch"
     nuisances = 3
     derivative = True
-
-    def drive(self, demand: Array, relative: Array) -> Array:
-        """Return v²·δ."""
-        return relative**2 * demand
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v² for the trim, v·q for the damping, n for the stability."""
@@ -214,16 +205,11 @@ class PitchForm:
         return {"manoeuvre": abs(beta[0] / beta[3]) / speed**2}
 
 
-class YawForm:
+class YawForm(Form):
     """``a = K·v²·δ + …``: side force a, without the parts of aileron, trim, yaw rate, roll rate and bank."""
 
     axis = "yaw"
     nuisances = 5
-    derivative = False
-
-    def drive(self, demand: Array, relative: Array) -> Array:
-        """Return v²·δ."""
-        return relative**2 * demand
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v²·δ of the ailerons, v², v·r, v·p and sin φ."""
@@ -235,14 +221,6 @@ class YawForm:
     def answer(self, rows: Rows) -> Array:
         """Return the side force."""
         return rows.side_force
-
-    def possible(self, others: Array) -> bool:
-        """Return True: no sign is certain."""
-        return True
-
-    def kept(self, beta: Array, speed: float) -> dict[str, float]:
-        """Return nothing: beside the gain itself, no constant of yaw is known well enough."""
-        return {}
 
 
 FORMS: Final[Mapping[str, Form]] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
