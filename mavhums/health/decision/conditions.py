@@ -47,9 +47,9 @@ class ConditionTracker:
     Examples
     --------
     >>> tracker = ConditionTracker()
-    >>> tracker.take("friction", Change(0, "normal", 0.0, "normal: …")).after
+    >>> tracker.take("friction", IndicatorChange(0, "normal", 0.0, "normal: …")).after
     'normal'
-    >>> tracker.take("backlash", Change(5, "degraded", 3.0, "degraded: …")).since_s
+    >>> tracker.take("backlash", IndicatorChange(5, "degraded", 3.0, "degraded: …")).since_s
     3.0
     >>> tracker.condition, tracker.worst
     ('degraded', 'degraded')

@@ -154,7 +154,7 @@ def comparison_text(equation: OwnEquation, found: Comparison) -> str:
     Examples
     --------
     >>> from mavhums.health.estimation.equations import OWN_EQUATIONS
-    >>> told(OWN_EQUATIONS[0], Comparison("learning", None, 6, 10))
+    >>> comparison_text(OWN_EQUATIONS[0], Comparison("learning", None, 6, 10))
     'flight 6 of the 10 that its baseline takes; no absolute limit known'
     """
     if found.condition == "learning":
