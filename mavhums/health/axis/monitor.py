@@ -147,13 +147,13 @@ class AxisMonitor:
 
     def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
         for axis, found in seconds.items():
-            told = [
+            known = [
                 (s.end_s, s.value, NORMAL_95 * s.error)
                 for s in found
                 if s.value is not None and s.error <= JUDGED_ERROR
             ]
-            if told:
-                end_s, value, half = np.array(told, dtype=np.float64).T
+            if known:
+                end_s, value, half = np.array(known, dtype=np.float64).T
                 yield Indication(
                     self._vehicle, axis, "effectiveness", end_s, value, value - half, value + half
                 )
@@ -161,85 +161,85 @@ class AxisMonitor:
     def _take(
         self, axis: str, second: Second | None, found: list[Alarm], end_s: int
     ) -> Iterator[ConditionChanged]:
-        held = self._axes[axis]
-        before = held.condition
+        state = self._axes[axis]
+        before = state.condition
         if second is not None:
-            self._count(held, second)
+            self._count(state, second)
         if found:
             worst = max(found, key=lambda one: SEVERITY[one.condition])
-            held.full = 0
+            state.full = 0
             fresh = SEVERITY[before] <= SEVERITY["normal"]
             # A milder finding does not lift a graver one: only full effectiveness ends a fault.
             if fresh or SEVERITY[worst.condition] > SEVERITY[before]:
-                held.condition = worst.condition
-                held.since_s = worst.since_s if fresh else min(worst.since_s, held.since_s or worst.since_s)
+                state.condition = worst.condition
+                state.since_s = worst.since_s if fresh else min(worst.since_s, state.since_s or worst.since_s)
             for one in found:
-                self._extend(held, one)
-            self._measure(held, found, second, fresh=fresh)
+                self._extend(state, one)
+            self._measure(state, found, second, fresh=fresh)
             fault, rule = worst.fault, worst.rule
             finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
-        elif second is not None and self._well(held):
+        elif second is not None and self._well(state):
             if before != "normal":
-                held.condition, held.since_s = "normal", end_s if before != "undecided" else None
-                held.lost = False
+                state.condition, state.since_s = "normal", end_s if before != "undecided" else None
+                state.lost = False
             fault, rule = "effectiveness", "normal: the control effectiveness of the reference is kept"
             finding = ""
-        if SEVERITY[held.condition] > SEVERITY[held.worst]:
-            held.worst = held.condition
+        if SEVERITY[state.condition] > SEVERITY[state.worst]:
+            state.worst = state.condition
         # A mean over a change would belong to neither condition.
-        if held.condition != before:
-            held.mean, held.counted = RunningVariance(), 0
-            if held.condition == "normal" and before != "undecided" and second is not None:
-                self._average(held, second.value or 0.0, second.error)
-            since_s = float(held.since_s if held.since_s is not None else end_s)
+        if state.condition != before:
+            state.mean, state.counted = RunningVariance(), 0
+            if state.condition == "normal" and before != "undecided" and second is not None:
+                self._average(state, second.value or 0.0, second.error)
+            since_s = float(state.since_s if state.since_s is not None else end_s)
             yield ConditionChanged(
-                self._vehicle, axis, float(end_s), since_s, before, held.condition, rule, fault, finding
+                self._vehicle, axis, float(end_s), since_s, before, state.condition, rule, fault, finding
             )
 
-    def _count(self, held: _AxisState, second: Second) -> None:
-        held.seconds += 1
+    def _count(self, state: _AxisState, second: Second) -> None:
+        state.seconds += 1
         if second.value is None or second.error > JUDGED_ERROR:
             return
-        held.judged += 1
-        held.counted += 1
-        held.full = held.full + 1 if second.value >= self.limits.effectiveness_degraded else 0
+        state.judged += 1
+        state.counted += 1
+        state.full = state.full + 1 if second.value >= self.limits.effectiveness_degraded else 0
         # Windows that share seconds are one piece of evidence. The first one counts at once, so that a value
         # is shown.
-        whole = held.counted % WINDOW_SECONDS == 0 or held.judged == 1
-        if whole and not held.lost:
-            self._average(held, second.value, second.error)
+        whole = state.counted % WINDOW_SECONDS == 0 or state.judged == 1
+        if whole and not state.lost:
+            self._average(state, second.value, second.error)
 
-    def _measure(self, held: _AxisState, found: list[Alarm], second: Second | None, *, fresh: bool) -> None:
+    def _measure(self, state: _AxisState, found: list[Alarm], second: Second | None, *, fresh: bool) -> None:
         """Take the effectiveness since the onset of a loss: that of the second which the reason names."""
         if fresh:
-            held.value = None
+            state.value = None
         rules = {one.rule for one in found if one.fault == "effectiveness"}
         if any(
             episode.fault == "effectiveness" and episode.rule in rules
-            for episode in held.episodes[-_LATEST_EPISODES:]
+            for episode in state.episodes[-_LATEST_EPISODES:]
         ):
-            held.lost = True
+            state.lost = True
             if second is not None and second.left_over is not None:
                 k, half = second.left_over, NORMAL_95 * second.left_error
-                held.value = Interval(estimate=k, low=k - half, high=k + half)
+                state.value = Interval(estimate=k, low=k - half, high=k + half)
 
-    def _average(self, held: _AxisState, value: float, error: float) -> None:
+    def _average(self, state: _AxisState, value: float, error: float) -> None:
         """Add a window that does not overlap the previous one to the mean since the last change."""
-        held.mean.add(value)
-        mean, count = held.mean.mean, held.mean.count
-        half = NORMAL_95 * (max(held.mean.variance, error**2) / count) ** 0.5
-        held.value = Interval(estimate=mean, low=mean - half, high=mean + half)
+        state.mean.add(value)
+        mean, count = state.mean.mean, state.mean.count
+        half = NORMAL_95 * (max(state.mean.variance, error**2) / count) ** 0.5
+        state.value = Interval(estimate=mean, low=mean - half, high=mean + half)
 
-    def _well(self, held: _AxisState) -> bool:
+    def _well(self, state: _AxisState) -> bool:
         """Return whether the axis is known to respond as in the reference."""
-        if SEVERITY[held.condition] > SEVERITY["normal"]:
+        if SEVERITY[state.condition] > SEVERITY["normal"]:
             # An axis is well again only when the gain itself is back, not when evidence runs out.
-            return held.full >= FULL_S
-        return held.judged >= NORMAL_S and held.value is not None and held.value.low > NORMAL_EFFECTIVENESS
+            return state.full >= FULL_S
+        return state.judged >= NORMAL_S and state.value is not None and state.value.low > NORMAL_EFFECTIVENESS
 
-    def _extend(self, held: _AxisState, one: Alarm) -> None:
+    def _extend(self, state: _AxisState, one: Alarm) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
-        episodes = held.episodes
+        episodes = state.episodes
         latest = range(max(len(episodes) - _LATEST_EPISODES, 0), len(episodes))
         for k in latest:
             kinds = (one.fault, episodes[k].fault, episodes[k].condition)
@@ -261,17 +261,17 @@ class AxisMonitor:
 
     def findings(self, axis: str) -> AxisFindings:
         """Return the findings so far about an axis."""
-        held, gain = self._axes[axis], self._gains[axis]
+        state, gain = self._axes[axis], self._gains[axis]
         suspects: dict[str, float] = {}
-        for episode in held.episodes:
+        for episode in state.episodes:
             suspects[episode.fault] = max(suspects.get(episode.fault, 0.0), episode.confidence)
-        fraction = held.judged / held.seconds if held.seconds else 0.0
+        fraction = state.judged / state.seconds if state.seconds else 0.0
         return AxisFindings(
             axis=axis,
-            condition=held.condition,
-            worst=held.worst,
-            since_s=_since_s(held),
-            coverage=Coverage(moving_fraction=fraction, windows=held.seconds, decidable=held.judged),
+            condition=state.condition,
+            worst=state.worst,
+            since_s=_since_s(state),
+            coverage=Coverage(moving_fraction=fraction, windows=state.seconds, decidable=state.judged),
             suspects=tuple(
                 Suspect(fault=fault, confidence=confidence)
                 for fault, confidence in sorted(suspects.items(), key=lambda item: -item[1])
@@ -280,10 +280,10 @@ class AxisMonitor:
                 Evidence(
                     kind=e.fault, start_s=e.since_s, end_s=e.end_s, value=e.value, limit=e.limit, rule=e.rule
                 )
-                for e in held.episodes
+                for e in state.episodes
             ),
-            effectiveness=held.value,
-            windows=0 if held.lost else held.mean.count,
+            effectiveness=state.value,
+            windows=0 if state.lost else state.mean.count,
             reference=gain.reference,
             best=gain.best,
             usable_s=gain.usable_s,
@@ -294,11 +294,11 @@ class AxisMonitor:
         )
 
 
-def _since_s(held: _AxisState) -> float | None:
+def _since_s(state: _AxisState) -> float | None:
     """Return the onset of the present condition: the earliest one that its evidence shows.
 
     A fault that takes longer to prove than the one that raised the alarm may have begun before it.
     """
-    if held.since_s is None or SEVERITY[held.condition] <= SEVERITY["normal"]:
-        return None if held.since_s is None else float(held.since_s)
-    return float(min([held.since_s, *(e.since_s for e in held.episodes if e.end_s > held.since_s)]))
+    if state.since_s is None or SEVERITY[state.condition] <= SEVERITY["normal"]:
+        return None if state.since_s is None else float(state.since_s)
+    return float(min([state.since_s, *(e.since_s for e in state.episodes if e.end_s > state.since_s)]))

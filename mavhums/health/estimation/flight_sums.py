@@ -60,14 +60,14 @@ class OwnSums:
 
     def feed(self, slots: Slots) -> None:
         """Process the samples of several slots."""
-        told = terms(self._equation, self._actuator, slots, self._turned)
-        if told is None:
+        found = terms(self._equation, self._actuator, slots, self._turned)
+        if found is None:
             return
         time_s = slots.time_s[slots.judged]
         # Rate and duration are those of the evidence, not of the log.
-        seen = np.isfinite(told.y) & np.isfinite(told.X[:, 1])
-        told = self.expanded(told)
-        rows = sums_of_slots(told.X, told.y, told.usable, slots.start)
+        seen = np.isfinite(found.y) & np.isfinite(found.X[:, 1])
+        found = self.expanded(found)
+        rows = sums_of_slots(found.X, found.y, found.usable, slots.start)
         ends = np.append(slots.start[1:], time_s.size)
         self._groups.feed(slots.index, rows)
         for k in range(len(rows)):
@@ -104,9 +104,9 @@ class OwnSums:
         """Rate of the samples that carry the left side."""
         return self._samples / self._span if self._span > 0.0 else 0.0
 
-    def expanded(self, told: Terms) -> Terms:
+    def expanded(self, found: Terms) -> Terms:
         """Return the terms whose products are summed."""
-        return told
+        return found
 
     def in_window(self, gram: Array) -> Array:
         """Return a window's sums without its own offset."""
@@ -239,15 +239,15 @@ class PowerSums(OwnSums):
             return gap
         return f"the {self._equation.quantity} needs the airspeed, and the log has none"
 
-    def expanded(self, told: Terms) -> Terms:
+    def expanded(self, found: Terms) -> Terms:
         """Return the products of the torque's terms at the samples with a known airspeed."""
-        factors = told.X[:, [0, 1, 2, LOAD]]
-        known = told.X[:, PRESSURE] > 0.0
+        factors = found.X[:, [0, 1, 2, LOAD]]
+        known = found.X[:, PRESSURE] > 0.0
         # Without an airspeed no load is known, and no law of the power.
         self._pressure |= bool(known.any())
         products = factors[:, _FIRST] * factors[:, _SECOND]
         X = np.concatenate([factors, products, np.ones((len(factors), 1))], axis=1)
-        return Terms(np.ascontiguousarray(X), told.y, told.usable & known)
+        return Terms(np.ascontiguousarray(X), found.y, found.usable & known)
 
     def in_window(self, gram: Array) -> Array:
         """Return a window's sums without its own P₀."""

@@ -211,14 +211,14 @@ def stall_indicators(
         Its friction current, A; None if it is not known.
     """
     own = record_of(records, VOLTAGE)
-    told = shares([own], found, friction) if own and found else None
-    if own is None or told is None:
+    of_stall = shares([own], found, friction) if own and found else None
+    if own is None or of_stall is None:
         return ()
     parts = len(own.groups)
-    torque = _share_indicator(_TORQUE, "highest sustained torque, share of stall", told.torque, parts)
-    if told.friction is None:
+    torque = _share_indicator(_TORQUE, "highest sustained torque, share of stall", of_stall.torque, parts)
+    if of_stall.friction is None:
         return (torque,)
-    return (_share_indicator(_FRICTION, "friction, share of stall", told.friction, parts), torque)
+    return (_share_indicator(_FRICTION, "friction, share of stall", of_stall.friction, parts), torque)
 
 
 def _share_indicator(fault: str, quantity: str, value: Interval, parts: int) -> Indicator:

@@ -55,11 +55,11 @@ def compare_with_own_flights(
     false_alarms
         Allowed false alarms per 100 hours of the actuator.
     """
-    told_by = _deciding(verdict)
+    deciding = _deciding(verdict)
     # A limit or a jam decides: neither is taken back by what is usual for this servo.
-    if told_by is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
+    if deciding is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
         return verdict
-    equation, record = told_by
+    equation, record = deciding
     found = compare(equation, record, past, false_alarms)
     lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
     fault = equation.fault if lost is None else _CONSTANT
