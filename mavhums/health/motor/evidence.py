@@ -1,0 +1,454 @@
+"""The test of one multirotor's motors, row by row: effort beyond what the motion explains.
+
+Effort is what the mixer was asked for: the thrusts times the motors' columns. A motor i that gives 1 − λ of
+its thrust T_i leaves λ·T_i·c_i of it unanswered, so this part points along one known column. Three hypotheses
+compete over windows of several lengths: nothing but noise, a payload or moving air, a motor that lost λ. All
+is in units of the hover thrust of one motor.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.kernels import kernel
+from mavhums.health.motor import thresholds as t
+from mavhums.vehicle.grid import RATE_HZ
+
+__all__ = ["COLUMNS", "JUDGED", "Rules", "State", "follow", "new_state", "rules_for"]
+
+COLUMNS: Final = 7
+"""Of the result: motor from 1, or 0; window; log Bayes factor; share lost, its 95 % interval; another motor
+with which it fits much better, from 1, or 0."""
+
+_RING: Final = 1024  # rows; more than the longest window with its reference
+_LOSSES: Final = 20
+_PAIR_ODDS: Final = 6.0
+_COUNT, _ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED = range(7)
+_QUICK: Final = 2  # windows that demand that the aircraft falls towards the motor
+_SLOW_WINDOW, _SLOW_ODDS = 2, 4  # the first that slow outputs show, and the first with the usual odds
+_BOUND: Final = 3  # window that bounds what is lost
+
+
+class Rules(NamedTuple):
+    """What decides, as arrays for the kernel; :mod:`mavhums.health.motor.thresholds` describes them."""
+
+    windows: Integers
+    odds: Array
+    slow_odds: float
+    least: Array
+    held: Integers
+    noise: Array
+    air: Array
+    air_slow: Array
+    beside: Array
+    error: Array
+    low_gain: Array
+    high_gain: Array
+    scalars: Array
+
+
+class State(NamedTuple):
+    """What is carried from row to row."""
+
+    counts: Integers
+    effort: Array
+    thrust: Array
+    rates: Array
+    trim: Array
+    hover: Array
+    now: Array
+    noise: Array
+    weight: Array
+    pending: Array
+    held: Integers
+    bound: Array
+
+
+def rules_for(motors: int) -> Rules:
+    """Return the rules for a number of motors."""
+    more = motors > 4
+    scalars = [
+        t.RIVAL_ODDS, t.SLOW_HZ, t.YAW_DAMPING, t.FALLS, t.LEAST_THRUST, np.cos(np.radians(t.MOST_BANK_DEG)),
+        np.log(t.AIR_RARE), t.NOISE_WORTH, t.NOISE_FLOOR, t.NOISE_MOST,
+        t.REFERENCE_S * RATE_HZ, t.REFERENCE_GAP_S * RATE_HZ, t.AIRBORNE_S * RATE_HZ, t.SETTLED_S * RATE_HZ,
+        t.BANK_GRACE_S * RATE_HZ, t.UPRIGHT_S * RATE_HZ, t.LANDED_S * RATE_HZ,
+    ]  # fmt: skip
+    return Rules(
+        t.WINDOWS,
+        t.ODDS_MORE if more else t.ODDS_QUAD,
+        t.SLOW_ODDS_MORE if more else t.SLOW_ODDS_QUAD,
+        t.LEAST_LOSS,
+        np.rint(t.HELD_S * RATE_HZ).astype(np.int64),
+        t.NOISE_SD,
+        t.AIR,
+        t.AIR_SLOW,
+        t.AIR_BESIDE,
+        t.MODEL_ERROR,
+        t.LEAST_GAIN,
+        t.MOST_GAIN,
+        np.array(scalars, dtype=np.float64),
+    )
+
+
+def new_state(motors: int) -> State:
+    """Return the state before the first row."""
+    windows = t.WINDOWS.size
+    return State(
+        np.zeros(JUDGED + 1, dtype=np.int64),
+        np.zeros((_RING, 3)),
+        np.zeros((_RING, motors)),
+        np.zeros((_RING, 3)),
+        np.zeros((_RING, 3)),
+        np.zeros(_RING),
+        np.full(4 + motors, np.nan),
+        np.zeros((windows, 3, 3)),
+        np.zeros(windows),
+        np.full((windows, 3), np.nan),
+        np.zeros((windows, 2), dtype=np.int64),
+        np.zeros(motors),
+    )
+
+
+@kernel
+def follow(
+    thrust: Array,
+    rates: Array,
+    upright: Array,
+    grounded: Flags,
+    slow: Flags,
+    columns: Array,
+    rules: Rules,
+    s: State,
+    found: Array,
+) -> None:
+    """Take rows, shape (n, …); write what they show to ``found``, shape (n, COLUMNS), 0 where nothing.
+
+    ``upright`` is the cosine of the bank, ``grounded`` tells where the vehicle reports to stand, ``slow``
+    where the outputs come more rarely than :data:`SLOW_HZ`.
+    """
+    motors = columns.shape[0]
+    k = rules.scalars
+    for row in range(thrust.shape[0]):
+        good = np.isfinite(upright[row])
+        for i in range(motors):
+            good = good and np.isfinite(thrust[row, i]) and np.isfinite(s.now[4 + i])
+        for a in range(3):
+            good = good and np.isfinite(rates[row, a])
+        if good:
+            _take(rates[row], upright[row], grounded[row], columns, k, s)
+            if s.counts[_ALOFT] > k[12] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0:
+                _test(slow[row], columns, rules, s, found[row])
+        else:
+            s.counts[_WHOLE] = 0
+        # A motor takes about 0.05 s: its thrust answers the output of the row before.
+        for i in range(motors):
+            s.now[4 + i] = thrust[row, i]
+
+
+@kernel
+def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array, s: State) -> None:
+    """Take one row into the sums and the trim, and decide whether it may be judged."""
+    motors = columns.shape[0]
+    c = s.counts
+    c[_COUNT] += 1
+    at, before = c[_COUNT] % _RING, (c[_COUNT] - 1) % _RING
+    mean = 0.0
+    for i in range(motors):
+        s.thrust[at, i] = s.thrust[before, i] + s.now[4 + i]
+        mean += s.now[4 + i] / motors
+    for a in range(3):
+        effort = 0.0
+        for i in range(motors):
+            effort += s.now[4 + i] * columns[i, a]
+        s.effort[at, a] = s.effort[before, a] + effort
+        s.rates[at, a] = rates[a]
+    hover = s.now[3]
+    if not np.isfinite(hover):
+        hover = max(mean, 0.1)
+    c[_WHOLE] += 1
+    low = mean < k[4] * hover or mean < 0.08
+    c[_DIP] = c[_DIP] + 1 if low else 0
+    if grounded or (c[_DIP] > k[16] and mean < 0.5 * hover) or (c[_ALOFT] == 0 and low):
+        c[_ALOFT], c[_WHOLE] = 0, 0
+        s.now[0:4] = np.nan
+        return
+    if c[_DIP] > k[16]:
+        c[_WHOLE] = 0
+    c[_ALOFT] += 1
+    if upright < k[5]:
+        c[_GRACE] += 1
+        if c[_GRACE] > k[14]:
+            c[_DEAD] = int(k[15])
+    elif upright > 0.866:
+        c[_GRACE] = 0
+        if c[_DEAD] > 0:
+            c[_DEAD] -= 1
+            c[_WHOLE] = 0
+    if c[_ALOFT] > k[12] / 2 and not low and c[_GRACE] == 0:
+        share = max(1.0 / (c[_ALOFT] - k[12] / 2), 1.0 / k[10])
+        for a in range(3):
+            effort = s.effort[at, a] - s.effort[before, a]
+            s.now[a] = effort if not np.isfinite(s.now[a]) else s.now[a] + share * (effort - s.now[a])
+        s.now[3] = mean if not np.isfinite(s.now[3]) else s.now[3] + share * (mean - s.now[3])
+    for a in range(3):
+        s.trim[at, a] = s.now[a]
+    s.hover[at] = s.now[3]
+
+
+@kernel
+def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> None:
+    """Test all windows that end at this row."""
+    c, k = s.counts, rules.scalars
+    motors = columns.shape[0]
+    e, asked, swing = np.empty(3), np.empty(motors), np.empty(3)
+    noise = np.empty((3, 3))
+    judged = False
+    for w in range(rules.windows.size):
+        span = rules.windows[w]
+        if (w > 3 and c[_COUNT] % 4) or c[_WHOLE] <= span or c[_ALOFT] <= span + k[11] + k[12] / 2 + 1:
+            continue
+        if (w >= _QUICK and c[_ALOFT] <= k[13]) or (slow and w < _SLOW_WINDOW):
+            continue
+        if not _residual(w, columns, rules, s, e, asked, swing):
+            continue
+        _noise_of(w, rules, s, noise)
+        need = rules.odds[w] + (rules.slow_odds if slow and w < _SLOW_ODDS else 0.0)
+        suspected = _weigh(w, need, e, asked, swing, noise, columns, rules, s, found)
+        if w == _BOUND:
+            judged = True
+            _bound(e, asked, noise, columns, rules, s)
+        if not suspected:
+            _learn(w, e, k, s)
+    if judged:
+        c[JUDGED] += 1
+
+
+@kernel
+def _residual(
+    w: int, columns: Array, rules: Rules, s: State, e: Array, asked: Array, swing: Array
+) -> bool:
+    """Compute the effort of a window that neither trim nor motion explains; False where the trim is new."""
+    span, k = rules.windows[w], rules.scalars
+    count = s.counts[_COUNT]
+    at, begin = count % _RING, (count - span) % _RING
+    trim = (count - span - int(k[11])) % _RING
+    hover = s.hover[trim]
+    if not hover > 0.0:
+        return False
+    for i in range(asked.size):
+        asked[i] = (s.thrust[at, i] - s.thrust[begin, i]) / span / hover
+    for a in range(3):
+        beyond = ((s.effort[at, a] - s.effort[begin, a]) / span - s.trim[trim, a]) / hover
+        if not np.isfinite(beyond):
+            return False
+        swing[a] = s.rates[at, a] - s.rates[begin, a]
+        speed = swing[a] * 20.0 / span / hover
+        low, high = speed / rules.high_gain[a], speed / rules.low_gain[a]
+        if a == 2:
+            held = k[2] * s.rates[at, 2]
+            low, high = min(low, high) + min(held, 0.0), max(low, high) + max(held, 0.0)
+        low, high = min(low, high), max(low, high)
+        e[a] = beyond - high if beyond > high else beyond - low if beyond < low else 0.0
+    return True
+
+
+@kernel
+def _noise_of(w: int, rules: Rules, s: State, noise: Array) -> None:
+    """Compute the covariance of a window's effort: the flight's own, shrunk to the usual one."""
+    k = rules.scalars
+    for a in range(3):
+        for b in range(3):
+            noise[a, b] = s.noise[w, a, b] / (k[7] + s.weight[w])
+        usual = rules.noise[w, a] ** 2
+        noise[a, a] = max(noise[a, a] + k[7] * usual / (k[7] + s.weight[w]), k[8] * usual)
+
+
+@kernel
+def _learn(w: int, e: Array, k: Array, s: State) -> None:
+    """Add a window to the flight's own noise: one of those that do not overlap, and not the last one."""
+    if s.counts[_COUNT] % max(_ROWS[w], 10) // (4 if w > 3 else 1):
+        return
+    if np.isfinite(s.pending[w, 0]):
+        keep = 1.0 - 1.0 / k[9]
+        s.weight[w] = s.weight[w] * keep + 1.0
+        for a in range(3):
+            for b in range(3):
+                s.noise[w, a, b] = s.noise[w, a, b] * keep + s.pending[w, a] * s.pending[w, b]
+    s.pending[w] = e
+
+
+_ROWS: Final = tuple(int(rows) for rows in t.WINDOWS)
+
+
+@kernel
+def _density(e: Array, noise: Array, extra: Array, mean: Array) -> float:
+    """Return the logarithm of a normal density, less its constant."""
+    a, b, c = noise[0, 0] + extra[0], noise[0, 1], noise[0, 2]
+    d, f, g = noise[1, 1] + extra[1], noise[1, 2], noise[2, 2] + extra[2]
+    x, y, z = e[0] - mean[0], e[1] - mean[1], e[2] - mean[2]
+    p, q, r = d * g - f * f, c * f - b * g, b * f - c * d
+    det = a * p + b * q + c * r
+    quadratic = x * (p * x + q * y + r * z) + y * (q * x + (a * g - c * c) * y + (b * c - a * f) * z)
+    quadratic += z * (r * x + (b * c - a * f) * y + (a * d - b * b) * z)
+    return -0.5 * (quadratic / det + np.log(det))
+
+
+@kernel
+def _add(a: float, b: float) -> float:
+    """Return the logarithm of a sum from the logarithms of its parts."""
+    high, low = max(a, b), min(a, b)
+    return high + np.log1p(np.exp(low - high))
+
+
+@kernel
+def _weigh(
+    w: int,
+    need: float,
+    e: Array,
+    asked: Array,
+    swing: Array,
+    noise: Array,
+    columns: Array,
+    rules: Rules,
+    s: State,
+    found: Array,
+) -> bool:
+    """Weigh the hypotheses on one window; return whether some motor is suspected."""
+    k, motors = rules.scalars, columns.shape[0]
+    zero = np.zeros(3)
+    extra = np.empty(3)
+    nothing = _density(e, noise, zero, zero)
+    # No hypothesis can beat nothing by more than this.
+    most = nothing + 0.5 * np.log(_det(noise))
+    if -most < need:
+        s.held[w, 0] = 0
+        return False
+    other = nothing
+    for kind in range(2):
+        for a in range(3):
+            slow = rules.air_slow[a] if w > 3 else 0.0
+            extra[a] = rules.air[kind, a] ** 2 + slow**2
+        said = _density(e, noise, extra, zero)
+        other = max(other, said - (k[6] if kind else 0.0))
+    best, second, which = -1e300, -1e300, -1
+    shares = np.empty(_LOSSES)
+    posterior = np.empty(_LOSSES)
+    for i in range(motors):
+        total = _of_motor(i, e, asked, noise, columns, rules, shares)
+        if total > best:
+            second, best, which = best, total, i
+            posterior[:] = shares
+        elif total > second:
+            second = total
+    odds = best - other
+    low, mean, high = _quantiles(posterior)
+    suspected = odds > 0.5 * need and best - second > 0.5 * k[0]
+    falls = True
+    if w < _QUICK:
+        size = np.hypot(columns[which, 0], columns[which, 1])
+        towards = -(swing[0] * columns[which, 0] + swing[1] * columns[which, 1]) / size
+        falls = towards >= k[3]
+    sure = odds > need and best - second > k[0] and low > rules.least[w] and falls
+    if not sure:
+        s.held[w, 0] = 0
+        return suspected
+    if s.held[w, 1] != which:
+        s.held[w, 0] = 0
+    s.held[w, 1] = which
+    s.held[w, 0] += 4 if w > 3 else 1
+    if s.held[w, 0] < rules.held[w] or odds <= found[2]:
+        return True
+    found[0], found[1], found[2] = which + 1.0, float(w), odds
+    found[3], found[4], found[5] = mean, low, high
+    found[6] = _partner(which, best, e, asked, noise, columns, rules)
+    return True
+
+
+@kernel
+def _det(m: Array) -> float:
+    return float(
+        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] ** 2)
+        - m[0, 1] * (m[0, 1] * m[2, 2] - m[1, 2] * m[0, 2])
+        + m[0, 2] * (m[0, 1] * m[1, 2] - m[1, 1] * m[0, 2])
+    )
+
+
+@kernel
+def _of_motor(
+    i: int, e: Array, asked: Array, noise: Array, columns: Array, rules: Rules, shares: Array
+) -> float:
+    """Return the log evidence that motor i lost a share, uniform from 0 to 1; fill its log posterior."""
+    mean, extra = np.empty(3), np.empty(3)
+    total = -1e300
+    for j in range(_LOSSES):
+        loss = (j + 0.5) / _LOSSES
+        for a in range(3):
+            mean[a] = loss * asked[i] * columns[i, a]
+            # At least half of a quad's column, so that a zero of + frames is not taken for exact.
+            reach = max(abs(columns[i, a]), 0.5 * np.abs(columns[:, a]).max())
+            extra[a] = (rules.error[a] * loss * asked[i] * reach) ** 2 + rules.beside[a] ** 2
+        shares[j] = _density(e, noise, extra, mean)
+        total = _add(total, shares[j])
+    return total - np.log(_LOSSES)
+
+
+@kernel
+def _quantiles(posterior: Array) -> tuple[float, float, float]:
+    """Return the 2.5 % quantile, the mean and the 97.5 % quantile of the share lost."""
+    weights = np.exp(posterior - posterior.max())
+    weights /= weights.sum()
+    mean, passed, low, high = 0.0, 0.0, -1.0, 1.0
+    for j in range(_LOSSES):
+        mean += weights[j] * (j + 0.5) / _LOSSES
+        after = passed + weights[j]
+        if low < 0.0 and after >= 0.025:
+            low = (j + (0.025 - passed) / weights[j]) / _LOSSES
+        if passed < 0.975 <= after:
+            high = (j + (0.975 - passed) / weights[j]) / _LOSSES
+        passed = after
+    return low, mean, high
+
+
+@kernel
+def _partner(
+    which: int, best: float, e: Array, asked: Array, noise: Array, columns: Array, rules: Rules
+) -> float:
+    """Return the motor, from 1, that must have lost thrust, too, to explain what is seen; 0 if none must."""
+    mean, extra = np.empty(3), np.empty(3)
+    found, most = 0.0, best + _PAIR_ODDS
+    for i in range(columns.shape[0]):
+        if i == which:
+            continue
+        total = -1e300
+        for j in range(10):
+            for n in range(10):
+                one, two = (j + 0.5) / 10, (n + 0.5) / 10
+                for a in range(3):
+                    mean[a] = one * asked[which] * columns[which, a] + two * asked[i] * columns[i, a]
+                    reach = max(one * asked[which], two * asked[i]) * np.abs(columns[:, a]).max()
+                    extra[a] = (rules.error[a] * reach) ** 2 + rules.beside[a] ** 2
+                total = _add(total, _density(e, noise, extra, mean))
+        total -= np.log(100.0)
+        if total > most:
+            most, found = total, i + 1.0
+    return found
+
+
+@kernel
+def _bound(e: Array, asked: Array, noise: Array, columns: Array, rules: Rules, s: State) -> None:
+    """Keep the largest share that each motor may have lost in any window, with 97.5 % confidence."""
+    a = np.empty((3, 3))
+    a[:] = noise
+    for n in range(3):
+        a[n, n] += rules.air[0, n] ** 2
+    inverse = np.linalg.inv(a)
+    for i in range(columns.shape[0]):
+        if asked[i] < 0.3:
+            continue
+        c = columns[i] * asked[i]
+        information = c @ inverse @ c
+        loss = (c @ inverse @ e) / information
+        s.bound[i] = max(s.bound[i], loss + 1.96 / np.sqrt(information))

@@ -1,0 +1,201 @@
+"""Follows the motors of one multirotor: takes seconds of its signals, yields changes of condition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from mavhums.core.arrays import Array
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.motor import evidence
+from mavhums.health.motor.thresholds import EMERGENCY_LOSS, SLOW_HZ, WINDOWS_S
+from mavhums.report.assessment import Interval
+from mavhums.vehicle.facts import ON_GROUND
+from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.signals import all_outputs
+
+__all__ = ["Loss", "MotorFindings", "MotorMonitor"]
+
+_ANOTHER_S: Final = 10.0
+"""A second motor named within this time of the first: more than one lost thrust, and neither is certain."""
+_REFINED_S: Final = 30.0
+"""After an alarm the share lost is refined for as long: the first windows hold the moment before, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """A motor's loss of thrust: when it was decided, since when, and the share lost.
+
+    Attributes
+    ----------
+    motor
+        From 1, in the autopilot's order.
+    odds
+        Log Bayes factor against every other cause.
+    """
+
+    motor: int
+    time_s: float
+    since_s: float
+    share: Interval
+    odds: float
+
+
+@dataclass(frozen=True, slots=True)
+class MotorFindings:
+    """What a flight shows of its motors.
+
+    Attributes
+    ----------
+    rotors
+        The motors.
+    loss
+        The motor that lost thrust; None if none did.
+    several
+        Motors between which the evidence does not tell; empty if there is no doubt.
+    judged_s
+        Seconds of flight that were judged.
+    bound
+        By motor, the share of thrust that it has lost at most at any time, with 97.5 % confidence.
+    rate_hz
+        Of the outputs; None if not known.
+    """
+
+    rotors: Rotors
+    loss: Loss | None
+    several: tuple[int, ...]
+    judged_s: float
+    bound: tuple[float, ...]
+    rate_hz: float | None
+
+
+class MotorMonitor:
+    """Judges the motors of one vehicle in constant memory.
+
+    Parameters
+    ----------
+    vehicle
+        System id.
+    rotors
+        Its motors.
+    """
+
+    def __init__(self, vehicle: int, rotors: Rotors) -> None:
+        self._vehicle, self.rotors = vehicle, rotors
+        self._rules = evidence.rules_for(len(rotors.servos))
+        self._state = evidence.new_state(len(rotors.servos))
+        self._loss: Loss | None = None
+        self._several: tuple[int, ...] = ()
+        self._spacings = np.zeros(200, dtype=np.int64)  # of the outputs, in steps of 0.01 s
+        self._reported: Condition = "undecided"
+
+    def feed(self, seconds: Seconds) -> Iterator[ConditionChanged]:
+        """Take settled seconds; yield the changes of condition."""
+        breaks = np.flatnonzero(np.diff(seconds.index) != 1) + 1
+        for a, b in pairwise([0, *breaks.tolist(), len(seconds.index)]):
+            flat = {
+                name: values[a:b].reshape(-1, values.shape[-1]) for name, values in seconds.signals.items()
+            }
+            yield from self._rows(int(seconds.index[a]), flat)
+
+    def _rows(self, first: int, flat: dict[str, Array]) -> Iterator[ConditionChanged]:
+        gyro = np.isfinite(flat["rates"]).all(axis=1)
+        rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
+        spacing = flat["outputs_spacing"][:, 0]
+        known = spacing[np.isfinite(spacing)]
+        self._spacings += np.bincount(
+            np.clip(known * 100, 0, self._spacings.size - 1).astype(np.int64), minlength=self._spacings.size
+        )
+        upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
+        found = np.zeros((len(rates), evidence.COLUMNS))
+        evidence.follow(
+            self.rotors.thrusts(all_outputs(flat)),
+            rates,
+            upright,
+            np.asarray(flat["landed"][:, 0] == ON_GROUND),
+            np.asarray(spacing > 1.0 / SLOW_HZ),
+            self.rotors.columns,
+            self._rules,
+            self._state,
+            found,
+        )
+        for row in np.flatnonzero(found[:, 0]).tolist():
+            yield from self._alarm(first + row / RATE_HZ, float(spacing[row]), found[row])
+
+    def _alarm(self, row_s: float, spacing_s: float, found: Array) -> Iterator[ConditionChanged]:
+        """Take a window in which a motor stands out."""
+        motor, window = int(found[0]), WINDOWS_S[int(found[1])]
+        # A row lies between two samples: it is known when the later one has come.
+        time_s = row_s + min(spacing_s, 1.0)
+        share = Interval(estimate=float(found[3]), low=float(found[4]), high=float(found[5]))
+        new = Loss(motor, time_s, max(row_s - window, 0.0), share, float(found[2]))
+        loss = self._loss
+        if self._several:
+            return
+        if loss is None:
+            self._loss = new
+            if found[6]:
+                self._several = tuple(sorted((motor, int(found[6]))))
+                return
+            yield self._changed(new)
+        elif motor != loss.motor and time_s - loss.time_s < _ANOTHER_S and window >= 0.8:
+            self._several = tuple(sorted((loss.motor, motor)))
+            yield self._undecided(time_s)
+        elif motor == loss.motor and time_s - loss.time_s < _REFINED_S and new.odds > loss.odds:
+            since_s = min(loss.since_s, new.since_s) if window <= 1.4 else loss.since_s
+            self._loss = Loss(motor, loss.time_s, since_s, share, new.odds)
+            if SEVERITY[_condition(share)] > SEVERITY[self._reported]:
+                yield self._changed(self._loss, time_s)
+
+    def _changed(self, loss: Loss, time_s: float | None = None) -> ConditionChanged:
+        before, self._reported = self._reported, _condition(loss.share)
+        low, high = 100 * loss.share.low, 100 * loss.share.high
+        return ConditionChanged(
+            self._vehicle,
+            f"motor {loss.motor}",
+            loss.time_s if time_s is None else time_s,
+            loss.since_s,
+            before,
+            self._reported,
+            f"{self._reported}: motor {loss.motor} of {self.rotors.frame} lost {100 * loss.share.estimate:.0f} % "
+            f"of its thrust ({low:.0f} to {high:.0f} %)",
+            "thrust",
+            f"lost {100 * loss.share.estimate:.0f} % of its thrust",
+        )
+
+    def _undecided(self, time_s: float) -> ConditionChanged:
+        before, self._reported = self._reported, "undecided"
+        motor = self._loss.motor if self._loss else 0
+        return ConditionChanged(
+            self._vehicle,
+            f"motor {motor}",
+            time_s,
+            time_s,
+            before,
+            "undecided",
+            f"undecided: more than one motor (of {' and '.join(map(str, self._several))})",
+            "thrust",
+        )
+
+    def findings(self) -> MotorFindings:
+        """Return what the flight so far shows."""
+        counts = self._spacings.cumsum()
+        median = float(np.searchsorted(counts, counts[-1] / 2) + 0.5) / 100 if counts[-1] else None
+        return MotorFindings(
+            rotors=self.rotors,
+            loss=self._loss,
+            several=self._several,
+            judged_s=float(self._state.counts[evidence.JUDGED]) / RATE_HZ,
+            bound=tuple(self._state.bound.tolist()),
+            rate_hz=None if median is None else 1.0 / median,
+        )
+
+
+def _condition(share: Interval) -> Condition:
+    return "emergency" if share.estimate >= EMERGENCY_LOSS else "degraded"

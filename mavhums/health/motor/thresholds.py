@@ -1,0 +1,100 @@
+"""Numbers that decide the verdict on a motor.
+
+Efforts and thrusts are in units of the hover thrust of a motor. ``benchmarks/motors.py`` shows what they cost:
+false alarms in simulated healthy flights, and faults that are found late.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from mavhums.core.arrays import Array, Integers
+
+WINDOWS_S: Final = (0.2, 0.4, 0.8, 1.4, 3.0, 8.0, 25.0)
+"""Windows over which effort is compared: short ones see a motor that stops, long ones a worn one."""
+
+ODDS_QUAD: Final[Array] = np.array([4.0, 4.0, 6.0, 5.5, 5.0, 3.0, 2.5])
+ODDS_MORE: Final[Array] = np.array([12.0, 10.0, 8.0, 7.5, 5.5, 3.0, 2.5])
+"""Log Bayes factor by which a motor must beat the other causes, for four rotors and for more, by window."""
+
+SLOW_HZ: Final = 8.0
+"""Outputs that are slower show no window below 0.75 s, and less up to 1.6 s."""
+SLOW_ODDS_QUAD: Final = 4.0
+SLOW_ODDS_MORE: Final = 9.0
+
+RIVAL_ODDS: Final = 4.0
+"""Log Bayes factor by which a motor must beat the next motor: less names the opposite motor in the rebound."""
+
+LEAST_LOSS: Final[Array] = np.array([0.30, 0.30, 0.25, 0.20, 0.12, 0.09, 0.07])
+"""Share of thrust above which the 2.5 % quantile of the loss must lie, by window."""
+
+HELD_S: Final[Array] = np.array([0.1, 0.1, 0.2, 0.2, 0.5, 1.5, 5.0])
+"""How long this must hold, by window: one sample alone takes the rebound for a fault."""
+
+NOISE_SD: Final[Array] = np.array(
+    [
+        [0.080, 0.080, 0.030],
+        [0.070, 0.070, 0.027],
+        [0.060, 0.060, 0.024],
+        [0.050, 0.050, 0.022],
+        [0.040, 0.040, 0.020],
+        [0.030, 0.030, 0.018],
+        [0.025, 0.025, 0.015],
+    ]
+)
+"""Effort about roll, pitch and yaw that a healthy flight shows, by window, before its own is known."""
+
+NOISE_WORTH: Final = 3.0
+"""Windows that this is worth beside the flight's own."""
+NOISE_FLOOR: Final = 0.25
+"""Least share of this variance, however calm the flight was so far."""
+NOISE_MOST: Final = 40.0
+"""Most windows that the flight's own noise counts: later wind replaces the calm before."""
+
+AIR: Final[Array] = np.array([[0.12, 0.12, 0.02], [0.25, 0.25, 0.05]])
+"""SD of the effort that a payload or moving air asks for: usual, and rare."""
+AIR_SLOW: Final[Array] = np.array([0.012, 0.012, 0.035])
+"""The same that comes beside it in windows of 3 s and more."""
+AIR_RARE: Final = 55.0
+"""How many times less likely the rare one is."""
+AIR_BESIDE: Final[Array] = np.array([0.03, 0.03, 0.008])
+"""SD of the effort by air beside a motor's loss."""
+
+MODEL_ERROR: Final[Array] = np.array([0.15, 0.15, 0.4])
+"""Error of a motor's column, as a share of the loss: geometry, thrust curve, and torque by thrust."""
+
+LEAST_GAIN: Final[Array] = np.array([60.0, 60.0, 7.0])
+MOST_GAIN: Final[Array] = np.array([500.0, 500.0, 50.0])
+"""Angular acceleration by a unit of effort, rad/s²: what lies between is explained by motion."""
+YAW_DAMPING: Final = 0.15
+"""Effort that holds a yaw rate, per rad/s."""
+
+FALLS: Final = 0.2
+"""Rate, rad/s, at which the aircraft must fall towards the motor in windows below 1 s."""
+
+REFERENCE_S: Final = 40.0
+"""Memory of the trim before; a fault that grows more slowly is learned."""
+REFERENCE_GAP_S: Final = 0.5
+"""The trim ends as long before a window."""
+
+LEAST_THRUST: Final = 0.7
+"""Share of the hover thrust below which nothing is judged: at touch-down the effort winds up."""
+AIRBORNE_S: Final = 4.0
+"""In the air before anything is judged; the take-off is no trim."""
+SETTLED_S: Final = 15.0
+"""In the air before windows of 0.8 s and more are judged."""
+MOST_BANK_DEG: Final = 60.0
+BANK_GRACE_S: Final = 0.3
+"""After 60° of bank a quad without a motor still shows which one: it passes 60° after 0.26 to 0.32 s."""
+UPRIGHT_S: Final = 5.0
+"""Below half of this bank before anything is judged again."""
+LANDED_S: Final = 1.5
+"""Below half of the hover thrust for as long is no dip: the flight is over, and its trim with it."""
+
+EMERGENCY_LOSS: Final = 0.5
+"""Share lost from which a motor is an emergency: a quad has no control left to spare."""
+
+WINDOWS: Final[Integers] = np.array([4, 8, 16, 28, 60, 160, 500], dtype=np.int64)
+"""The windows in rows of 0.05 s."""

@@ -1,0 +1,195 @@
+"""The motors of a multirotor, by the log's parameters: output, place, direction and thrust curve of each.
+
+ArduPilot: FRAME_CLASS, FRAME_TYPE (FRAME before 3.5), SERVOn_FUNCTION, MOT_*. PX4: CA_ROTORn_*, else the frames
+of SYS_AUTOSTART. Rovers and boats have FRAME_CLASS, too; MOT_SPIN_MIN belongs to copters alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mavhums.core.arrays import Array
+from mavhums.vehicle.facts import ALL_OUTPUTS
+from mavhums.vehicle.parameters import Parameters
+
+__all__ = ["ROTOR_PARAMETERS", "Rotors", "rotors_of"]
+
+ROTOR_PARAMETERS: Final = ("FRAME", "MOT_", "RC3_M", "CA_", "SYS_AUTOSTART", "MAV_TYPE", "THR_MDL_FAC")
+"""First letters of the parameters that tell of motors."""
+
+_QUAD, _HEXA, _OCTA = 1, 2, 3  # FRAME_CLASS
+_SIZES: Final = {_QUAD: "quad", _HEXA: "hexa", _OCTA: "octa"}
+_TYPES: Final = {0: "+", 1: "X", 3: "H", 12: "X (Betaflight order)", 13: "X (DJI order)", 14: "X (clockwise)"}
+_CCW, _CW = 1, -1
+_FRAMES: Final[Mapping[tuple[int, int], tuple[tuple[float, int], ...]]] = {
+    (_QUAD, 0): ((90, _CCW), (-90, _CCW), (0, _CW), (180, _CW)),
+    (_QUAD, 1): ((45, _CCW), (-135, _CCW), (-45, _CW), (135, _CW)),
+    (_QUAD, 3): ((45, _CW), (-135, _CW), (-45, _CCW), (135, _CCW)),
+    (_QUAD, 12): ((135, _CW), (45, _CCW), (-135, _CCW), (-45, _CW)),
+    (_QUAD, 13): ((45, _CCW), (-45, _CW), (-135, _CCW), (135, _CW)),
+    (_QUAD, 14): ((45, _CCW), (135, _CW), (-135, _CCW), (-45, _CW)),
+    (_HEXA, 0): ((0, _CW), (180, _CCW), (-120, _CW), (60, _CCW), (-60, _CCW), (120, _CW)),
+    (_HEXA, 1): ((90, _CW), (-90, _CCW), (-30, _CW), (150, _CCW), (30, _CCW), (-150, _CW)),
+    (_HEXA, 13): ((30, _CCW), (-30, _CW), (-90, _CCW), (-150, _CW), (150, _CCW), (90, _CW)),
+    (_HEXA, 14): ((30, _CCW), (90, _CW), (150, _CCW), (-150, _CW), (-90, _CCW), (-30, _CW)),
+    (_OCTA, 0): (
+        (0, _CW), (180, _CW), (45, _CCW), (135, _CCW), (-45, _CCW), (-135, _CCW), (-90, _CW), (90, _CW),
+    ),
+    (_OCTA, 1): (
+        (22.5, _CW), (-157.5, _CW), (67.5, _CCW), (157.5, _CCW),
+        (-22.5, _CCW), (-112.5, _CCW), (-67.5, _CW), (112.5, _CW),
+    ),
+}  # fmt: skip
+"""Place, degrees clockwise from the nose, and direction of each motor, by FRAME_CLASS and FRAME_TYPE."""
+
+_MOTORS: Final = {33 + k: k for k in range(8)}  # SERVOn_FUNCTION
+_PX4_FIRST_MOTOR: Final = 101  # PWM_MAIN_FUNCn
+_PX4_KINDS: Final = {2: _QUAD, 13: _HEXA, 14: _OCTA}  # MAV_TYPE
+_PX4_PLUS: Final = (5, 7, 9)  # thousands of SYS_AUTOSTART
+_PX4_EXPONENT: Final = 1.5
+"""Thrust by output where THR_MDL_FAC does not tell: between the propeller's 2 and the ESC's 1."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rotors:
+    """The motors of one multirotor.
+
+    Attributes
+    ----------
+    frame
+        In words, for example ``quad X``.
+    servos
+        Output of each motor, from 1.
+    columns
+        What a unit of each motor's thrust adds to the effort about roll, pitch and yaw, shape (motors, 3):
+        of the mixer's factors, scaled to at most 1, each by the sum of their squares.
+    idle, full
+        Pulses at no thrust and at full thrust, µs.
+    curve
+        Of the thrust (1 − e)·x + e·x², by ArduPilot's MOT_THST_EXPO or PX4's THR_MDL_FAC; None for x^1.5.
+    """
+
+    frame: str
+    servos: tuple[int, ...]
+    columns: Array
+    idle: float
+    full: float
+    curve: float | None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Rotors) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def _key(self) -> tuple[object, ...]:
+        return self.frame, self.servos, self.columns.tobytes(), self.idle, self.full, self.curve
+
+    def thrusts(self, pulses: Array) -> Array:
+        """Return the thrust asked of each motor, a share of its full thrust, shape (n, motors).
+
+        Parameters
+        ----------
+        pulses
+            Pulses of the outputs, µs, shape (n, outputs), NaN where an output is off.
+        """
+        x = (pulses[:, [servo - 1 for servo in self.servos]] - self.idle) / (self.full - self.idle)
+        x = np.clip(x, 0.0, 1.0)
+        shares: Array = x**_PX4_EXPONENT if self.curve is None else (1 - self.curve) * x + self.curve * x**2
+        return shares
+
+
+def rotors_of(parameters: Parameters) -> Rotors | str | None:
+    """Return the motors of a multirotor; why they are not known; or None if it is not known to be one.
+
+    Examples
+    --------
+    >>> values = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_SPIN_MIN": 0.15}
+    >>> rotors_of(Parameters(1, False, values)).columns[0].tolist()
+    [-0.25, 0.25, 0.25]
+    """
+    values = parameters.values
+    return _of_px4(values) if parameters.is_px4 else _of_ardupilot(values)
+
+
+def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
+    if "MOT_SPIN_MIN" not in values and "MOT_SPIN_ARMED" not in values:
+        return None
+    kind = values.get("FRAME_CLASS", float(_QUAD) if "FRAME" in values else None)
+    type_ = values.get("FRAME_TYPE", values.get("FRAME"))
+    if kind is None or type_ is None:
+        return "the log lacks FRAME_CLASS or FRAME_TYPE, so which motor sits where is not known"
+    places = _FRAMES.get((int(kind), int(type_)))
+    if places is None:
+        return f"frames of FRAME_CLASS {kind:.0f} and FRAME_TYPE {type_:.0f} are not judged"
+    functions = {n: values.get(f"SERVO{n}_FUNCTION") for n in range(1, ALL_OUTPUTS + 1)}
+    found = {_MOTORS[int(f)]: n for n, f in functions.items() if f is not None and int(f) in _MOTORS}
+    if all(function is None for function in functions.values()):
+        found = {k: k + 1 for k in range(len(places))}
+    if set(range(len(places))) - found.keys():
+        return "the parameters assign no output to some of its motors"
+    low, high = (
+        next((values[name] for name in names if values.get(name, 0.0) > 0.0), usual)
+        for names, usual in ((("MOT_PWM_MIN", "RC3_MIN"), 1000.0), (("MOT_PWM_MAX", "RC3_MAX"), 2000.0))
+    )
+    least, most = values.get("MOT_SPIN_MIN", 0.15), values.get("MOT_SPIN_MAX", 0.95)
+    idle, full = low + least * (high - low), low + most * (high - low)
+    if not full > idle + 100.0:
+        return "the range of its motors' outputs (MOT_PWM_MIN, MOT_PWM_MAX) is not plausible"
+    name = f"{_SIZES[int(kind)]} {_TYPES[int(type_)]}"
+    servos = tuple(found[k] for k in range(len(places)))
+    return Rotors(name, servos, _columns(_factors(places)), idle, full, values.get("MOT_THST_EXPO", 0.65))
+
+
+def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
+    count = int(values.get("CA_ROTOR_COUNT", 0.0))
+    if count and values.get("CA_AIRFRAME", 0.0) == 0.0:
+        known = [[values.get(f"CA_ROTOR{k}_{part}") for part in ("PX", "PY", "KM")] for k in range(count)]
+        if count < 4 or any(number is None for row in known for number in row):
+            return "the log lacks the places of its rotors (CA_ROTORn_PX, _PY, _KM)"
+        placed = np.array(known, dtype=float)
+        factors = np.stack([-placed[:, 1], placed[:, 0], placed[:, 2]], axis=1)
+        servos = _px4_servos(values, count)
+        size = next((name for name, n in (("quad", 4), ("hexa", 6), ("octa", 8)) if n == count), None)
+    else:
+        kind = _PX4_KINDS.get(int(values.get("MAV_TYPE", 0.0)))
+        if kind is None or "SYS_AUTOSTART" not in values or count:
+            return None
+        type_ = 0 if int(values["SYS_AUTOSTART"]) // 1000 in _PX4_PLUS else 1
+        factors = _factors(_FRAMES[kind, type_])
+        servos, size = tuple(range(1, len(factors) + 1)), f"{_SIZES[kind]} {_TYPES[type_]}"
+    if size is None or np.linalg.matrix_rank(factors) < 3 or (np.abs(factors).max(axis=0) <= 0).any():
+        return "frames with such an arrangement of rotors are not judged"
+    if len(servos) < len(factors):
+        return "the parameters assign no output to some of its motors (PWM_MAIN_FUNCn)"
+    curve = values.get("THR_MDL_FAC", 0.0)
+    return Rotors(size, servos, _columns(factors), 1000.0, 2000.0, curve if curve > 0.0 else None)
+
+
+def _px4_servos(values: Mapping[str, float], count: int) -> tuple[int, ...]:
+    prefixes = (("PWM_MAIN_FUNC", 0), ("PWM_AUX_FUNC", 16), ("HIL_ACT_FUNC", 0))
+    for prefix, first in prefixes:
+        found = {
+            int(values[f"{prefix}{n}"]) - _PX4_FIRST_MOTOR: first + n
+            for n in range(1, 17)
+            if values.get(f"{prefix}{n}", 0.0) >= _PX4_FIRST_MOTOR
+        }
+        if all(k in found for k in range(count)):
+            return tuple(found[k] for k in range(count))
+    return ()
+
+
+def _factors(places: tuple[tuple[float, int], ...]) -> Array:
+    angles = np.radians([angle for angle, _ in places])
+    return np.stack([-np.sin(angles), np.cos(angles), [float(spin) for _, spin in places]], axis=1)
+
+
+def _columns(factors: Array) -> Array:
+    factors = factors / np.abs(factors).max(axis=0)
+    columns: Array = factors / (factors**2).sum(axis=0)
+    columns[np.abs(columns) < 1e-9] = 0.0
+    return columns
