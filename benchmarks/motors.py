@@ -16,15 +16,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
-from mavhums_sim.multirotor.flight import Flown, fly
-from mavhums_sim.multirotor.log import PARAMETERS, Rates, pulses, sampled
 
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.grid import Grid
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of
+from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
+from mavhums_sim.multirotor.flight import Flown, fly
+from mavhums_sim.multirotor.log import PARAMETERS, Rates, pulses, sampled
 
 LOSSES = (1.0, 0.7, 0.5, 0.3)
 HZ = (2.0, 4.0, 10.0, 25.0, 50.0)
@@ -57,7 +57,7 @@ def signals(flown: Flown, rates: Rates, seed: int) -> Iterator[Signal]:
     def signal(name: str, rate_hz: float, values: np.ndarray) -> Signal:
         time_s, rows = sampled(rng, flown, rate_hz)
         time_us = np.rint(time_s * 1e6).astype(np.int64)
-        return Signal(1, name, name, np.arange(rows.size), time_us, values[rows])
+        return Signal(1, name, name, time_us, time_us, values[rows])  # a log in order of time
 
     outputs = np.full((flown.time_s.size, OUTPUTS), np.nan)
     outputs[:, : flown.command.shape[1]] = pulses(flown.command)
@@ -137,7 +137,9 @@ def share(hits: int, of: int) -> str:
 
 def report(cases: Sequence[Case]) -> None:
     """Print what was found of faults, and the false alarms."""
-    print("| fault | craft | outputs | n | 0.5 s | 1 s | 2 s | 5 s | 30 s | wrong | before | several | median s |")
+    print(
+        "| fault | craft | outputs | n | 0.5 s | 1 s | 2 s | 5 s | 30 s | wrong | before | several | median s |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
     sizes = {"quad": "quad", "hexa": "hexa", "octa": "octa"}
     for loss in LOSSES:

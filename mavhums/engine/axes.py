@@ -17,12 +17,13 @@ from mavhums.vehicle.formats import reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import Parameters, Sent
+from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
 __all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes"]
 
-_FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT", *VTOL_PARAMETERS)
+_FUNCTIONS: Final = ("SERVO", "PWM_", "HIL_ACT", *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
 
 
 class Axes:

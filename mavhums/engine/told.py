@@ -19,6 +19,7 @@ from mavhums.actuator.contradictions import (
 from mavhums.actuator.profile import Airframe
 from mavhums.vehicle.outputs import assigned_outputs
 from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums.vehicle.surfaces import Surfaces, of_parameters
 
 __all__ = ["Known", "Told", "notices"]
@@ -45,6 +46,11 @@ class Known(NamedTuple):
         if self.airframe is not None:
             return reconciled(self.airframe, self.parameters)
         return None if self.parameters is None else of_parameters(self.parameters)
+
+    @property
+    def rotors(self) -> Rotors | str | None:
+        """The motors of a multirotor; why they are not known; None if it is not known to be one."""
+        return None if self.parameters is None else rotors_of(self.parameters)
 
     def against(self, actuator: str) -> tuple[Contradiction, ...]:
         """Return why an actuator cannot be judged by the profile: its output moves something else."""
@@ -94,7 +100,7 @@ class Told:
 
     def hear(self, second: int, parameters: Parameters) -> None:
         """Take the parameters as they are after a flight second."""
-        said = assigned_outputs(parameters), of_parameters(parameters)
+        said = assigned_outputs(parameters), of_parameters(parameters), rotors_of(parameters)
         if said != self._heard:
             self._heard = said
             self._add(second, "parameters", parameters)

@@ -169,9 +169,11 @@ class Watch:
     def _actuator(self, verdict: Verdict, now_us: int, elapsed_s: float) -> ActuatorStatus:
         heard = self._heard.get((verdict.vehicle or 0, verdict.actuator))
         silent = self._latest_us is None or (now_us - self._latest_us) / 1e6 > STALE_S
-        stale = heard.stale if heard else silent and (verdict.actuator == ALL or verdict.subject == "axis")
+        stale = (
+            heard.stale if heard else silent and (verdict.actuator == ALL or verdict.subject != "actuator")
+        )
         latest_us = heard.latest_us if heard else None
-        if verdict.subject == "axis":
+        if verdict.subject != "actuator":
             latest_us = self._latest_us
         return ActuatorStatus(
             vehicle=verdict.vehicle,

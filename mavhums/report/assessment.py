@@ -182,10 +182,11 @@ class OwnRecord(Contract):
 
 
 class Verdict(Contract):
-    """What the log says of one actuator, or of one axis of the aircraft.
+    """What the log says of one actuator, of one axis of the aircraft, or of one motor of a multirotor.
 
     ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
-    ``surfaces`` are those that move it. ``effectiveness`` is the share of its reference that it keeps now,
+    ``surfaces`` are those that move it; for a motor ``motor 1`` and so on, in the autopilot's order.
+    ``effectiveness`` is the share of its reference, or of its thrust, that it keeps now,
     and ``limits`` are those by which it was judged.
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
@@ -198,7 +199,7 @@ class Verdict(Contract):
     'degraded'
     """
 
-    subject: Literal["actuator", "axis"] = "actuator"
+    subject: Literal["actuator", "axis", "motor"] = "actuator"
     vehicle: int | None
     actuator: str
     surfaces: tuple[str, ...] = ()

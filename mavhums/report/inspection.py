@@ -43,7 +43,7 @@ class ActuatorTelemetry(Frozen):
 class Judgeable(Frozen):
     """An axis or an actuator, and whether the log allows to judge it; if not, why and what would."""
 
-    subject: Literal["actuator", "axis"]
+    subject: Literal["actuator", "axis", "motor"]
     name: str
     surfaces: tuple[str, ...]
     judgeable: bool

@@ -43,7 +43,7 @@ class FlightPoint(Contract):
 class LastFlight(Contract):
     """The gravest condition of an actuator's or axis's last flight, of which no flight shows an indicator."""
 
-    subject: Literal["actuator", "axis"] = "actuator"
+    subject: Literal["actuator", "axis", "motor"] = "actuator"
     vehicle: int
     actuator: str
     condition: Condition
@@ -74,7 +74,7 @@ class ActuatorTrend(Contract):
         Until the line reaches the emergency limit; None where the flights do not tell, for the ``reason``.
     """
 
-    subject: Literal["actuator", "axis"] = "actuator"
+    subject: Literal["actuator", "axis", "motor"] = "actuator"
     vehicle: int
     actuator: str
     airframe: str | None

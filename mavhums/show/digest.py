@@ -8,6 +8,8 @@ from typing import Final, NamedTuple
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.detectors import to_inspect
 from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
+from mavhums.health.verdict.motor import MOTORS
+from mavhums.health.verdict.motor import to_inspect as motor_to_inspect
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.show.servo_tables import ServoTable, reserve, usage
@@ -23,8 +25,8 @@ from mavhums.show.words import capital, clock, friction, join, losses, name, per
 
 __all__ = ["NOT_JUDGED", "Digest", "Paragraph", "Subject", "advice", "digest", "headline"]
 
-NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, and servos with telemetry)"
-"""What is said of a vehicle without wings, after its kind."""
+NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, multirotors, and servos with telemetry)"
+"""What is said of a vehicle with neither wings nor rotors that are judged, after its kind."""
 
 _NAMED: Final = 3  # more names than that push the other columns of a table out of sight
 _SHORT: Final = 60  # a longer reason is given below the headline, with its remedy
@@ -156,6 +158,11 @@ def advice(verdict: Verdict) -> str:
     """Return the recommended action, by the worst condition and the suspected fault."""
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
+    if verdict.subject == "motor":
+        parts = motor_to_inspect(verdict.actuator)
+        if verdict.gravest == "emergency":
+            return f"do not fly; inspect {parts}; replace what failed and test it without propellers"
+        return _ADVICE[verdict.gravest].format(parts=parts)
     look = axis_to_inspect if verdict.subject == "axis" else to_inspect
     parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
     if verdict.subject == "axis" and verdict.gravest == "emergency":
@@ -169,7 +176,7 @@ def _headline(assessment: Assessment, without_wings: Sequence[str]) -> str:
         return "; ".join(without_wings) or "No actuator was found in this log"
     word = ranked[0].gravest
     worst = [verdict for verdict in ranked if verdict.gravest == word]
-    if SEVERITY[word] <= SEVERITY["normal"] and any(verdict.subject == "axis" for verdict in ranked):
+    if SEVERITY[word] <= SEVERITY["normal"] and any(verdict.subject != "actuator" for verdict in ranked):
         return _what_was_judged(assessment)
     if word == "unmonitored":
         well = [verdict for verdict in ranked if verdict.gravest == "normal"]
@@ -318,6 +325,9 @@ def _without_wingless(assessment: Assessment) -> tuple[Assessment, list[str]]:
 def _wingless(own: Sequence[Verdict]) -> str | None:
     """Return what is said of a vehicle without wings and without servos that report; None of any other."""
     axes = next((v for v in own if v.subject == "axis" and v.remedy == NO_WINGS), None)
+    if axes is None and any(v.subject == "motor" and v.actuator == MOTORS for v in own):
+        # Why its motors are not judged is told as it is of any subject; that it has no servos is not.
+        return None
     if axes is None:
         return None
     for verdict in own:

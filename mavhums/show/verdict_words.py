@@ -122,7 +122,8 @@ def certainty(verdict: Verdict) -> str:
     sure = []
     if verdict.effectiveness and not (control_left(verdict) or "").startswith("not reliable"):
         left = effectiveness(verdict.effectiveness)
-        sure.append(f"{left} of the reference's control effectiveness with its 95 % interval")
+        what = "thrust" if verdict.subject == "motor" else "control effectiveness"
+        sure.append(f"{left} of the reference's {what} with its 95 % interval")
     if verdict.friction_nm:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if sentence := network_sentence(verdict):
@@ -143,6 +144,8 @@ def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
         moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
         decidable = f"{coverage.decidable} of {coverage.windows} windows are decidable"
         return decidable + moved if "V7" in verdict.provenance else decidable
+    if verdict.subject == "motor":
+        return f"its thrust could be judged in {coverage.decidable} of {coverage.windows} s"
     if alarmed and not coverage.decidable:
         return "control effectiveness is judged apart from that, and could not be in this flight"
     return f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"

@@ -17,7 +17,7 @@ from mavhums.core.kernels import kernel
 from mavhums.health.motor import thresholds as t
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["COLUMNS", "JUDGED", "Rules", "State", "follow", "new_state", "rules_for"]
+__all__ = ["COLUMNS", "FLOWN", "JUDGED", "Rules", "State", "follow", "new_state", "rules_for"]
 
 COLUMNS: Final = 7
 """Of the result: motor from 1, or 0; window; log Bayes factor; share lost, its 95 % interval; another motor
@@ -26,7 +26,7 @@ with which it fits much better, from 1, or 0."""
 _RING: Final = 1024  # rows; more than the longest window with its reference
 _LOSSES: Final = 20
 _PAIR_ODDS: Final = 6.0
-_COUNT, _ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED = range(7)
+_COUNT, _ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN = range(8)
 _QUICK: Final = 2  # windows that demand that the aircraft falls towards the motor
 _SLOW_WINDOW, _SLOW_ODDS = 2, 4  # the first that slow outputs show, and the first with the usual odds
 _BOUND: Final = 3  # window that bounds what is lost
@@ -97,7 +97,7 @@ def new_state(motors: int) -> State:
     """Return the state before the first row."""
     windows = t.WINDOWS.size
     return State(
-        np.zeros(JUDGED + 1, dtype=np.int64),
+        np.zeros(FLOWN + 1, dtype=np.int64),
         np.zeros((_RING, 3)),
         np.zeros((_RING, motors)),
         np.zeros((_RING, 3)),
@@ -178,6 +178,7 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
     if c[_DIP] > k[16]:
         c[_WHOLE] = 0
     c[_ALOFT] += 1
+    c[FLOWN] += 1
     if upright < k[5]:
         c[_GRACE] += 1
         if c[_GRACE] > k[14]:
@@ -227,9 +228,7 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
 
 
 @kernel
-def _residual(
-    w: int, columns: Array, rules: Rules, s: State, e: Array, asked: Array, swing: Array
-) -> bool:
+def _residual(w: int, columns: Array, rules: Rules, s: State, e: Array, asked: Array, swing: Array) -> bool:
     """Compute the effort of a window that neither trim nor motion explains; False where the trim is new."""
     span, k = rules.windows[w], rules.scalars
     count = s.counts[_COUNT]

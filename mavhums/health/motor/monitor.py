@@ -20,7 +20,7 @@ from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import all_outputs
 
-__all__ = ["Loss", "MotorFindings", "MotorMonitor"]
+__all__ = ["Loss", "MotorFindings", "MotorMonitor", "condition_of"]
 
 _ANOTHER_S: Final = 10.0
 """A second motor named within this time of the first: more than one lost thrust, and neither is certain."""
@@ -59,8 +59,8 @@ class MotorFindings:
         The motor that lost thrust; None if none did.
     several
         Motors between which the evidence does not tell; empty if there is no doubt.
-    judged_s
-        Seconds of flight that were judged.
+    flown_s, judged_s
+        Seconds in the air, and those that were judged.
     bound
         By motor, the share of thrust that it has lost at most at any time, with 97.5 % confidence.
     rate_hz
@@ -70,6 +70,7 @@ class MotorFindings:
     rotors: Rotors
     loss: Loss | None
     several: tuple[int, ...]
+    flown_s: float
     judged_s: float
     bound: tuple[float, ...]
     rate_hz: float | None
@@ -150,11 +151,11 @@ class MotorMonitor:
         elif motor == loss.motor and time_s - loss.time_s < _REFINED_S and new.odds > loss.odds:
             since_s = min(loss.since_s, new.since_s) if window <= 1.4 else loss.since_s
             self._loss = Loss(motor, loss.time_s, since_s, share, new.odds)
-            if SEVERITY[_condition(share)] > SEVERITY[self._reported]:
+            if SEVERITY[condition_of(share)] > SEVERITY[self._reported]:
                 yield self._changed(self._loss, time_s)
 
     def _changed(self, loss: Loss, time_s: float | None = None) -> ConditionChanged:
-        before, self._reported = self._reported, _condition(loss.share)
+        before, self._reported = self._reported, condition_of(loss.share)
         low, high = 100 * loss.share.low, 100 * loss.share.high
         return ConditionChanged(
             self._vehicle,
@@ -163,8 +164,8 @@ class MotorMonitor:
             loss.since_s,
             before,
             self._reported,
-            f"{self._reported}: motor {loss.motor} of {self.rotors.frame} lost {100 * loss.share.estimate:.0f} % "
-            f"of its thrust ({low:.0f} to {high:.0f} %)",
+            f"{self._reported}: motor {loss.motor} of {self.rotors.frame} lost "
+            f"{100 * loss.share.estimate:.0f} % of its thrust ({low:.0f} to {high:.0f} %)",
             "thrust",
             f"lost {100 * loss.share.estimate:.0f} % of its thrust",
         )
@@ -191,11 +192,13 @@ class MotorMonitor:
             rotors=self.rotors,
             loss=self._loss,
             several=self._several,
+            flown_s=float(self._state.counts[evidence.FLOWN]) / RATE_HZ,
             judged_s=float(self._state.counts[evidence.JUDGED]) / RATE_HZ,
             bound=tuple(self._state.bound.tolist()),
             rate_hz=None if median is None else 1.0 / median,
         )
 
 
-def _condition(share: Interval) -> Condition:
+def condition_of(share: Interval) -> Condition:
+    """Return the condition of a motor that lost a share of its thrust."""
     return "emergency" if share.estimate >= EMERGENCY_LOSS else "degraded"

@@ -1,7 +1,7 @@
 """Numbers that decide the verdict on a motor.
 
-Efforts and thrusts are in units of the hover thrust of a motor. ``benchmarks/motors.py`` shows what they cost:
-false alarms in simulated healthy flights, and faults that are found late.
+Efforts and thrusts are in units of the hover thrust of a motor. ``benchmarks/motors.py`` shows what they
+cost: false alarms in simulated healthy flights, and faults that are found late.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SLOW_ODDS_QUAD: Final = 4.0
 SLOW_ODDS_MORE: Final = 9.0
 
 RIVAL_ODDS: Final = 4.0
-"""Log Bayes factor by which a motor must beat the next motor: less names the opposite motor in the rebound."""
+"""Log Bayes factor by which a motor must beat the next one: less names the opposite motor in the rebound."""
 
 LEAST_LOSS: Final[Array] = np.array([0.30, 0.30, 0.25, 0.20, 0.12, 0.09, 0.07])
 """Share of thrust above which the 2.5 % quantile of the loss must lie, by window."""
@@ -92,6 +92,13 @@ UPRIGHT_S: Final = 5.0
 """Below half of this bank before anything is judged again."""
 LANDED_S: Final = 1.5
 """Below half of the hover thrust for as long is no dip: the flight is over, and its trim with it."""
+
+JUDGED_S: Final = 30.0
+"""Seconds that must be judged before a flight without a fault says anything."""
+STEP_EXCLUDED: Final = 0.1
+"""Losses that a healthy flight excludes are given in these steps, as a share of the thrust."""
+MOST_EXCLUDED: Final = 0.7
+"""A flight that excludes no more than this is undecided: a motor may have failed unseen."""
 
 EMERGENCY_LOSS: Final = 0.5
 """Share lost from which a motor is an emergency: a quad has no control left to spare."""

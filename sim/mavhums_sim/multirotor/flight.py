@@ -27,6 +27,9 @@ _LEVEL_DEG: Final = 35.0  # most lean that is commanded
 _ANGLE_GAIN: Final = 4.5  # 1/s, ArduPilot's default
 _SPEED_GAIN: Final = 1.0  # 1/s
 _CLIMB_GAIN: Final = 2.5  # 1/s
+_LOWEST_M: Final = 4.0  # it climbs rather than flies into the ground before it lands
+_SPOOLS_DOWN: Final = 0.5  # thrust by hover thrust that it loses each second after touch-down
+_AFTER_S: Final = 2.0  # the record goes on for as long after touch-down
 _RATES: Final = 17  # columns of the record before the motors' commands
 
 
@@ -114,7 +117,7 @@ def _fly(
     gust, wash = np.zeros(3), np.zeros(3)
     thrust, asked = np.full(motors, 0.8 * hover), np.full(motors, 0.8 * hover)
     wanted_roll, wanted_pitch, lift_memory = 0.0, 0.0, 0.0
-    keep = np.exp(-_DT / lag_s)
+    keep, touched = np.exp(-_DT / lag_s), np.nan
     for step in range(rows.shape[0] * _STEPS):
         t = step * _DT
         second = int(t)
@@ -136,6 +139,8 @@ def _fly(
             want_n, want_e, want_up = demanded[second, 0], demanded[second, 1], demanded[second, 2]
             if t >= settings[9]:
                 want_n, want_e, want_up = 0.0, 0.0, -2.0 if where[2] > 6.0 else -0.6
+            elif where[2] < _LOWEST_M:
+                want_up = max(want_up, 0.0)
             most = np.tan(np.radians(_LEVEL_DEG)) * _G
             a_n = min(max(_SPEED_GAIN * (want_n - speed[0]), -most), most)
             a_e = min(max(_SPEED_GAIN * (want_e - speed[1]), -most), most)
@@ -151,6 +156,8 @@ def _fly(
             tilt = max(np.cos(roll) * np.cos(pitch), 0.6)
             lift = hover * (1.0 + (_CLIMB_GAIN * short + lift_memory) / _G) / tilt
             lift = min(max(lift, 0.1), 0.95)
+            if touched == touched:
+                lift = hover * max(0.9 - _SPOOLS_DOWN * (t - touched), 0.05)
         # Rates → commands.
         want = np.array(
             [
@@ -222,8 +229,10 @@ def _fly(
                 return step // _STEPS
             where[2], speed[:] = 0.0, np.maximum(speed, 0.0) * 0.0
             roll, pitch, rate[:] = roll * 0.9, pitch * 0.9, rate * 0.5
-            if t >= settings[9]:
-                return step // _STEPS
+            if t >= settings[9] and touched != touched:
+                touched = t
+        if t > touched + _AFTER_S:
+            return step // _STEPS
         if step % _STEPS == 0:
             row = rows[step // _STEPS]
             row[0], row[1], row[2] = roll, pitch, yaw

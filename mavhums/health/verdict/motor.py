@@ -1,0 +1,168 @@
+"""Converts the findings about a multirotor's motors to verdicts, or to a reason and a remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from datetime import datetime
+from math import ceil, exp
+from types import MappingProxyType
+from typing import Final
+
+from mavhums.health.motor.monitor import Loss, MotorFindings, condition_of
+from mavhums.health.motor.thresholds import JUDGED_S, MOST_EXCLUDED, STEP_EXCLUDED
+from mavhums.health.verdict.actuator import since
+from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect, Verdict
+from mavhums.vehicle.formats import remedy
+from mavhums.vehicle.grid import Received
+from mavhums.vehicle.rotors import Rotors
+
+__all__ = ["MOTORS", "to_inspect", "unjudged_motors", "verdicts_of_motors"]
+
+MOTORS: Final = "motors"
+"""Stands for the motor where a verdict is on all of a vehicle's."""
+_PARAMETERS: Final = (
+    "nothing in the log tells which motor sits where",
+    "record the parameters, too (a refresh of the ground station's list; a .BIN or .ulg from its start)",
+)
+_LONGER: Final = "choose a log with a hover of a minute or more, from take-off on"
+
+
+def unjudged_motors(vehicle: int, reason: str, remedy: str) -> Verdict:
+    """Return the single verdict on all motors of a vehicle if none can be judged."""
+    return Verdict(
+        subject="motor",
+        vehicle=vehicle,
+        actuator=MOTORS,
+        condition="undecided",
+        worst="undecided",
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def to_inspect(motor: str) -> str:
+    """Return the parts to inspect for a motor's loss of thrust: outputs alone do not tell them apart."""
+    return f"the propeller, motor, ESC and wiring of {motor}"
+
+
+def verdicts_of_motors(
+    vehicle: int,
+    findings: MotorFindings | None,
+    rotors: Rotors | str | None,
+    heard: Collection[str],
+    start_utc: datetime,
+    received: Mapping[str, Received] = MappingProxyType({}),
+    autopilots: Collection[int] = (),
+) -> Iterator[Verdict]:
+    """Yield the verdict on the motor that lost thrust, or on each motor of a healthy flight, or one on all.
+
+    Parameters
+    ----------
+    findings
+        What the flight shows; None if the motors are not known.
+    rotors
+        The motors, or why they are not known.
+    heard
+        Signals with at least one number.
+    """
+    if findings is None:
+        known = rotors if isinstance(rotors, str) else None
+        yield unjudged_motors(
+            vehicle, *((known, "only quad, hexa and octa frames are judged") if known else _PARAMETERS)
+        )
+        return
+    missing = [
+        words
+        for words, names in (
+            ("the outputs of its motors", {"outputs"}),
+            ("the attitude", {"attitude"}),
+            ("the body rates", {"rates", "slow_rates"}),
+        )
+        if not names & set(heard)
+    ]
+    if missing:
+        to_record = remedy("motion", received.keys(), set(autopilots))
+        yield unjudged_motors(
+            vehicle, f"the log lacks {' and '.join(missing)}", f"record {to_record} at 10 Hz or more"
+        )
+    elif findings.several:
+        numbers = " and ".join(map(str, findings.several))
+        yield unjudged_motors(
+            vehicle,
+            f"more than one motor seems to have lost thrust ({numbers}), and which did first is not certain",
+            f"do not fly; inspect {to_inspect(f'motors {numbers}')}",
+        )
+    elif findings.loss is not None:
+        yield _lost(vehicle, findings, findings.loss, start_utc)
+    elif findings.judged_s < JUDGED_S:
+        why = f"{findings.judged_s:.0f} s of flight could be judged, {JUDGED_S:.0f} are needed"
+        yield unjudged_motors(vehicle, why, _LONGER)
+    else:
+        yield from _healthy(vehicle, findings)
+
+
+def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime) -> Verdict:
+    condition = condition_of(loss.share)
+    share = loss.share
+    rule = (
+        f"{condition}: lost {100 * share.estimate:.0f} % of its thrust "
+        f"({100 * share.low:.0f} to {100 * share.high:.0f} %)"
+    )
+    kept = Interval(
+        estimate=round(1 - share.estimate, 3), low=round(1 - share.high, 3), high=round(1 - share.low, 3)
+    )
+    return Verdict(
+        subject="motor",
+        vehicle=vehicle,
+        actuator=f"motor {loss.motor}",
+        condition=condition,
+        worst=condition,
+        effectiveness=kept,
+        suspects=(Suspect(fault="thrust", confidence=round(1 / (1 + exp(-min(loss.odds, 20.0))), 3)),),
+        since=since(loss.since_s, start_utc),
+        coverage=_coverage(findings),
+        provenance=_origin(findings, loss.motor),
+        evidence=(
+            Evidence(
+                kind="thrust",
+                start_s=round(loss.since_s, 2),
+                end_s=round(loss.time_s, 2),
+                value=round(share.estimate, 3),
+                rule=rule,
+            ),
+        ),
+    )
+
+
+def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
+    """Yield what a flight without a fault excludes, the same for each motor."""
+    excluded = ceil(max(findings.bound) / STEP_EXCLUDED) * STEP_EXCLUDED
+    if excluded > MOST_EXCLUDED:
+        why = f"no motor stands out, but a loss of {100 * MOST_EXCLUDED:.0f} % would not have been certain"
+        yield unjudged_motors(vehicle, why, "choose a calmer flight, or record the outputs at 25 Hz or more")
+        return
+    said = f"no motor lost {100 * excluded:.0f} % or more of its thrust for over 2 s, with 95 % confidence"
+    for number in range(1, len(findings.bound) + 1):
+        yield Verdict(
+            subject="motor",
+            vehicle=vehicle,
+            actuator=f"motor {number}",
+            condition="normal",
+            worst="normal",
+            coverage=_coverage(findings),
+            provenance=_origin(findings, number),
+            reason=f"{findings.rotors.frame}: {said}",
+            remedy="keep the log: a slower loss shows against later flights only",
+        )
+
+
+def _coverage(findings: MotorFindings) -> Coverage:
+    seconds = int(findings.judged_s)
+    flown = max(int(findings.flown_s), seconds)
+    return Coverage(
+        moving_fraction=round(seconds / flown, 4) if flown else 0, windows=flown, decidable=seconds
+    )
+
+
+def _origin(findings: MotorFindings, motor: int) -> dict[str, str]:
+    return {"V1": f"output {findings.rotors.servos[motor - 1]}, by the log's parameters"}
