@@ -137,9 +137,8 @@ def share(hits: int, of: int) -> str:
 
 def report(cases: Sequence[Case]) -> None:
     """Print what was found of faults, and the false alarms."""
-    print(
-        "| fault | craft | outputs | n | 0.5 s | 1 s | 2 s | 5 s | 30 s | wrong | before | several | median s |"
-    )
+    columns = "fault|craft|outputs|n|0.5 s|1 s|2 s|5 s|30 s|wrong|before|several|median s"
+    print(f"|{columns}|")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
     sizes = {"quad": "quad", "hexa": "hexa", "octa": "octa"}
     for loss in LOSSES:

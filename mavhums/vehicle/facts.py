@@ -53,6 +53,7 @@ CONTINUOUS: Final[Mapping[str, int]] = {
     "rates": 3,  # roll, pitch, yaw rate of the fastest gyro, rad/s
     "slow_rates": 3,  # the same from the attitude estimate
     "force": 3,  # specific force, forward, right, down, m/s²
+    "mixer": 4,  # what the mixer of a multirotor was asked for: roll, pitch, yaw, thrust, shares of full
     "attitude": 3,  # roll, pitch, yaw, rad
     "demand": 2,  # commanded roll and pitch, rad
     "airspeed": 1,  # m/s

@@ -1,7 +1,7 @@
 """The motors of a multirotor, by the log's parameters: output, place, direction and thrust curve of each.
 
-ArduPilot: FRAME_CLASS, FRAME_TYPE (FRAME before 3.5), SERVOn_FUNCTION, MOT_*. PX4: CA_ROTORn_*, else the frames
-of SYS_AUTOSTART. Rovers and boats have FRAME_CLASS, too; MOT_SPIN_MIN belongs to copters alone.
+ArduPilot: FRAME_CLASS, FRAME_TYPE (FRAME before 3.5), SERVOn_FUNCTION, MOT_*. PX4: CA_ROTORn_*, else the
+frames of SYS_AUTOSTART. Rovers and boats have FRAME_CLASS, too; MOT_SPIN_MIN belongs to copters alone.
 """
 
 from __future__ import annotations
@@ -50,6 +50,8 @@ _MOTORS: Final = {33 + k: k for k in range(8)}  # SERVOn_FUNCTION
 _PX4_FIRST_MOTOR: Final = 101  # PWM_MAIN_FUNCn
 _PX4_KINDS: Final = {2: _QUAD, 13: _HEXA, 14: _OCTA}  # MAV_TYPE
 _PX4_PLUS: Final = (5, 7, 9)  # thousands of SYS_AUTOSTART
+_OVERRIDDEN: Final = 0.15
+"""Share of full thrust by which an output differs from what the mixer asks of it: less is the sampling."""
 _PX4_EXPONENT: Final = 1.5
 """Thrust by output where THR_MDL_FAC does not tell: between the propeller's 2 and the ESC's 1."""
 
@@ -89,14 +91,28 @@ class Rotors:
     def _key(self) -> tuple[object, ...]:
         return self.frame, self.servos, self.columns.tobytes(), self.idle, self.full, self.curve
 
-    def thrusts(self, pulses: Array) -> Array:
+    def thrusts(self, pulses: Array, mixer: Array) -> Array:
         """Return the thrust asked of each motor, a share of its full thrust, shape (n, motors).
 
         Parameters
         ----------
         pulses
             Pulses of the outputs, µs, shape (n, outputs), NaN where an output is off.
+        mixer
+            What the mixer was asked for: roll, pitch, yaw and thrust, shape (n, 4), NaN where unknown.
         """
+        sent = self._sent(pulses)
+        factors = self.columns / np.abs(self.columns).max(axis=0)
+        asked = np.clip(mixer[:, 3:] + 0.5 * mixer[:, :3] @ factors.T, 0.0, 1.0)
+        # An output that is overridden or passed through shows no more what is asked of its motor. Where all
+        # outputs but one or two follow the mixer, those are replaced; at the limits more of them differ.
+        apart = sent - asked
+        apart -= np.median(apart, axis=1, keepdims=True)
+        odd = np.abs(apart) > _OVERRIDDEN
+        replaced = odd & (odd.sum(axis=1, keepdims=True) <= len(self.servos) // 3)
+        return np.where(replaced, sent - apart, sent)
+
+    def _sent(self, pulses: Array) -> Array:
         x = (pulses[:, [servo - 1 for servo in self.servos]] - self.idle) / (self.full - self.idle)
         x = np.clip(x, 0.0, 1.0)
         shares: Array = x**_PX4_EXPONENT if self.curve is None else (1 - self.curve) * x + self.curve * x**2

@@ -24,12 +24,13 @@ COLUMNS: Final = 7
 with which it fits much better, from 1, or 0."""
 
 _RING: Final = 1024  # rows; more than the longest window with its reference
-_LOSSES: Final = 20
-_PAIR_ODDS: Final = 6.0
+_LOSSES, _PAIRED = 20, 10  # steps of the share lost, of one motor and of each of two
 _COUNT, _ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN = range(8)
 _QUICK: Final = 2  # windows that demand that the aircraft falls towards the motor
 _SLOW_WINDOW, _SLOW_ODDS = 2, 4  # the first that slow outputs show, and the first with the usual odds
+_FIRST_PAIRED, _LAST_PAIRED = 1, 3  # windows that show two motors at once: such a flight is short
 _BOUND: Final = 3  # window that bounds what is lost
+_LATER: Final = 5 * RATE_HZ  # rows in the air that must follow: at touch-down the effort winds up
 
 
 class Rules(NamedTuple):
@@ -42,6 +43,7 @@ class Rules(NamedTuple):
     held: Integers
     noise: Array
     air: Array
+    rarity: Array
     air_slow: Array
     beside: Array
     error: Array
@@ -64,6 +66,8 @@ class State(NamedTuple):
     weight: Array
     pending: Array
     held: Integers
+    paired: Integers
+    recent: Array
     bound: Array
 
 
@@ -72,9 +76,9 @@ def rules_for(motors: int) -> Rules:
     more = motors > 4
     scalars = [
         t.RIVAL_ODDS, t.SLOW_HZ, t.YAW_DAMPING, t.FALLS, t.LEAST_THRUST, np.cos(np.radians(t.MOST_BANK_DEG)),
-        np.log(t.AIR_RARE), t.NOISE_WORTH, t.NOISE_FLOOR, t.NOISE_MOST,
+        t.PAIR_ODDS, t.NOISE_WORTH, t.NOISE_FLOOR, t.NOISE_MOST,
         t.REFERENCE_S * RATE_HZ, t.REFERENCE_GAP_S * RATE_HZ, t.AIRBORNE_S * RATE_HZ, t.SETTLED_S * RATE_HZ,
-        t.BANK_GRACE_S * RATE_HZ, t.UPRIGHT_S * RATE_HZ, t.LANDED_S * RATE_HZ,
+        t.BANK_GRACE_S * RATE_HZ, t.UPRIGHT_S * RATE_HZ, t.LANDED_S * RATE_HZ, t.PAIR_BESIDE_ONE,
     ]  # fmt: skip
     return Rules(
         t.WINDOWS,
@@ -84,6 +88,7 @@ def rules_for(motors: int) -> Rules:
         np.rint(t.HELD_S * RATE_HZ).astype(np.int64),
         t.NOISE_SD,
         t.AIR,
+        np.log(t.AIR_RARITY),
         t.AIR_SLOW,
         t.AIR_BESIDE,
         t.MODEL_ERROR,
@@ -108,6 +113,8 @@ def new_state(motors: int) -> State:
         np.zeros(windows),
         np.full((windows, 3), np.nan),
         np.zeros((windows, 2), dtype=np.int64),
+        np.zeros(windows, dtype=np.int64),
+        np.zeros((2, motors)),
         np.zeros(motors),
     )
 
@@ -173,6 +180,7 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
     c[_DIP] = c[_DIP] + 1 if low else 0
     if grounded or (c[_DIP] > k[16] and mean < 0.5 * hover) or (c[_ALOFT] == 0 and low):
         c[_ALOFT], c[_WHOLE] = 0, 0
+        s.recent[:] = 0.0
         s.now[0:4] = np.nan
         return
     if c[_DIP] > k[16]:
@@ -223,8 +231,13 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
             _bound(e, asked, noise, columns, rules, s)
         if not suspected:
             _learn(w, e, k, s)
-    if judged:
-        c[JUDGED] += 1
+    if not judged:
+        return
+    c[JUDGED] += 1
+    if c[JUDGED] % _LATER == 0:
+        s.bound[:] = np.maximum(s.bound, s.recent[1])
+        s.recent[1] = s.recent[0]
+        s.recent[0] = 0.0
 
 
 @kernel
@@ -326,12 +339,12 @@ def _weigh(
         s.held[w, 0] = 0
         return False
     other = nothing
-    for kind in range(2):
+    for kind in range(rules.rarity.size):
         for a in range(3):
             slow = rules.air_slow[a] if w > 3 else 0.0
             extra[a] = rules.air[kind, a] ** 2 + slow**2
         said = _density(e, noise, extra, zero)
-        other = max(other, said - (k[6] if kind else 0.0))
+        other = max(other, said - rules.rarity[kind])
     best, second, which = -1e300, -1e300, -1
     shares = np.empty(_LOSSES)
     posterior = np.empty(_LOSSES)
@@ -350,6 +363,14 @@ def _weigh(
         size = np.hypot(columns[which, 0], columns[which, 1])
         towards = -(swing[0] * columns[which, 0] + swing[1] * columns[which, 1]) / size
         falls = towards >= k[3]
+    if _FIRST_PAIRED <= w <= _LAST_PAIRED and -most > k[6]:
+        one, two = _pair(best, other, e, asked, noise, columns, rules)
+        s.paired[w] = s.paired[w] + 1 if one else 0
+        if s.paired[w] >= rules.held[w]:
+            found[0], found[1], found[2], found[6] = one, float(w), odds, two
+            found[3], found[4], found[5] = mean, low, high
+        if one:
+            return True
     sure = odds > need and best - second > k[0] and low > rules.least[w] and falls
     if not sure:
         s.held[w, 0] = 0
@@ -358,11 +379,10 @@ def _weigh(
         s.held[w, 0] = 0
     s.held[w, 1] = which
     s.held[w, 0] += 4 if w > 3 else 1
-    if s.held[w, 0] < rules.held[w] or odds <= found[2]:
+    if s.held[w, 0] < rules.held[w] or odds <= found[2] or found[6] > 0.0:
         return True
     found[0], found[1], found[2] = which + 1.0, float(w), odds
     found[3], found[4], found[5] = mean, low, high
-    found[6] = _partner(which, best, e, asked, noise, columns, rules)
     return True
 
 
@@ -412,28 +432,28 @@ def _quantiles(posterior: Array) -> tuple[float, float, float]:
 
 
 @kernel
-def _partner(
-    which: int, best: float, e: Array, asked: Array, noise: Array, columns: Array, rules: Rules
-) -> float:
-    """Return the motor, from 1, that must have lost thrust, too, to explain what is seen; 0 if none must."""
+def _pair(
+    best: float, other: float, e: Array, asked: Array, noise: Array, columns: Array, rules: Rules
+) -> tuple[int, int]:
+    """Return the two motors, from 1, that must both have lost thrust to explain what is seen, else zeros."""
     mean, extra = np.empty(3), np.empty(3)
-    found, most = 0.0, best + _PAIR_ODDS
+    k = rules.scalars
+    most, first, second = max(other + k[6], best + k[17]), 0, 0
     for i in range(columns.shape[0]):
-        if i == which:
-            continue
-        total = -1e300
-        for j in range(10):
-            for n in range(10):
-                one, two = (j + 0.5) / 10, (n + 0.5) / 10
-                for a in range(3):
-                    mean[a] = one * asked[which] * columns[which, a] + two * asked[i] * columns[i, a]
-                    reach = max(one * asked[which], two * asked[i]) * np.abs(columns[:, a]).max()
-                    extra[a] = (rules.error[a] * reach) ** 2 + rules.beside[a] ** 2
-                total = _add(total, _density(e, noise, extra, mean))
-        total -= np.log(100.0)
-        if total > most:
-            most, found = total, i + 1.0
-    return found
+        for j in range(i):
+            total = -1e300
+            for m in range(_PAIRED):
+                for n in range(_PAIRED):
+                    one, two = (m + 0.5) / _PAIRED * asked[i], (n + 0.5) / _PAIRED * asked[j]
+                    for a in range(3):
+                        mean[a] = one * columns[i, a] + two * columns[j, a]
+                        reach = max(one, two) * np.abs(columns[:, a]).max()
+                        extra[a] = (rules.error[a] * reach) ** 2 + rules.beside[a] ** 2
+                    total = _add(total, _density(e, noise, extra, mean))
+            total -= np.log(float(_PAIRED**2))
+            if total > most:
+                most, first, second = total, j + 1, i + 1
+    return first, second
 
 
 @kernel
@@ -450,4 +470,4 @@ def _bound(e: Array, asked: Array, noise: Array, columns: Array, rules: Rules, s
         c = columns[i] * asked[i]
         information = c @ inverse @ c
         loss = (c @ inverse @ e) / information
-        s.bound[i] = max(s.bound[i], loss + 1.96 / np.sqrt(information))
+        s.recent[0, i] = max(s.recent[0, i], loss + 1.96 / np.sqrt(information))

@@ -116,7 +116,7 @@ class MotorMonitor:
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
         found = np.zeros((len(rates), evidence.COLUMNS))
         evidence.follow(
-            self.rotors.thrusts(all_outputs(flat)),
+            self.rotors.thrusts(all_outputs(flat), flat["mixer"]),
             rates,
             upright,
             np.asarray(flat["landed"][:, 0] == ON_GROUND),

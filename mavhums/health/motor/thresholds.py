@@ -30,6 +30,11 @@ RIVAL_ODDS: Final = 4.0
 LEAST_LOSS: Final[Array] = np.array([0.30, 0.30, 0.25, 0.20, 0.12, 0.09, 0.07])
 """Share of thrust above which the 2.5 % quantile of the loss must lie, by window."""
 
+PAIR_ODDS: Final = 12.0
+"""Log Bayes factor by which two motors together must beat every other cause: then neither is named alone."""
+PAIR_BESIDE_ONE: Final = 6.0
+"""The same against one motor alone."""
+
 HELD_S: Final[Array] = np.array([0.1, 0.1, 0.2, 0.2, 0.5, 1.5, 5.0])
 """How long this must hold, by window: one sample alone takes the rebound for a fault."""
 
@@ -53,12 +58,13 @@ NOISE_FLOOR: Final = 0.25
 NOISE_MOST: Final = 40.0
 """Most windows that the flight's own noise counts: later wind replaces the calm before."""
 
-AIR: Final[Array] = np.array([[0.12, 0.12, 0.02], [0.25, 0.25, 0.05]])
-"""SD of the effort that a payload or moving air asks for: usual, and rare."""
+AIR: Final[Array] = np.array([[0.12, 0.12, 0.02], [0.25, 0.25, 0.05], [0.05, 0.05, 0.15]])
+"""SD of the effort that a payload or moving air asks for: usual, rare, and in yaw alone, as at a touch-down
+or where the craft is turned."""
 AIR_SLOW: Final[Array] = np.array([0.012, 0.012, 0.035])
 """The same that comes beside it in windows of 3 s and more."""
-AIR_RARE: Final = 55.0
-"""How many times less likely the rare one is."""
+AIR_RARITY: Final[Array] = np.array([1.0, 55.0, 20.0])
+"""How many times less likely each is than the first."""
 AIR_BESIDE: Final[Array] = np.array([0.03, 0.03, 0.008])
 """SD of the effort by air beside a motor's loss."""
 

@@ -122,6 +122,7 @@ SOURCES: Final = (
     Source("outputs_3", "RCO3", {}, _outputs(ALL_OUTPUTS)),
     plain("rates", "IMU", "GyrX", "GyrY", "GyrZ", rows=_first_sensor),
     plain("force", "IMU", "AccX", "AccY", "AccZ", rows=_first_sensor),
+    plain("mixer", "RATE", "ROut", "POut", "YOut", "AOut"),
     _degrees("attitude", "ATT", "Roll", "Pitch", "Yaw"),
     _degrees("demand", "ATT", "DesRoll", "DesPitch"),
     plain("airspeed", "ARSP", "Airspeed", rows=_first_sensor),

@@ -156,14 +156,14 @@ def _fly(
             tilt = max(np.cos(roll) * np.cos(pitch), 0.6)
             lift = hover * (1.0 + (_CLIMB_GAIN * short + lift_memory) / _G) / tilt
             lift = min(max(lift, 0.1), 0.95)
-            if touched == touched:
+            if not np.isnan(touched):
                 lift = hover * max(0.9 - _SPOOLS_DOWN * (t - touched), 0.05)
         # Rates → commands.
         want = np.array(
             [
                 _ANGLE_GAIN * (wanted_roll - roll),
                 _ANGLE_GAIN * (wanted_pitch - pitch),
-                turns[second] if t < settings[9] or settings[9] != settings[9] else 0.0,
+                turns[second] if t < settings[9] or np.isnan(settings[9]) else 0.0,
             ]
         )
         command = np.zeros(3)
@@ -229,7 +229,7 @@ def _fly(
                 return step // _STEPS
             where[2], speed[:] = 0.0, np.maximum(speed, 0.0) * 0.0
             roll, pitch, rate[:] = roll * 0.9, pitch * 0.9, rate * 0.5
-            if t >= settings[9] and touched != touched:
+            if t >= settings[9] and np.isnan(touched):
                 touched = t
         if t > touched + _AFTER_S:
             return step // _STEPS
