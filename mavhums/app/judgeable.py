@@ -10,10 +10,10 @@ from typing import Final
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.tiers import Tier, tier_named
-from mavhums.engine.axes import VehicleAxes
+from mavhums.engine.axes import VehicleAxes, motor_verdicts
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
 from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
-from mavhums.health.verdict.obstacles import why_not_at_all
+from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, why_not_at_all
 from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import Judgeable
 from mavhums.vehicle.identity import Identity
@@ -47,12 +47,16 @@ def judgeable(
     rotors
         What the servos of a helicopter's rotors move, by output.
     """
+    motors = False
     for verdict in _axes(identity, axes):
         told = {verdict.condition, verdict.worst} != {"undecided"}
+        motors |= told and verdict.subject == "motor"
         yield _said(verdict, judged=told)
     if mapper is None:
         surfaces = axes.surfaces if axes else None
         for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):
+            if motors and verdict.remedy == PROPELLERS_ONLY:
+                continue
             yield _said(verdict, judged=False)
         return
     for actuator in mapper.airframe.actuators:
@@ -73,6 +77,9 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
         return
     received = axes.grid.received()
     why = why_not_at_all(axes.flight, identity.kind, received)
+    if why is not None and why.remedy == NO_WINGS and identity.multirotor:
+        yield from motor_verdicts(identity.vehicle, axes, _UNDATED)
+        return
     if why is not None:
         yield unjudged_axes(identity.vehicle, *why)
         return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
 from typing import Final
 
 import numpy as np
@@ -10,8 +11,10 @@ import numpy as np
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.told import Told
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
+from mavhums.health.verdict.motor import verdicts_of_motors
 from mavhums.log import Table
 from mavhums.log.base.tables import text_of
+from mavhums.report.assessment import Verdict
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import reports
 from mavhums.vehicle.formats.base import Report
@@ -21,7 +24,7 @@ from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
-__all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes"]
+__all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes", "motor_verdicts"]
 
 _FUNCTIONS: Final = ("SERVO", "PWM_", "HIL_ACT", *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
 
@@ -136,3 +139,13 @@ class Axes:
             self._sent.take_autopilots(tables, before=int(now.table.frame[-1]))
             self._sent.take_parameters(now)
             axes.told.hear(second, self._sent.of(vehicle))
+
+
+def motor_verdicts(vehicle: int, followed: VehicleAxes, start_utc: datetime) -> Iterator[Verdict]:
+    """Yield the verdicts on a multirotor's motors."""
+    findings = followed.motors.findings() if followed.motors else None
+    flight = followed.flight
+    received = followed.grid.received()
+    yield from verdicts_of_motors(
+        vehicle, findings, followed.rotors, flight.heard, start_utc, received, flight.autopilots
+    )

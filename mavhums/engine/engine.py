@@ -18,7 +18,7 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, motor_verdicts
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
@@ -27,7 +27,6 @@ from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
-from mavhums.engine.vehicle_axes import VehicleAxes
 from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import of_subject
 from mavhums.health.decision.records import ActuatorRecord
@@ -41,7 +40,6 @@ from mavhums.health.verdict.actuator import (
     verdict_of_actuator,
 )
 from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
-from mavhums.health.verdict.motor import verdicts_of_motors
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, why_not_at_all
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
@@ -313,7 +311,7 @@ class Engine:
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
         if any(verdict.subject == "motor" and verdict.worst != "undecided" for verdict in axes):
-            # It has no surfaces, and its motors are judged: that nothing else is, says nothing more.
+            # That no surface of a copter is judged says nothing beside its motors.
             actuators = [verdict for verdict in actuators if verdict.remedy != PROPELLERS_ONLY]
         return [*actuators, *axes]
 
@@ -323,13 +321,12 @@ class Engine:
             return
         received = self._axes.received(vehicle)
         why = why_not_at_all(followed.flight, self._who(vehicle).kind, received)
-        if why is not None and why.remedy == NO_WINGS and self._who(vehicle).multirotor:
-            yield from _motors(vehicle, followed, _utc(self._decoder.first_time_us or 0))
-            return
-        if why is not None:
-            yield unjudged_axes(vehicle, *why)
-            return
         start_utc = _utc(self._decoder.first_time_us or 0)
+        if why is not None:
+            copter = why.remedy == NO_WINGS and self._who(vehicle).multirotor
+            motors = motor_verdicts(vehicle, followed, start_utc)
+            yield from motors if copter else (unjudged_axes(vehicle, *why),)
+            return
         baselines = self._monitors.baselines(", ".join(self._mappers.airframes) or None, self._begun())
         for axis in AXES:
             findings = followed.monitor.findings(axis)
@@ -398,16 +395,6 @@ class Engine:
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6
-
-
-def _motors(vehicle: int, followed: VehicleAxes, start_utc: datetime) -> Iterator[Verdict]:
-    """Yield the verdicts on a multirotor's motors."""
-    findings = followed.motors.findings() if followed.motors else None
-    flight = followed.flight
-    received = followed.grid.received()
-    yield from verdicts_of_motors(
-        vehicle, findings, followed.rotors, flight.heard, start_utc, received, flight.autopilots
-    )
 
 
 def _utc(time_us: int) -> datetime:

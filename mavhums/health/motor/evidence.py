@@ -15,6 +15,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.health.motor import thresholds as t
+from mavhums.health.motor.hypotheses import LOSSES, Rules, density, det, of_motor, of_others, pair, quantiles
 from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = ["COLUMNS", "FLOWN", "JUDGED", "Rules", "State", "follow", "new_state", "rules_for"]
@@ -24,32 +25,12 @@ COLUMNS: Final = 7
 with which it fits much better, from 1, or 0."""
 
 _RING: Final = 1024  # rows; more than the longest window with its reference
-_LOSSES, _PAIRED = 20, 10  # steps of the share lost, of one motor and of each of two
 _COUNT, _ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN = range(8)
 _QUICK: Final = 2  # windows that demand that the aircraft falls towards the motor
 _SLOW_WINDOW, _SLOW_ODDS = 2, 4  # the first that slow outputs show, and the first with the usual odds
 _FIRST_PAIRED, _LAST_PAIRED = 1, 3  # windows that show two motors at once: such a flight is short
 _BOUND: Final = 3  # window that bounds what is lost
 _LATER: Final = 5 * RATE_HZ  # rows in the air that must follow: at touch-down the effort winds up
-
-
-class Rules(NamedTuple):
-    """What decides, as arrays for the kernel; :mod:`mavhums.health.motor.thresholds` describes them."""
-
-    windows: Integers
-    odds: Array
-    slow_odds: float
-    least: Array
-    held: Integers
-    noise: Array
-    air: Array
-    rarity: Array
-    air_slow: Array
-    beside: Array
-    error: Array
-    low_gain: Array
-    high_gain: Array
-    scalars: Array
 
 
 class State(NamedTuple):
@@ -84,7 +65,7 @@ def rules_for(motors: int) -> Rules:
         t.WINDOWS,
         t.ODDS_MORE if more else t.ODDS_QUAD,
         t.SLOW_ODDS_MORE if more else t.SLOW_ODDS_QUAD,
-        t.LEAST_LOSS,
+        t.LEAST_LOSS_MORE if more else t.LEAST_LOSS_QUAD,
         np.rint(t.HELD_S * RATE_HZ).astype(np.int64),
         t.NOISE_SD,
         t.AIR,
@@ -296,26 +277,6 @@ _ROWS: Final = tuple(int(rows) for rows in t.WINDOWS)
 
 
 @kernel
-def _density(e: Array, noise: Array, extra: Array, mean: Array) -> float:
-    """Return the logarithm of a normal density, less its constant."""
-    a, b, c = noise[0, 0] + extra[0], noise[0, 1], noise[0, 2]
-    d, f, g = noise[1, 1] + extra[1], noise[1, 2], noise[2, 2] + extra[2]
-    x, y, z = e[0] - mean[0], e[1] - mean[1], e[2] - mean[2]
-    p, q, r = d * g - f * f, c * f - b * g, b * f - c * d
-    det = a * p + b * q + c * r
-    quadratic = x * (p * x + q * y + r * z) + y * (q * x + (a * g - c * c) * y + (b * c - a * f) * z)
-    quadratic += z * (r * x + (b * c - a * f) * y + (a * d - b * b) * z)
-    return -0.5 * (quadratic / det + np.log(det))
-
-
-@kernel
-def _add(a: float, b: float) -> float:
-    """Return the logarithm of a sum from the logarithms of its parts."""
-    high, low = max(a, b), min(a, b)
-    return high + np.log1p(np.exp(low - high))
-
-
-@kernel
 def _weigh(
     w: int,
     need: float,
@@ -331,40 +292,32 @@ def _weigh(
     """Weigh the hypotheses on one window; return whether some motor is suspected."""
     k, motors = rules.scalars, columns.shape[0]
     zero = np.zeros(3)
-    extra = np.empty(3)
-    nothing = _density(e, noise, zero, zero)
     # No hypothesis can beat nothing by more than this.
-    most = nothing + 0.5 * np.log(_det(noise))
-    if -most < need:
+    most = -density(e, noise, zero, zero) - 0.5 * np.log(det(noise))
+    if most < need:
         s.held[w, 0] = 0
         return False
-    other = nothing
-    for kind in range(rules.rarity.size):
-        for a in range(3):
-            slow = rules.air_slow[a] if w > 3 else 0.0
-            extra[a] = rules.air[kind, a] ** 2 + slow**2
-        said = _density(e, noise, extra, zero)
-        other = max(other, said - rules.rarity[kind])
+    other = of_others(w, e, noise, rules)
     best, second, which = -1e300, -1e300, -1
-    shares = np.empty(_LOSSES)
-    posterior = np.empty(_LOSSES)
+    shares = np.empty(LOSSES)
+    posterior = np.empty(LOSSES)
     for i in range(motors):
-        total = _of_motor(i, e, asked, noise, columns, rules, shares)
+        total = of_motor(i, e, asked, noise, columns, rules, shares)
         if total > best:
             second, best, which = best, total, i
             posterior[:] = shares
         elif total > second:
             second = total
     odds = best - other
-    low, mean, high = _quantiles(posterior)
+    low, mean, high = quantiles(posterior)
     suspected = odds > 0.5 * need and best - second > 0.5 * k[0]
     falls = True
     if w < _QUICK:
         size = np.hypot(columns[which, 0], columns[which, 1])
         towards = -(swing[0] * columns[which, 0] + swing[1] * columns[which, 1]) / size
         falls = towards >= k[3]
-    if _FIRST_PAIRED <= w <= _LAST_PAIRED and -most > k[6]:
-        one, two = _pair(best, other, e, asked, noise, columns, rules)
+    if _FIRST_PAIRED <= w <= _LAST_PAIRED and most > k[6]:
+        one, two = pair(best, other, e, asked, noise, columns, rules)
         s.paired[w] = s.paired[w] + 1 if one else 0
         if s.paired[w] >= rules.held[w]:
             found[0], found[1], found[2], found[6] = one, float(w), odds, two
@@ -384,76 +337,6 @@ def _weigh(
     found[0], found[1], found[2] = which + 1.0, float(w), odds
     found[3], found[4], found[5] = mean, low, high
     return True
-
-
-@kernel
-def _det(m: Array) -> float:
-    return float(
-        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] ** 2)
-        - m[0, 1] * (m[0, 1] * m[2, 2] - m[1, 2] * m[0, 2])
-        + m[0, 2] * (m[0, 1] * m[1, 2] - m[1, 1] * m[0, 2])
-    )
-
-
-@kernel
-def _of_motor(
-    i: int, e: Array, asked: Array, noise: Array, columns: Array, rules: Rules, shares: Array
-) -> float:
-    """Return the log evidence that motor i lost a share, uniform from 0 to 1; fill its log posterior."""
-    mean, extra = np.empty(3), np.empty(3)
-    total = -1e300
-    for j in range(_LOSSES):
-        loss = (j + 0.5) / _LOSSES
-        for a in range(3):
-            mean[a] = loss * asked[i] * columns[i, a]
-            # At least half of a quad's column, so that a zero of + frames is not taken for exact.
-            reach = max(abs(columns[i, a]), 0.5 * np.abs(columns[:, a]).max())
-            extra[a] = (rules.error[a] * loss * asked[i] * reach) ** 2 + rules.beside[a] ** 2
-        shares[j] = _density(e, noise, extra, mean)
-        total = _add(total, shares[j])
-    return total - np.log(_LOSSES)
-
-
-@kernel
-def _quantiles(posterior: Array) -> tuple[float, float, float]:
-    """Return the 2.5 % quantile, the mean and the 97.5 % quantile of the share lost."""
-    weights = np.exp(posterior - posterior.max())
-    weights /= weights.sum()
-    mean, passed, low, high = 0.0, 0.0, -1.0, 1.0
-    for j in range(_LOSSES):
-        mean += weights[j] * (j + 0.5) / _LOSSES
-        after = passed + weights[j]
-        if low < 0.0 and after >= 0.025:
-            low = (j + (0.025 - passed) / weights[j]) / _LOSSES
-        if passed < 0.975 <= after:
-            high = (j + (0.975 - passed) / weights[j]) / _LOSSES
-        passed = after
-    return low, mean, high
-
-
-@kernel
-def _pair(
-    best: float, other: float, e: Array, asked: Array, noise: Array, columns: Array, rules: Rules
-) -> tuple[int, int]:
-    """Return the two motors, from 1, that must both have lost thrust to explain what is seen, else zeros."""
-    mean, extra = np.empty(3), np.empty(3)
-    k = rules.scalars
-    most, first, second = max(other + k[6], best + k[17]), 0, 0
-    for i in range(columns.shape[0]):
-        for j in range(i):
-            total = -1e300
-            for m in range(_PAIRED):
-                for n in range(_PAIRED):
-                    one, two = (m + 0.5) / _PAIRED * asked[i], (n + 0.5) / _PAIRED * asked[j]
-                    for a in range(3):
-                        mean[a] = one * columns[i, a] + two * columns[j, a]
-                        reach = max(one, two) * np.abs(columns[:, a]).max()
-                        extra[a] = (rules.error[a] * reach) ** 2 + rules.beside[a] ** 2
-                    total = _add(total, _density(e, noise, extra, mean))
-            total -= np.log(float(_PAIRED**2))
-            if total > most:
-                most, first, second = total, j + 1, i + 1
-    return first, second
 
 
 @kernel

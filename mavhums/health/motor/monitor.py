@@ -23,7 +23,8 @@ from mavhums.vehicle.signals import all_outputs
 __all__ = ["Loss", "MotorFindings", "MotorMonitor", "condition_of"]
 
 _ANOTHER_S: Final = 10.0
-"""A second motor named within this time of the first: more than one lost thrust, and neither is certain."""
+"""A second motor named within this time of the first: more than one lost thrust, or neither is certain."""
+_ANOTHER_WINDOW_S: Final = 0.8  # in shorter windows the rebound points at the opposite motor
 _REFINED_S: Final = 30.0
 """After an alarm the share lost is refined for as long: the first windows hold the moment before, too."""
 
@@ -145,10 +146,12 @@ class MotorMonitor:
                 self._several = tuple(sorted((motor, int(found[6]))))
                 return
             yield self._changed(new)
-        elif motor != loss.motor and time_s - loss.time_s < _ANOTHER_S and window >= 0.8:
-            self._several = tuple(sorted((loss.motor, motor)))
+        elif found[6] or motor != loss.motor:
+            if time_s - loss.time_s > _ANOTHER_S or window < _ANOTHER_WINDOW_S:
+                return
+            self._several = tuple(sorted({loss.motor, motor, int(found[6]) or motor}))
             yield self._undecided(time_s)
-        elif motor == loss.motor and time_s - loss.time_s < _REFINED_S and new.odds > loss.odds:
+        elif time_s - loss.time_s < _REFINED_S and new.odds > loss.odds:
             since_s = min(loss.since_s, new.since_s) if window <= 1.4 else loss.since_s
             self._loss = Loss(motor, loss.time_s, since_s, share, new.odds)
             if SEVERITY[condition_of(share)] > SEVERITY[self._reported]:

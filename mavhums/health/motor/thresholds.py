@@ -27,10 +27,12 @@ SLOW_ODDS_MORE: Final = 9.0
 RIVAL_ODDS: Final = 4.0
 """Log Bayes factor by which a motor must beat the next one: less names the opposite motor in the rebound."""
 
-LEAST_LOSS: Final[Array] = np.array([0.30, 0.30, 0.25, 0.20, 0.12, 0.09, 0.07])
-"""Share of thrust above which the 2.5 % quantile of the loss must lie, by window."""
+LEAST_LOSS_QUAD: Final[Array] = np.array([0.30, 0.30, 0.25, 0.20, 0.12, 0.09, 0.07])
+LEAST_LOSS_MORE: Final[Array] = np.array([0.30, 0.30, 0.30, 0.30, 0.28, 0.25, 0.25])
+"""Share of thrust above which the 2.5 % quantile of the loss must lie, by window, for four rotors and
+more: of more, a shifted payload looks like a small loss, and less than 50 % is not claimed."""
 
-PAIR_ODDS: Final = 12.0
+PAIR_ODDS: Final = 7.0
 """Log Bayes factor by which two motors together must beat every other cause: then neither is named alone."""
 PAIR_BESIDE_ONE: Final = 6.0
 """The same against one motor alone."""
