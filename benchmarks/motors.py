@@ -10,6 +10,7 @@ lasts 240 s, a third of them drop or shift a payload or meet a strong gust, and 
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -207,16 +208,24 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=5.0, help="of healthy flight")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--to", type=Path, help="also append each flight's result to this file, as JSON")
+    parser.add_argument("--read", type=Path, help="report what was appended to this file")
     options = parser.parse_args()
     if options.logs:
         of_logs(options.logs)
         return
-    todo = tasks(options.seed, options.faults, options.hours)
-    if options.jobs == 1:
-        report([case(task) for task in todo])
+    if options.read:
+        report([Case(*json.loads(line)) for line in options.read.read_text().splitlines()])
         return
+    todo, cases = tasks(options.seed, options.faults, options.hours), []
+    np.random.default_rng(0).shuffle(todo)  # what is done of a run that is stopped is a sample of it
     with ProcessPoolExecutor(options.jobs) as pool:
-        report(list(pool.map(case, todo, chunksize=16)))
+        for one in pool.map(case, todo, chunksize=8):
+            cases.append(one)
+            if options.to:
+                with options.to.open("a") as file:
+                    file.write(json.dumps(one) + "\n")
+    report(cases)
 
 
 if __name__ == "__main__":
