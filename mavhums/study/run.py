@@ -16,16 +16,14 @@ from mavhums.study.cyclograms import MAIN, Flown, fly_condition
 from mavhums.study.experiment import Effort, Experiment, emergency
 from mavhums.study.findings import Findings, Progress, find
 from mavhums.study.outputs import Folder
+from mavhums.study.published import FIGURES_16_TO_19
 from mavhums.study.recording import record_study
 from mavhums.study.report import report
 
-__all__ = ["FIGURES_16_TO_19", "accuracy_figure", "output_figure", "quantities_figure", "write_study"]
-
-FIGURES_16_TO_19 = {16: 0.225, 17: 0.375, 18: 1.025, 19: 0.875}
-"""The friction of each figure, N·m."""
+__all__ = ["write_study"]
 
 
-def quantities_figure(flown: Flown) -> Figure:
+def _quantities_figure(flown: Flown) -> Figure:
     """Draw V1–V12 over the cyclogram (figures 3 to 14)."""
     figure = Figure(figsize=(13, 11), layout="constrained")
     for place, (axes, quantity) in enumerate(zip(figure.subplots(4, 3).flat, QUANTITIES, strict=True)):
@@ -36,7 +34,7 @@ def quantities_figure(flown: Flown) -> Figure:
     return figure
 
 
-def output_figure(experiment: Experiment, flights: Sequence[Flown]) -> Figure:
+def _output_figure(experiment: Experiment, flights: Sequence[Flown]) -> Figure:
     """Draw the network's output over the cyclogram at four frictions (figures 16 to 19)."""
     times = {flown.friction_nm: flown for flown in flights}
     figure = Figure(figsize=(13, 9), layout="constrained")
@@ -52,7 +50,7 @@ def output_figure(experiment: Experiment, flights: Sequence[Flown]) -> Figure:
     return figure
 
 
-def accuracy_figure(experiments: Sequence[Experiment]) -> Figure:
+def _accuracy_figure(experiments: Sequence[Experiment]) -> Figure:
     """Draw the test flights' accuracies against their moving fractions, per sample and held."""
     figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.subplots()
@@ -114,10 +112,10 @@ def write_study(
     for name, table in _tables(findings).items():
         out.table(f"{name}.csv", table)
     flights = fly_condition(MAIN, tuple(FIGURES_16_TO_19.values()))
-    out.figure("figures-3-14.png", quantities_figure(flights[0]))
-    out.figure("figures-16-19.png", output_figure(findings.main[2], flights))
+    out.figure("figures-3-14.png", _quantities_figure(flights[0]))
+    out.figure("figures-16-19.png", _output_figure(findings.main[2], flights))
     everything = [experiment for part in findings.experiments.values() for experiment in part]
-    out.figure("accuracy-against-moving-fraction.png", accuracy_figure(everything))
+    out.figure("accuracy-against-moving-fraction.png", _accuracy_figure(everything))
     out.write("study.rrd", lambda path: record_study(path, text, flights, findings.main))
     return out.written
 
