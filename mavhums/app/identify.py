@@ -11,10 +11,12 @@ from pathlib import Path
 
 from mavhums.app.analysis import analyse
 from mavhums.app.options import Options
+from mavhums.app.settings import Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.health.own.identify import Identified, identified
 from mavhums.health.own.stall import Shares, friction_current, lacking, shares
 from mavhums.health.own.voltage import NAME
+from mavhums.history.flights import FlightHistory
 from mavhums.report.assessment import Interval, OwnRecord
 
 __all__ = ["Motor", "identify", "with_motors"]
@@ -40,7 +42,7 @@ class Motor:
 
 def identify(
     logs: Sequence[str | os.PathLike[str]],
-    options: Options,
+    options: Options | Settings,
     *,
     progress: Callable[[int], None] | None = None,
 ) -> dict[str, Motor]:
@@ -61,8 +63,9 @@ def identify(
         If a log or the profile cannot be read, or no log shows any motor.
     """
     records: dict[str, list[tuple[str, OwnRecord]]] = {}
+    settings = replace(Settings.read(options), history=FlightHistory())
     for path in logs:
-        for verdict in analyse(path, replace(options, history=None), progress=progress).verdicts:
+        for verdict in analyse(path, settings, progress=progress).verdicts:
             for record in verdict.own:
                 records.setdefault(verdict.actuator, []).append((Path(path).name, record))
     motors = {}

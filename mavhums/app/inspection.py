@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
+from typing import Final
 
 from mavhums.actuator.contradictions import Contradiction, against_log
 from mavhums.actuator.contradictions import remedy as to_correct
 from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
-from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier
+from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.app.judgeable import judgeable
 from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
-from mavhums.engine.axes import Axes
+from mavhums.engine.axes import Axes, VehicleAxes
 from mavhums.engine.crowd import Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
+from mavhums.health.axis.obstacles import why_not_at_all
+from mavhums.health.axis.verdict import judged_axis, unjudged_axes
 from mavhums.health.obstacles import obstacle
+from mavhums.health.verdict import contradicted_actuator, unjudged_actuator, unjudged_vehicle
 from mavhums.log import Decoder, decode_blocks
+from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import (
     ActuatorTelemetry,
     Inspection,
+    Judgeable,
     MessageRate,
     NamedRate,
     VehicleTelemetry,
@@ -32,10 +38,13 @@ from mavhums.report.inspection import (
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.named_values import NAMED_MESSAGES, NamedValues
+from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.texts import TEXT_MESSAGES
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["inspect_log"]
+
+_UNDATED: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def inspect_log(
@@ -50,7 +59,7 @@ def inspect_log(
     Parameters
     ----------
     path
-        A ``.tlog`` file, or ``-`` for the standard input.
+        A log of any format, or ``-`` for the standard input.
     airframe
         A profile, its name or its path; if None, each vehicle's own, if the log names it.
     dialect
@@ -61,7 +70,7 @@ def inspect_log(
     Raises
     ------
     UnreadableLogError
-        If the file is missing or not a telemetry log.
+        If the file is missing or not a log.
     ProfileError
         If the profile cannot be used.
     DialectError
@@ -166,7 +175,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
         judged=judged,
         remedy=_remedy(airframe, tier, sent, identity, followed.told.last.found if followed else ()),
         actuators=tuple(rows),
-        subjects=tuple(judgeable(identity, sent, mapper, followed, rotors=rotor_servos(parameters.values))),
+        subjects=tuple(_judgeable(identity, sent, mapper, followed, rotors=rotor_servos(parameters.values))),
         usage=vehicle_usage(identity, followed, parameters, airframe) if followed else None,
     )
 
@@ -191,3 +200,73 @@ def _remedy(
             parts.append(f"the log's {sent.name} telemetry is of none of the profile's actuators")
         parts.append(TO_BE_JUDGED)
     return "; ".join(parts) or None
+
+
+def _judgeable(
+    identity: Identity,
+    sent: Tier | None,
+    mapper: Mapper | None,
+    axes: VehicleAxes | None,
+    *,
+    rotors: Mapping[int, str] = MappingProxyType({}),
+) -> Iterator[Judgeable]:
+    """Yield what can and cannot be judged of a vehicle, with reasons: its axes first, then its actuators.
+
+    Parameters
+    ----------
+    identity
+        Identity of the vehicle.
+    sent
+        Its richest tier of telemetry.
+    mapper
+        The mapper of its profile; None without one.
+    axes
+        The axes that followed its flight; None if it reported nothing about its flight.
+    rotors
+        What the servos of a helicopter's rotors move, by output.
+    """
+    for verdict in _axes(identity, axes):
+        told = {verdict.condition, verdict.worst} != {"undecided"}
+        yield _said(verdict, judged=told)
+    if mapper is None:
+        surfaces = axes.surfaces if axes else None
+        for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):
+            yield _said(verdict, judged=False)
+        return
+    for actuator in mapper.airframe.actuators:
+        name = mapper.tier(identity.vehicle, actuator)
+        tier = tier_named(name) if name else None
+        provenance = mapper.provenance(identity.vehicle, actuator)
+        against = axes.told.last.against(actuator.name) if axes else ()
+        if against:
+            why = against_log(against), to_correct(against)
+            yield _said(
+                contradicted_actuator(identity.vehicle, actuator.name, why, tier, provenance), judged=False
+            )
+            continue
+        verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
+        yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
+
+
+def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
+    if axes is None:
+        return
+    received = axes.grid.received()
+    why = why_not_at_all(axes.flight, identity.kind, received)
+    if why is not None:
+        yield unjudged_axes(identity.vehicle, *why)
+        return
+    for axis in AXES:
+        findings = axes.monitor.findings(axis)
+        yield judged_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
+
+
+def _said(verdict: Verdict, *, judged: bool) -> Judgeable:
+    return Judgeable(
+        subject=verdict.subject,
+        name="every actuator" if verdict.actuator == ALL else verdict.actuator,
+        surfaces=verdict.surfaces,
+        judgeable=judged,
+        reason=None if judged else verdict.reason,
+        remedy=None if judged else verdict.remedy,
+    )

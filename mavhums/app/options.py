@@ -5,31 +5,29 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
-from mavhums.actuator.profile import Airframe, load_airframe
-from mavhums.core.errors import MavhumsError
-from mavhums.engine.options import EngineOptions
 from mavhums.health.decision import FALSE_ALARMS
-from mavhums.history.aircraft import Whose, hold_rule
-from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
-from mavhums.history.flights import FlightHistory, Since
-from mavhums.history.index import IndexedFolder
-from mavhums.history.stores import is_store
-from mavhums.learn import Model, load_model, packaged_models
-from mavhums.log.mavlink.signing import load_key
-from mavhums.report.assessment import Decide
+
+if TYPE_CHECKING:
+    from mavhums.actuator.profile import Airframe
+    from mavhums.engine.options import EngineOptions
+    from mavhums.history.aircraft_table import AircraftTable
+    from mavhums.history.flights import FlightHistory, Since
+    from mavhums.history.index import IndexedFolder
+    from mavhums.learn import Model
+    from mavhums.report.assessment import Decide
 
 __all__ = ["History", "Options"]
 
-History = FlightHistory | IndexedFolder
+History: TypeAlias = "FlightHistory | IndexedFolder"
 """The earlier flights: all of them in memory, or a folder of which only the needed ones are read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """The options by which a log or a link is judged; :meth:`resolved` reads the named files.
+    """The options by which a log or a link is judged; :class:`mavhums.app.settings.Settings` reads them.
 
     Attributes
     ----------
@@ -81,66 +79,15 @@ class Options:
     vehicle_states: bool = False
 
     def resolved(self) -> EngineOptions:
-        """Return the engine's options, with every named file read.
+        """Return the options of an engine that judges one flight, with every named file read.
 
         Raises
         ------
-        ProfileError, ModelError, KeyFileError
-            If the profile, the model or the key cannot be used.
+        ProfileError, ModelError, KeyFileError, AircraftTableError
+            If the profile, the model, the key or the table cannot be used.
         MavhumsError
             If there is no folder for the history.
         """
-        airframe, key = self.airframe, self.key
-        history = self.flights()
-        return EngineOptions(
-            airframe=airframe if isinstance(airframe, Airframe | None) else load_airframe(airframe),
-            models=self.models(),
-            decide=self.decide,
-            baselines=partial(history.baselines, since=self.since),
-            past=partial(history.past, since=self.since),
-            false_alarms=self.false_alarms,
-            dialect=self.dialect,
-            key=key if isinstance(key, bytes | None) else load_key(key),
-            vehicle_states=self.vehicle_states,
-        )
+        from mavhums.app.settings import Settings
 
-    def whose(self) -> Whose:
-        """Return the operator's knowledge of whose log it is.
-
-        Raises
-        ------
-        AircraftTableError
-            If the table cannot be used.
-        MavhumsError
-            If the rule cannot identify an aircraft.
-        """
-        hold_rule(self.aircraft)
-        table = self.aircraft_table
-        if table is None:
-            return Whose(self.aircraft)
-        return Whose(self.aircraft, table if isinstance(table, AircraftTable) else load_aircraft_table(table))
-
-    def models(self) -> Sequence[Model]:
-        """Return the networks that vote."""
-        if self.model is None:
-            return packaged_models()
-        if isinstance(self.model, str | Path):
-            return (load_model(self.model),)
-        return (self.model,) if isinstance(self.model, Model) else self.model
-
-    def flights(self) -> History:
-        """Return the earlier flights, or an empty history.
-
-        Raises
-        ------
-        MavhumsError
-            If there is no folder for the history, or it is a fleet's store.
-        """
-        if isinstance(self.history, FlightHistory | IndexedFolder):
-            return self.history
-        if self.history is None:
-            return FlightHistory()
-        if is_store(self.history):
-            problem = f"{self.history}: is a fleet's store, not a folder of one aircraft's flights"
-            raise MavhumsError(problem, "take the options that mavhums.fleet.against(log, store) returns")
-        return IndexedFolder(self.history)
+        return Settings.read(self).with_baselines()

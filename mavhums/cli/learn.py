@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.options import AIRFRAME, LOG, PATH
-from mavhums.cli.output import say
-from mavhums.cli.progress import reading, steps
+from mavhums.cli.output import reading, say, steps
 
 if TYPE_CHECKING:
     from mavhums.learn.chain import Select

@@ -177,7 +177,7 @@ class _Store:
         """Keep a log in the store, by a process of its own; its answer tells problem and remedy."""
         options = self._options | ({"aircraft": f"={aircraft}"} if aircraft else {})
         job = {"log": str(log), "store": str(self._folder), "options": options}
-        command = [sys.executable, "-m", "mavhums.cli.page_keeping"]
+        command = [sys.executable, "-m", "mavhums.cli.page_worker", "keep"]
         done = subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, check=False)
         try:
             answer = json.loads(done.stdout)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mavhums.cli.sniff import HEAD, SIGNATURES, is_log
+from mavhums.cli.importer import HEAD, SIGNATURES, is_log
 from mavhums.log.decoding import FORMATS
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import carried_logs, real_logs

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.archives import take_logs
 from mavhums.serve.options import Judging, Limits
 from mavhums.serve.sessions import Session, Sessions
+from mavhums.serve.uploads import take_logs
 from mavhums.serve.workers import Workers
 from tests.serve.test_sessions import content, settled
 
