@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -91,3 +91,21 @@ class Options:
         from mavhums.app.settings import Settings
 
         return Settings.read(self).with_baselines()
+
+    def as_texts(self) -> dict[str, str | float]:
+        """Return what differs from the defaults, as JSON holds it, for another process.
+
+        Raises
+        ------
+        TypeError
+            If an option is an object, not the name or the file of one.
+        """
+        texts: dict[str, str | float] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value == field.default:
+                continue
+            if not isinstance(value, str | float | int | os.PathLike):
+                raise TypeError(f"{field.name}: {type(value).__name__} is not a name or a file")
+            texts[field.name] = os.fspath(value) if isinstance(value, os.PathLike) else value
+        return texts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +27,7 @@ from mavhums.cli.options import (
     LOGS,
     MODEL,
     PATH,
+    gathered,
 )
 from mavhums.cli.output import reading, say
 from mavhums.cli.printers import JsonPrinter, OutcomePrinter, TablePrinter, open_recordings, recordings_of
@@ -34,7 +36,7 @@ from mavhums.cli.trend import indexed_history
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
-    from mavhums.report.assessment import Decide
+    from mavhums.app.options import Options
 
 __all__ = ["analyse", "report"]
 
@@ -63,19 +65,13 @@ __all__ = ["analyse", "report"]
 @JOBS
 @click.option("--verbose", is_flag=True, help="Show all of each of several logs.")
 @click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
+@gathered
 def analyse(
+    options: Options,
     logs: tuple[Path, ...],
-    airframe: str | None,
-    model: str | None,
-    decide: Decide,
-    dialect: Path | None,
-    false_alarms: float,
     history: Path | str | None,
     keep: bool,
     dates: tuple[tuple[str | None, datetime], ...],
-    aircraft: str | None,
-    aircraft_table: Path | None,
-    key: Path | None,
     as_json: bool,
     rrd: Path | None,
     no_position: bool,
@@ -100,7 +96,6 @@ def analyse(
       12 undecided    3 log or history read with losses    0 all normal
     """
     from mavhums.app.many import Batch, analyse_many
-    from mavhums.app.options import Options
     from mavhums.app.settings import Settings
 
     if open_viewer and rrd is None:
@@ -109,19 +104,8 @@ def analyse(
         raise click.UsageError("--keep needs --history DIR")
     check_baseline_dates(dates, history)
     folder, store = divided(history)
-    options = Options(
-        airframe=airframe,
-        model=model,
-        decide=decide,
-        history=indexed_history(folder, may_be_new=keep),
-        since=dict(dates),
-        aircraft=aircraft,
-        aircraft_table=aircraft_table,
-        false_alarms=false_alarms,
-        dialect=dialect,
-        key=key,
-    )
-    settings = Settings.read(options)
+    history_before = indexed_history(folder, may_be_new=keep)
+    settings = Settings.read(replace(options, history=history_before, since=dict(dates)))
     recordings = recordings_of(logs, rrd)
     batch = Batch(
         jobs=jobs,
@@ -165,19 +149,13 @@ def analyse(
 @AIRCRAFT
 @AIRCRAFT_TABLE
 @KEY
+@gathered
 def report(
+    options: Options,
     log: Path,
     output: Path,
-    airframe: str | None,
-    model: str | None,
-    decide: Decide,
-    dialect: Path | None,
-    false_alarms: float,
     history: Path | str | None,
     dates: tuple[tuple[str | None, datetime], ...],
-    aircraft: str | None,
-    aircraft_table: Path | None,
-    key: Path | None,
 ) -> None:
     """Write the verdicts on LOG with their evidence as one HTML file, to mail or to file.
 
@@ -185,24 +163,11 @@ def report(
     Exit codes are those of analyse.
     """
     from mavhums.app.analysis import write_report
-    from mavhums.app.options import Options
     from mavhums.app.settings import Settings
 
     check_baseline_dates(dates, history)
     folder, store = divided(history)
-    options = Options(
-        airframe=airframe,
-        model=model,
-        decide=decide,
-        history=indexed_history(folder),
-        since=dict(dates),
-        aircraft=aircraft,
-        aircraft_table=aircraft_table,
-        false_alarms=false_alarms,
-        dialect=dialect,
-        key=key,
-    )
-    settings = Settings.read(options)
+    settings = Settings.read(replace(options, history=indexed_history(folder), since=dict(dates)))
     if store is not None:
         from mavhums.fleet import against
 

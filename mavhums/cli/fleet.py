@@ -21,12 +21,14 @@ from mavhums.cli.options import (
     NAMED_DATE,
     PATH,
     REPAIRS,
+    gathered,
 )
 from mavhums.cli.output import say, say_json
 from mavhums.core.errors import ExitCode
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
+    from mavhums.app.options import Options
     from mavhums.fleet import Repair
     from mavhums.fleet.queries import Worst
 
@@ -67,19 +69,14 @@ def fleet() -> None:
 @REPAIRS
 @KEY
 @JSON
+@gathered
 def scan(
+    options: Options,
     sources: tuple[str, ...],
     store: str,
-    aircraft: str | None,
-    aircraft_table: Path | None,
     workers: int,
     scheduler: str | None,
-    airframe: str | None,
-    model: str | None,
-    dialect: Path | None,
-    false_alarms: float,
     dates: tuple[tuple[str | None, datetime], ...],
-    key: Path | None,
     as_json: bool,
 ) -> None:
     """Judge the LOGS that STORE does not have yet: files, folders with logs, or patterns.
@@ -91,20 +88,18 @@ def scan(
     Exit codes, the first that applies:
       2 usage    1 a log that cannot be judged    0 all judged
     """
-    from mavhums.app.options import Options
     from mavhums.fleet import ScanOptions
     from mavhums.fleet import scan as scan_logs
 
-    judging = Options(airframe=airframe, model=model, dialect=dialect, false_alarms=false_alarms, key=key)
-    options = ScanOptions(
-        judging=judging,
-        aircraft=aircraft,
-        aircraft_table=aircraft_table,
+    scanning = ScanOptions(
+        judging=options,
+        aircraft=options.aircraft,
+        aircraft_table=options.aircraft_table,
         workers=workers,
         scheduler=scheduler,
         repairs=[_repair(name, at) for name, at in dates],
     )
-    done = scan_logs(sources, store, options, progress=_Told())
+    done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
         say_json(_line(done._asdict()))
     else:
@@ -246,17 +241,17 @@ def _repair(name: str | None, at: datetime) -> Repair:
     return Repair(aircraft or None, actuator or None, at)
 
 
-class _Told:
+class _Progress:
     """Prints the progress of a scan of several logs on standard error, at most once a second."""
 
     def __init__(self) -> None:
-        self._begun_s = self._told_s = monotonic()
+        self._begun_s = self._printed_s = monotonic()
 
     def __call__(self, done: int, total: int) -> None:
         now_s = monotonic()
-        if total == 1 or (now_s - self._told_s < 1.0 and done < total):
+        if total == 1 or (now_s - self._printed_s < 1.0 and done < total):
             return
-        self._told_s = now_s
+        self._printed_s = now_s
         rate = done / max(now_s - self._begun_s, 1e-3)
         say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from mavhums.report.assessment import Assessment
 
 __all__ = ["Keeper", "check_baseline_dates", "divided", "judged_in_store", "live_judging"]
-
-_JUDGED_BY: Final = ("airframe", "model", "decide", "dialect", "false_alarms", "key")
 
 
 def divided(history: Path | str | None) -> tuple[Path | None, Path | str | None]:
@@ -136,8 +134,8 @@ class Keeper:
         return code
 
 
-def live_judging(options: dict[str, Any]) -> tuple[Options, Keeper | None]:
-    """Take the options of judging and keeping out of those of ``live``.
+def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, Keeper | None]:
+    """Take the history and what is kept out of what was ``given`` to ``live``.
 
     Returns
     -------
@@ -150,23 +148,23 @@ def live_judging(options: dict[str, Any]) -> tuple[Options, Keeper | None]:
     UsageError
         If another option is missing.
     """
-    from mavhums.app.options import Options
     from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
 
-    keep, aircraft, history, dates = (options.pop(name) for name in ("keep", "aircraft", "history", "dates"))
+    keep, history, dates = (given.pop(name) for name in ("keep", "history", "dates"))
+    aircraft, file = options.aircraft, options.aircraft_table
     check_baseline_dates(dates, history)
     store = divided(history)[1]
-    if keep and (history is None or options["record"] is None):
+    if keep and (history is None or given["record"] is None):
         raise click.UsageError("--keep needs --history DIR and --record FILE")
     if (store is None) != (aircraft is None):
         missing = "--aircraft NAME: a store holds several" if store else "--history STORE for --aircraft"
         raise click.UsageError(f"name {missing}")
-    file = options.pop("aircraft_table")
-    table = load_aircraft_table(file) if file else AircraftTable()
-    common = {name: options.pop(name) for name in _JUDGED_BY}
-    judging = Options(**common, aircraft_table=table, since=dict(dates))
+    table = (
+        file if isinstance(file, AircraftTable) else load_aircraft_table(file) if file else AircraftTable()
+    )
+    judging = replace(options, aircraft=None, aircraft_table=table, since=dict(dates))
     kept = replace(judging, aircraft=f"={aircraft}" if aircraft else None)
-    if store is not None:
+    if store is not None and aircraft is not None:
         from mavhums.fleet import past
         from mavhums.history.aircraft import latest
 

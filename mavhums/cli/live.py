@@ -28,6 +28,7 @@ from mavhums.cli.options import (
     KEY,
     MODEL,
     PATH,
+    gathered,
 )
 from mavhums.cli.signals import Stop
 from mavhums.core.notice import EPILOG
@@ -35,6 +36,7 @@ from mavhums.core.notice import EPILOG
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from mavhums.app.options import Options
     from mavhums.live.outlet import Spool
     from mavhums.live.session import Session
     from mavhums.live.setup import LiveOptions
@@ -102,7 +104,10 @@ _LEVELS = ("debug", "info", "warning", "error")
     show_default=True,
     help="Which messages go to the standard error.",
 )
-def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, **options: Any) -> None:
+@gathered
+def live(
+    options: Options, duration: float | None, verbose: bool, log_level: str, as_json: bool, **given: Any
+) -> None:
     """Follow MAVLink links and judge every actuator while it flies.
 
     \b
@@ -124,20 +129,20 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
     Ctrl-C, SIGTERM and SIGHUP end the session and print the verdicts. Exit codes are those of analyse.
     Neither recording nor judging waits for an output: what nobody reads is dropped and counted.
     """
-    if options["viewer"] and ":" in options["viewer"] and "://" not in options["viewer"]:
-        options |= {"urls": (options["viewer"], *options["urls"]), "viewer": "window"}
-    if not options["urls"]:
+    if given["viewer"] and ":" in given["viewer"] and "://" not in given["viewer"]:
+        given |= {"urls": (given["viewer"], *given["urls"]), "viewer": "window"}
+    if not given["urls"]:
         raise click.UsageError("name a link, for example udpin:14550")
-    if options["record"] and options["rrd"] and options["record"] == options["rrd"]:
+    if given["record"] and given["rrd"] and given["record"] == given["rrd"]:
         raise click.UsageError("--record and --rrd name the same file")
-    judging, keep = live_judging(options)
+    judging, keep = live_judging(options, given)
     level = "info" if verbose and log_level == "warning" else log_level
     from mavhums.live.outlet import Spool
     from mavhums.live.setup import LiveOptions
 
     out, err = Spool(sys.stdout, "standard output"), Spool(sys.stderr, "standard error", report=None)
-    shows = _Shows(options.pop("viewer"), options.pop("rrd"), not options.pop("no_position"), as_json)
-    wanted = LiveOptions(judging=judging, **options)
+    shows = _Shows(given.pop("viewer"), given.pop("rrd"), not given.pop("no_position"), as_json)
+    wanted = LiveOptions(judging=judging, **given)
     with Stop(duration) as stop:
         try:
             assessment, shown = _follow(wanted, shows, level, stop, (out, err))
