@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.health.decision.trend import MIN_FLIGHTS, Trend, fit_trend
 from mavhums.history.files import read_history
 from mavhums.history.trends import trend_report
 

@@ -21,10 +21,9 @@ from mavhums.engine.axes import Axes, VehicleAxes
 from mavhums.engine.crowd import Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
-from mavhums.health.axis.obstacles import why_not_at_all
-from mavhums.health.axis.verdict import judged_axis, unjudged_axes
-from mavhums.health.obstacles import obstacle
-from mavhums.health.verdict import contradicted_actuator, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.actuator import contradicted_actuator, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.axis import judged_axis, unjudged_axes
+from mavhums.health.verdict.obstacles import obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
 from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import (

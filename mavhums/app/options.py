@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.decision.limits import FALSE_ALARMS
 
 if TYPE_CHECKING:
     from mavhums.actuator.profile import Airframe

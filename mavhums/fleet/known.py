@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
 from mavhums.fleet.known_state import State, unpacked_state
-from mavhums.health.baseline import Baselines
-from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.decision.baseline import Baselines
+from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.history.flights import FlightHistory, PastFlight, Since, is_healthy
 from mavhums.report.flight import CLOCKS_APART_S
 

@@ -23,8 +23,8 @@ from pydantic import TypeAdapter
 
 from mavhums.core.collecting import no_collection
 from mavhums.core.errors import MavhumsError
-from mavhums.health.baseline import Baselines
-from mavhums.health.own.past import PastRecord
+from mavhums.health.decision.baseline import Baselines
+from mavhums.health.self_baseline.past import PastRecord
 from mavhums.history.belonging import Owner, owners_of
 from mavhums.history.copies import Recording, copies
 from mavhums.history.files import UnusedError, assessment_files, read_file, read_history

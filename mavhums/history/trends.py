@@ -14,8 +14,8 @@ from pydantic import TypeAdapter
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.health.axis.past import LOSSES
-from mavhums.health.baseline import Baseline
-from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.trend import MIN_FLIGHTS, Trend, fit_trend
 from mavhums.history.aircraft import latest
 from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
 from mavhums.history.belonging import hold_one_aircraft, swaps_of

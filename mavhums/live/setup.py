@@ -22,7 +22,7 @@ from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
-from mavhums.health import Monitor
+from mavhums.health.actuator.monitor import Monitor
 from mavhums.history.aircraft import latest
 from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.live.address import Address

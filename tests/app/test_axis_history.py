@@ -13,7 +13,7 @@ from mavhums import Engine, analyse
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.options import Options
 from mavhums.cli.main import cli
-from mavhums.health.baseline import Baseline
+from mavhums.health.decision.baseline import Baseline
 from mavhums.history.comparison import compared, packed, unpacked
 from mavhums.history.files import keep_assessment, read_history
 from mavhums.history.trends import trend_report

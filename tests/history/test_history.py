@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mavhums.core.errors import MavhumsError
-from mavhums.health.baseline import Baseline
+from mavhums.health.decision.baseline import Baseline
 from mavhums.history.files import keep_assessment, read_history
 from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight
 from mavhums.history.trends import trend_report

@@ -19,8 +19,8 @@ from mavhums.app.settings import Settings
 from mavhums.cli import options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
-from mavhums.health.baseline import Baseline
-from mavhums.health.monitor import Monitor
+from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.decision.baseline import Baseline
 from mavhums.history.files import keep_assessment, read_history
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
