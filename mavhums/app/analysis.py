@@ -11,8 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from mavhums.app.options import Options
-from mavhums.app.settings import Settings
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.engine.engine import Engine

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mavhums.app.analysis import analyse
-from mavhums.app.options import Options
-from mavhums.app.settings import Settings
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from mavhums.app.analysis import Failed, Judged, Outputs, compared_with_own, judge
-from mavhums.app.options import Options
-from mavhums.app.settings import Settings
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.process_pool import Lost, in_processes
 from mavhums.history.files import keep_assessment

@@ -36,7 +36,7 @@ from mavhums.cli.trend import indexed_history
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
 
 __all__ = ["analyse", "report"]
 

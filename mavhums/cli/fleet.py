@@ -28,7 +28,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.fleet import Repair
     from mavhums.fleet.queries import Worst
 

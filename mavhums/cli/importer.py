@@ -63,7 +63,7 @@ def _arguments() -> tuple[Path, str | None]:
 
 def _import(path: Path, recording_id: str | None) -> None:
     from mavhums.app.analysis import analyse
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.show.recording import PipedRecorder
 
     options = Options(airframe=os.environ.get(_AIRFRAME), vehicle_states=True)

@@ -16,7 +16,7 @@ from mavhums.history.stores import is_store
 
 if TYPE_CHECKING:
     from mavhums.app.many import Batch, Outcome
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.report.assessment import Assessment
 
 __all__ = ["Keeper", "check_baseline_dates", "divided", "judged_in_store", "live_judging"]

@@ -36,7 +36,7 @@ from mavhums.core.notice import EPILOG
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.live.outlet import Spool
     from mavhums.live.session import Session
     from mavhums.live.setup import LiveOptions

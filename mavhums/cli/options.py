@@ -169,7 +169,7 @@ def gathered(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def with_options(**given: Any) -> Any:
-        from mavhums.app.options import Options
+        from mavhums.app.settings import Options
 
         names = [name for name in _JUDGED_BY if name in given]
         return command(options=Options(**{name: given.pop(name) for name in names}), **given)

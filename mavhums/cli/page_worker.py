@@ -47,7 +47,7 @@ def answer_to(job: dict[str, Any]) -> dict[str, Any]:
 
 def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
     """Copy a log beside the store's tables and judge it there; a copy that is not kept is removed."""
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.fleet import keep
 
     with log.open("rb") as file:

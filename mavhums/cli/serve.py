@@ -21,7 +21,7 @@ from mavhums.core.notice import EPILOG
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.fleet.queries import Worst
     from mavhums.report.assessment import Assessment
     from mavhums.report.trend import TrendReport

@@ -146,7 +146,7 @@ def identify_motors(logs: tuple[Path, ...], airframe: Path, output: Path | None)
     supply_voltage in the profile, it also gets friction and the highest torque as shares of that at stall.
     """
     from mavhums.app.identify import identify, with_motors
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.core.files import written_whole
 
     if output is not None and output.exists():

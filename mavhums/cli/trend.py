@@ -15,7 +15,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
-    from mavhums.app.options import History
+    from mavhums.app.settings import History
     from mavhums.history.flights import FlightHistory
     from mavhums.report.trend import ActuatorTrend
 

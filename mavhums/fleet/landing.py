@@ -13,8 +13,7 @@ from typing import NamedTuple
 from mavhums.app.analysis import analyse as analyse_log
 from mavhums.app.analysis import analyse_alone, compared_with_own
 from mavhums.app.many import Outcome
-from mavhums.app.options import Options
-from mavhums.app.settings import Settings
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.flight import flight
 from mavhums.fleet.naming import names_there, proposed, whose_in

@@ -10,8 +10,7 @@ from typing import Final, NamedTuple
 
 from mavhums import __version__
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
-from mavhums.app.settings import Settings
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import LogFile, UnreachedError, at_hand

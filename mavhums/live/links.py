@@ -16,7 +16,7 @@ from mavhums.live.address import Address, AddressError
 from mavhums.live.outlet import Outgoing
 from mavhums.log.mavlink.stamping import Piece
 
-__all__ = ["Link", "ReceiveClock", "TcpLink", "UdpLink", "open_link"]
+__all__ = ["Link", "ReceiveClock", "TcpLink", "UdpLink"]
 
 _LOG = logging.getLogger(__name__)
 _BUFFER = 8 << 20
@@ -141,23 +141,6 @@ class Link(Protocol):
     def close(self) -> None:
         """Close the link."""
         ...
-
-
-def open_link(address: Address, clock: ReceiveClock) -> Link:
-    """Return the link to an address.
-
-    Raises
-    ------
-    AddressError
-        If the host is unknown, the port is taken or the device cannot be opened.
-    MissingExtraError
-        If a serial device needs a package that is not installed.
-    """
-    if address.kind == "serial":
-        from mavhums.live.serial import SerialLink
-
-        return SerialLink(address, clock)
-    return TcpLink(address, clock) if address.kind == "tcp" else UdpLink(address, clock)
 
 
 class UdpLink:

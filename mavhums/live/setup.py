@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import logging
 import os
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from mavhums.actuator.profile import load_airframe
 from mavhums.app.analysis import with_aircraft_identity
-from mavhums.app.options import Options
-from mavhums.app.settings import Settings
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
@@ -27,9 +27,10 @@ from mavhums.history.aircraft import latest
 from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
-from mavhums.live.links import Link, ReceiveClock, open_link
+from mavhums.live.links import Link, ReceiveClock, TcpLink, UdpLink
 from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
+from mavhums.live.serial import SerialLink
 from mavhums.live.session import GroundStation, Reception, Session, Sink
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import Guard
@@ -42,6 +43,12 @@ _UNKNOWN_VEHICLE = 1  # ArduPilot's default, for a HEARTBEAT that a silent vehic
 _HEADERS = 28  # bytes of a datagram's IPv4 and UDP headers
 _SERVO_OUTPUT_RAW = bytes.fromhex("fe150001012401000000dc05dc05dc05dc050000000000000000007188")
 
+_LINKS: Final[dict[str, Callable[[Address, ReceiveClock], Link]]] = {
+    "udpin": UdpLink,
+    "udpout": UdpLink,
+    "tcp": TcpLink,
+    "serial": SerialLink,
+}
 Stream = tuple[int, int, int]
 
 
@@ -156,7 +163,7 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
     links: list[Link] = []
     try:
         for address in addresses:
-            links.append(open_link(address, clock))
+            links.append(_LINKS[address.kind](address, clock))
             if address.exposed:
                 trust = "" if signed_only else ", without authentication; --key accepts only signed frames"
                 _LOG.warning("%s: not only this computer can send here%s", address, trust)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.report.assessment import Assessment, Verdict
 from mavhums.report.trend import TrendReport
 

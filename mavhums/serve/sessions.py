@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.options import Limits

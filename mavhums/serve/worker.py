@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mavhums.app.analysis import Failed, Outputs, judge
-from mavhums.app.options import Options
-from mavhums.app.settings import Settings
+from mavhums.app.settings import Options, Settings
 from mavhums.app.warm_up import warm_up
 from mavhums.core.packed import ArchiveError
 from mavhums.serve.uploads import take_logs

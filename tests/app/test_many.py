@@ -16,7 +16,7 @@ import pytest
 
 import mavhums
 from mavhums.app.many import Batch, analyse_many
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
 from mavhums.core.process_pool import Lost, in_processes
 from mavhums.history.flights import FlightHistory

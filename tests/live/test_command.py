@@ -168,7 +168,7 @@ def test_udpout_makes_itself_known(tmp_path: Path, worn_pieces: list[Piece]) -> 
 
 def test_a_port_that_others_reach_is_warned_of(run: Run, tmp_path: Path) -> None:
     outcome = run("live", "udpin:0.0.0.0:0", "--duration", "0.2")
-    assert "not only this computer can send here, and nothing tells who; --key" in outcome.err
+    assert "not only this computer can send here, without authentication; --key" in outcome.err
     key = tmp_path / "key"
     key.write_bytes(KEY)
     outcome = run("live", "udpin:0.0.0.0:0", "--duration", "0.2", "--key", key)

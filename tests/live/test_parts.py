@@ -312,7 +312,7 @@ COMPILED = """
 import gc, sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.live.peers import Peers
 from mavhums.live.session import Session
 from mavhums.live.setup import LiveOptions, prepare

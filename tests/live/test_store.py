@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
 from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.options import Limits
 from mavhums.serve.sessions import Session, Sessions

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.options import Limits
 from mavhums.serve.sessions import Session, Sessions
