@@ -11,7 +11,7 @@ from pathlib import Path
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
-from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.history.aircraft import Whose, hold_rule
 from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
 from mavhums.history.flights import FlightHistory, Since

@@ -14,17 +14,15 @@ from typing import Final
 
 from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import opened
+from mavhums.log.formats import SIGNATURES
 
-__all__ = ["HEAD", "SIGNATURES", "is_log", "main"]
+__all__ = ["HEAD", "is_log", "main"]
 
 _NOT_OURS: Final = 66
 _AIRFRAME: Final = "MAVHUMS_AIRFRAME"
 
 HEAD: Final = 1 << 16
 """Bytes that are enough to tell."""
-
-SIGNATURES: Final = (b"\xa3\x95", b"ULog\x01\x12\x35")
-"""First bytes of on-board logs: those of :data:`mavhums.log.decoding.FORMATS`, which is dear to import."""
 
 _STAMP: Final = 8
 _CHAIN, _FEW = 6, 2

@@ -12,7 +12,8 @@ from datetime import datetime, timedelta
 
 from mavhums.fleet.known_state import State, unpacked_state
 from mavhums.health.decision.baseline import Baselines
-from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.history.flights import FlightHistory, PastFlight, Since, is_healthy
 from mavhums.report.flight import CLOCKS_APART_S
 

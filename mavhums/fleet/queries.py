@@ -17,7 +17,7 @@ from mavhums.fleet.store import Store
 from mavhums.history.aircraft import UNKNOWN
 from mavhums.history.flights import FlightHistory, PastFlight
 from mavhums.history.trends import trend_report
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
 from mavhums.report.trend import RepairDate, TrendReport
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
 from mavhums.health.decision.baseline import Baseline, Baselines
-from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.history.belonging import Owner, owners_of
 from mavhums.history.copies import Recording, copies, recordings_of
 from mavhums.report.assessment import Assessment, Indicator, Verdict

@@ -15,7 +15,8 @@ from pydantic import TypeAdapter
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.health.decision.thresholds import TREND_FLIGHTS
+from mavhums.health.decision.trend import Trend, fit_trend
 from mavhums.history.aircraft import latest
 from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
 from mavhums.history.belonging import hold_one_aircraft, swaps_of
@@ -231,7 +232,7 @@ def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None, counte
         between=fitted.between if fitted else None,
         left_out=tuple(used[place][0].start_utc for place in fitted.left_out) if fitted else (),
         flights_left=fitted.flights_left if fitted else None,
-        reason=fitted.reason if fitted else f"{len(used)} flights show it; a trend needs {MIN_FLIGHTS}",
+        reason=fitted.reason if fitted else f"{len(used)} flights show it; a trend needs {TREND_FLIGHTS}",
         points=_POINTS.validate_python(
             [
                 {
