@@ -137,13 +137,13 @@ def _section(motor: Motor) -> str:
 
 
 def _shares(motor: Motor) -> str:
-    told = motor.shares
-    if told is None:
+    found = motor.shares
+    if found is None:
         return f"# no share of stall: {motor.lacking}\n" if motor.lacking else ""
-    torque = f"torque_of_stall = {_numbers(told.torque)}  # highest sustained; the rest is the reserve\n"
-    if told.friction is None:
+    torque = f"torque_of_stall = {_numbers(found.torque)}  # highest sustained; the rest is the reserve\n"
+    if found.friction is None:
         return torque
-    return f"friction_of_stall = {_numbers(told.friction)}  # friction, by the torque at stall\n{torque}"
+    return f"friction_of_stall = {_numbers(found.friction)}  # friction, by the torque at stall\n{torque}"
 
 
 def _numbers(interval: Interval) -> list[float]:

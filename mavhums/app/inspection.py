@@ -18,9 +18,9 @@ from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
 from mavhums.engine.axes import Axes, VehicleAxes
-from mavhums.engine.crowd import Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
+from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import contradicted_actuator, unjudged_actuator, unjudged_vehicle
 from mavhums.health.verdict.axis import judged_axis, unjudged_axes
 from mavhums.health.verdict.obstacles import obstacle, why_not_at_all
@@ -79,20 +79,20 @@ def inspect_log(
     telemetry = messages_for(given.actuators if given else ())
     decoder = Decoder(telemetry | IDENTITY_MESSAGES | AXIS_MESSAGES | NAMED_MESSAGES, dialect=dialect)
     fleet, identities, axes, values = VehicleMappers(given), Identities(), Axes(given), NamedValues()
-    crowd, clocks = Crowd(telemetry - TEXT_MESSAGES), Clocks()
+    vehicle_limit, clocks = VehicleLimit(telemetry - TEXT_MESSAGES), Clocks()
     size = 0
     for read, size, final in decode_blocks(path, decoder, dialect=dialect):
         identities.feed(read)
         values.feed(read)
-        crowd.heed(read)
-        tables = clocks.feed(read, crowd.admits)
+        vehicle_limit.observe(read)
+        tables = clocks.feed(read, vehicle_limit.admits)
         start_us = decoder.first_time_us or 0
         for said, named in fleet.listen(tables):
             if named is not None:
                 axes.announce(said.vehicle, said.frame, named)
         for _ in (
             *fleet.draft(tables),
-            *axes.feed(tables, start_us, admits=crowd.admits, final=final),
+            *axes.feed(tables, start_us, admits=vehicle_limit.admits, final=final),
             *fleet.feed(tables, final=final),
         ):
             pass
@@ -191,7 +191,7 @@ def _remedy(
         return "; ".join(obstacle(sent, identity))
     blanks = sorted({blank for actuator in airframe.actuators for blank in actuator.blanks})
     if any(actuator.travel_deg is None and "V1" not in actuator.fields for actuator in airframe.actuators):
-        blanks.append("travel_deg, without which a pulse is no angle")
+        blanks.append("travel_deg, without which a pulse has no angle")
     parts = [f"{against_log(found)}: {to_correct(found)}"] if found else []
     parts += [f"the profile has no {', no '.join(blanks)}: {FILL_IN}"] if blanks else []
     if tier is None or not tier.judged:
@@ -225,8 +225,8 @@ def _judgeable(
         What the servos of a helicopter's rotors move, by output.
     """
     for verdict in _axes(identity, axes):
-        told = {verdict.condition, verdict.worst} != {"undecided"}
-        yield _said(verdict, judged=told)
+        judged = {verdict.condition, verdict.worst} != {"undecided"}
+        yield _said(verdict, judged=judged)
     if mapper is None:
         surfaces = axes.surfaces if axes else None
         for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):

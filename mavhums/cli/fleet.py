@@ -107,29 +107,29 @@ def scan(
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
 
 
-@fleet.command(short_help="Tell what the store holds, and what failed.")
+@fleet.command(short_help="Show what the store holds, and what failed.")
 @_STORE
 @JSON
 def status(store: str, as_json: bool) -> None:
     """Say what STORE holds, and which logs could not be judged."""
     from mavhums.fleet import status as status_of
 
-    told = status_of(store)
+    found = status_of(store)
     if as_json:
-        failures = [{"problem": problem, "remedy": remedy} for problem, remedy in told.failures]
-        copies = [{"log": log, "counted": counted} for log, counted in told.copies]
-        say_json(_line(told._asdict() | {"failures": failures, "copies": copies}))
+        failures = [{"problem": problem, "remedy": remedy} for problem, remedy in found.failures]
+        copies = [{"log": log, "counted": counted} for log, counted in found.copies]
+        say_json(_line(found._asdict() | {"failures": failures, "copies": copies}))
         return
-    named = ": scan them again with --aircraft RULE to name it" if told.unknown else ""
-    say(f"{told.judged} logs of {told.aircraft} aircraft, and {told.unknown} of an unknown one{named}")
-    for problem, remedy in told.failures[:_SHOWN_FAILURES]:
+    named = ": scan them again with --aircraft RULE to name it" if found.unknown else ""
+    say(f"{found.judged} logs of {found.aircraft} aircraft, and {found.unknown} of an unknown one{named}")
+    for problem, remedy in found.failures[:_SHOWN_FAILURES]:
         say(f"{problem}: {remedy}")
-    if len(told.failures) > _SHOWN_FAILURES:
-        say(f"and {len(told.failures) - _SHOWN_FAILURES} more that could not be judged")
-    for log, counted in told.copies[:_SHOWN_FAILURES]:
+    if len(found.failures) > _SHOWN_FAILURES:
+        say(f"and {len(found.failures) - _SHOWN_FAILURES} more that could not be judged")
+    for log, counted in found.copies[:_SHOWN_FAILURES]:
         say(f"{log}: is of the same flight as {counted}, which counts")
-    if len(told.copies) > _SHOWN_FAILURES:
-        say(f"and {len(told.copies) - _SHOWN_FAILURES} more that do not count")
+    if len(found.copies) > _SHOWN_FAILURES:
+        say(f"and {len(found.copies) - _SHOWN_FAILURES} more that do not count")
 
 
 @fleet.command(short_help="Show the worst actuators of all aircraft.")

@@ -109,7 +109,7 @@ def train(
     networks of 4 to 16 tanh neurons choose the best subset of the rest and, on it, the best network. Flights
     that nothing was trained on calibrate its votes, and others again measure it. The same stages on the
     statistics of windows give a second network, which knows every fault that the simulator flies. Each stage
-    tells what it kept; `mavhums model show MODEL` repeats it.
+    prints what it kept; `mavhums model show MODEL` repeats it.
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase, Scheme, save_model

@@ -147,12 +147,12 @@ def live(
         try:
             assessment, shown = _follow(wanted, shows, level, stop, (out, err))
         finally:
-            told = out.finish(time.monotonic() + _PATIENCE_S)
+            written = out.finish(time.monotonic() + _PATIENCE_S)
             if out.outlet.dropped:
                 _LOG.warning("%s: %d dropped", out.outlet.name, out.outlet.dropped)
-            told = err.finish(time.monotonic() + _PATIENCE_S / 2) and told
+            written = err.finish(time.monotonic() + _PATIENCE_S / 2) and written
     code = keep(assessment) if keep else assessment.exit_code
-    if not (shown and told):
+    if not (shown and written):
         os._exit(code)  # a hanging thread would delay an orderly end
     raise SystemExit(code)
 

@@ -139,7 +139,7 @@ class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
         try:
             at = datetime.fromisoformat(date)
         except ValueError:
-            self.fail(f"{value!r} is no date: write 2026-03-01, or rudder=2026-03-01", param, ctx)
+            self.fail(f"{value!r} is not a date: write 2026-03-01, or rudder=2026-03-01", param, ctx)
         return name or None, at if at.tzinfo else at.replace(tzinfo=UTC)
 
 

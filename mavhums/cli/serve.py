@@ -132,7 +132,9 @@ def _public(name: str | None) -> str | None:
     if name is not None and not re.fullmatch(
         r"[a-z0-9]([a-z0-9.-]*[a-z0-9])?(:[0-9]{1,5})?", name, re.IGNORECASE
     ):
-        raise click.BadParameter(f"{name!r} is no name of a host: write hums.example.org, without https://")
+        raise click.BadParameter(
+            f"{name!r} is not the name of a host: write hums.example.org, without https://"
+        )
     return name.lower() if name else None
 
 
@@ -167,7 +169,7 @@ class _Store:
         return flight(self._folder, aircraft, sha256)
 
     def keep(self, log: Path, aircraft: str | None = None) -> str:
-        """Keep a log in the store, by a process of its own; its answer tells problem and remedy."""
+        """Keep a log in the store, in a process of its own; its answer has problem and remedy."""
         options = self._options | ({"aircraft": f"={aircraft}"} if aircraft else {})
         job = {"log": str(log), "store": str(self._folder), "options": options}
         command = [sys.executable, "-m", "mavhums.cli.page_worker", "keep"]

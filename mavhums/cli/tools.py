@@ -77,7 +77,7 @@ def model() -> None:
 def show_model(name: str | None, as_json: bool) -> None:
     """Print the card of a packaged model, or of the one in FILE.
 
-    The card tells the features, the training, the calibration, what the selection found, the metrics,
+    The card has the features, the training, the calibration, what the selection found, the metrics,
     and the command that regenerates the model.
 
     \b

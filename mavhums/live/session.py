@@ -142,7 +142,7 @@ class Session:
         self.clock, self.links, self.peers = reception.clock, reception.links, reception.peers
         self.recorder, self.sinks = recorder, list(sinks)
         self.watch = Watch(reception.stamper, self.links, recorder, self.clock.now_us(), self.peers)
-        self.watch.told = [*self.links, *ground.links]
+        self.watch.alert_links = [*self.links, *ground.links]
         self._contested: dict[int, int] = {}
         self._engine, self._stamper, self._remember = engine, reception.stamper, reception.remember
         self._alerts, self._greeter, self._ground = ground
@@ -195,7 +195,7 @@ class Session:
         status, stale = self.watch.look(assessment, now_us)
         self._ticks += 1
         self.peers.forget(now_us)
-        self._tell_contested(status.link.contested, now_us)
+        self._warn_contested(status.link.contested, now_us)
         if self._remember and self._ticks % _REMEMBER_EVERY == 0:
             self._remember()
         if self._greeter:
@@ -236,7 +236,7 @@ class Session:
         return assessment
 
     def _check_same_aircraft(self, assessment: Assessment) -> None:
-        """Refuse the history of another aircraft as soon as a vehicle tells its board."""
+        """Refuse the history of another aircraft as soon as a vehicle reports its board."""
         identified = {(flight.vehicle, flight.board) for flight in assessment.log.flight}
         if self._identify and identified != self._identified:
             self._identified = identified
@@ -292,19 +292,19 @@ class Session:
         if self._alerts:
             self._announce(self._alerts.take(events, faults, now_us))
 
-    def _tell_contested(self, vehicles: Sequence[int], now_us: int) -> None:
+    def _warn_contested(self, vehicles: Sequence[int], now_us: int) -> None:
         """Warn about vehicles with more than one sender, at most once a minute for each vehicle."""
-        told = []
+        notices = []
         for vehicle in vehicles:
             if now_us - self._contested.get(vehicle, 0) >= _CONTESTED_US:
                 self._contested[vehicle] = now_us
                 text = f"more than one sender speaks for vehicle {vehicle}; its verdicts mix them"
                 _LOG.warning("%s", text)
                 time_s = (now_us - (self._first_us or now_us)) / 1e6
-                told.append(Notice(time_s, vehicle, text))
-        if told:
+                notices.append(Notice(time_s, vehicle, text))
+        if notices:
             for sink in self.sinks:
-                sink.consume(told, {})
+                sink.consume(notices, {})
 
     def _announce(self, alerts: Sequence[AlertObject]) -> None:
         for alert in alerts:

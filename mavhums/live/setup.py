@@ -66,9 +66,9 @@ class LiveOptions:
     record
         The .tlog to write; None for none.
     alerts
-        Whether the ground station is told over the links what is found.
+        Whether alerts are sent to the ground station over the links.
     alerts_to
-        Address at which it is told instead.
+        Address to which alerts are sent instead.
     component
         Component id of the alerts' sender.
 

@@ -160,9 +160,9 @@ class JsonLines:
         """Write events except samples."""
         now = utc(self._now_us())
         for event in events:
-            told = _object(event, faults, now)
-            if told is not None:
-                self._put(told)
+            line = _object(event, faults, now)
+            if line is not None:
+                self._put(line)
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
         """Write the state."""
@@ -189,8 +189,8 @@ class JsonLines:
             )
         )
 
-    def _put(self, told: LiveObject) -> None:
-        self._write(told.model_dump_json(by_alias=True))
+    def _put(self, line: LiveObject) -> None:
+        self._write(line.model_dump_json(by_alias=True))
 
 
 class PlainLines:

@@ -34,7 +34,7 @@ class Home:
     fleet
         The store in which logs can be kept; None without one.
     where
-        What is told about the place of the logs.
+        What the page says about the place of the logs.
     """
 
     def __init__(self, sessions: Sessions, session: Session, fleet: Fleet | None, where: str) -> None:
@@ -79,7 +79,7 @@ class Home:
         self._sessions.remove(self._session, log)
 
     async def keep(self, log: Dropped, aircraft: str | None = None) -> None:
-        """Keep a log in the store; where the store cannot tell its aircraft, ask the user."""
+        """Keep a log in the store; where the store cannot identify its aircraft, ask the user."""
         assert self._fleet
         log.kept, log.asked = "being kept in the store …", None
         try:

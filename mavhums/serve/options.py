@@ -81,7 +81,7 @@ class Fleet(Protocol):
         Raises
         ------
         UnnamedAircraftError
-            If the store cannot tell its aircraft, and none is given.
+            If the store cannot identify its aircraft, and none is given.
         """
 
 

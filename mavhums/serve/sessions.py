@@ -33,7 +33,7 @@ class Dropped:
     recording
         Whether there is a Rerun recording of it: ``""`` none yet, ``making``, ``ready``, or the problem.
     kept
-        What is told of keeping it in the store.
+        What the page says of keeping it in the store.
     note
         Which archive it came in, and what else that held.
     asked

@@ -87,7 +87,7 @@ def _done(job: Job, tell: Tell, among: Among) -> Job:
     except Exception as error:
         return _refusal(Failed.of(log, error), job)
     outputs = Outputs(report=job["report"]) if job["do"] == "judge" else Outputs(recording=job["recording"])
-    judged = judge(log, settings, outputs, _telling(tell))
+    judged = judge(log, settings, outputs, _reporting(tell))
     if isinstance(judged, Failed):
         return _refusal(judged, job)
     return {"brief": in_brief(judged.assessment)._asdict()} if job["do"] == "judge" else {"recorded": True}
@@ -101,8 +101,8 @@ def _refusal(failed: Failed, job: Job) -> Job:
     return {"problem": failed.problem.replace(folder, ""), "remedy": remedy.replace(folder, "")}
 
 
-def _telling(tell: Tell) -> Callable[[int], None]:
-    """Return a function that tells how much was read, some times a second."""
+def _reporting(tell: Tell) -> Callable[[int], None]:
+    """Return a function that reports how much was read, some times a second."""
     told_s = 0.0
 
     def progress(read: int) -> None:

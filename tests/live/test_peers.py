@@ -169,7 +169,7 @@ def test_a_peer_that_has_closed_costs_only_what_is_sent_to_it() -> None:
         ground.settimeout(10)
         port = ground.getsockname()[1]
         session = prepare(LiveOptions(urls=["udpin:0"], alerts_to=f"udpout:127.0.0.1:{port}"))
-    link = session.watch.told[-1]
+    link = session.watch.alert_links[-1]
     send: Callable[[bytes, int], None] = session._alerts._send  # type: ignore[union-attr]
     send(bytes(v2.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3).pack(v2.MAVLink(None))), 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:
