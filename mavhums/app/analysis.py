@@ -22,7 +22,7 @@ from mavhums.history.belonging import held_own
 from mavhums.history.comparison import LoneFlight, compared
 from mavhums.history.repeated import with_copies
 from mavhums.log import Decoder, read_blocks
-from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
+from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
 if TYPE_CHECKING:
     from mavhums.history.flights import Since
@@ -374,7 +374,7 @@ def _swaps(path: Place, settings: Settings) -> Since:
         return {}
     if str(path) == "-":
         raise MavhumsError("-: an aircraft table needs a file that can be read twice", "save the log first")
-    decoder, recorded = Decoder(RECORDED_MESSAGES, dialect=dialect), RecordedFlights()
+    decoder, recorded = Decoder(FLIGHT_MESSAGES, dialect=dialect), RecordedFlights()
     for block in read_blocks(path, dialect=dialect):
         recorded.feed(decoder.feed(block))
     recorded.feed(decoder.feed(b"", final=True))

@@ -16,13 +16,12 @@ from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
-from mavhums.engine.axes import Axes, VehicleAxes
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import VehicleLimit
-from mavhums.health.verdict.actuator import contradicted_actuator, unjudged_actuator, unjudged_vehicle
-from mavhums.health.verdict.axis import judged_axis, unjudged_axes
+from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
 from mavhums.health.verdict.obstacles import obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
 from mavhums.report.assessment import ALL, Verdict
@@ -35,10 +34,10 @@ from mavhums.report.inspection import (
     VehicleTelemetry,
 )
 from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.counts import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
-from mavhums.vehicle.named_values import NAMED_MESSAGES, NamedValues
+from mavhums.vehicle.states import TEXT_MESSAGES
 from mavhums.vehicle.surfaces import AXES
-from mavhums.vehicle.texts import TEXT_MESSAGES
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["inspect_log"]
@@ -77,7 +76,7 @@ def inspect_log(
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     telemetry = messages_for(given.actuators if given else ())
-    decoder = Decoder(telemetry | IDENTITY_MESSAGES | AXIS_MESSAGES | NAMED_MESSAGES, dialect=dialect)
+    decoder = Decoder(telemetry | IDENTITY_MESSAGES | SIGNAL_MESSAGES | NAMED_MESSAGES, dialect=dialect)
     fleet, identities, axes, values = VehicleMappers(given), Identities(), Axes(given), NamedValues()
     vehicle_limit, clocks = VehicleLimit(telemetry - TEXT_MESSAGES), Clocks()
     size = 0
@@ -239,9 +238,7 @@ def _judgeable(
         against = axes.told.last.against(actuator.name) if axes else ()
         if against:
             why = against_log(against), to_correct(against)
-            yield _said(
-                contradicted_actuator(identity.vehicle, actuator.name, why, tier, provenance), judged=False
-            )
+            yield _said(unjudged(identity.vehicle, actuator.name, why, tier, provenance), judged=False)
             continue
         verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
         yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
@@ -257,7 +254,7 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
         return
     for axis in AXES:
         findings = axes.monitor.findings(axis)
-        yield judged_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
+        yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

@@ -33,7 +33,7 @@ from mavhums.live.recorder import TlogRecorder
 from mavhums.live.serial import SerialLink
 from mavhums.live.session import GroundStation, Reception, Session, Sink
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
 
 __all__ = ["LiveOptions", "SeenSignatures", "prepare"]
@@ -103,7 +103,7 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     settings = _of_one_aircraft(Settings.read(options.judging))
     key, file = settings.engine.key, getattr(options.judging, "key", None)
     seen = SeenSignatures(Path(file)) if isinstance(file, str | os.PathLike) else None
-    guard = Guard(key, before=seen.load() if seen else None) if key else None
+    guard = SignatureGuard(key, before=seen.load() if seen else None) if key else None
     engine = replace(settings.with_baselines(), key=None, vehicle_states=vehicle_states)
     _warm_up(engine)
     recorder = TlogRecorder(options.record) if options.record else None
