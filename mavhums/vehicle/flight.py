@@ -31,7 +31,7 @@ _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
 _HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)  # ArduPlane's Q modes
 _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
 LEAST_SPEED: Final = 8.0
-"""Airspeed of forward flight, m/s. Lower lets taxiing and wind on the ground in, higher loses slow aircraft."""
+"""Airspeed of forward flight, m/s. Lower lets wind on the ground in, higher loses slow aircraft."""
 
 _LEAST_GROUND_SPEED_M_S: Final = 5.0
 """A wind of 8 m/s looks like forward flight to the pitot tube of an aircraft that stands. Higher loses flight

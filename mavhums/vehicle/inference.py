@@ -30,7 +30,7 @@ _HALF_US: Final = 400.0  # half of the usual travel: the scale of a demand, whic
 _AS_ONE: Final = 0.99  # share of the rows in which outputs with one demand differ by less than ALIKE_US
 _ROLLS_RAD_S: Final = 0.05  # deviation of the roll rate: without turns any slow output explains what is left
 _ROLL: Final = 0.6
-"""Share of the roll that an aileron must explain: lower infers more flights, and other outputs as ailerons."""
+"""Share of the roll that an aileron must explain: lower takes other outputs for ailerons."""
 _PITCH: Final = 0.35
 """Share of the pitch acceleration that an elevator must explain: gusts and speed change pitch as well."""
 _APART: Final = 2.0  # the second best output leaves so many times as much, or explains so many times less
