@@ -120,8 +120,10 @@ def why_not_at_all(
         return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
     missing = [name for name in _NEEDED if name not in flight.heard]
     told = " and ".join(_NEEDED[name] for name in missing)
+    # The messages are there: recording more of them would not help.
     if missing and (late := disorder(received)):
         return Obstacle(f"{told} came too late to be used: {late}", _IN_ORDER)
+    # Outputs without pulses: ArduPilot writes 0 while the safety switch is on.
     silent = next((name for name in received if name in _OUTPUTS and received[name].kept), None)
     if missing == ["outputs"] and silent:
         reason = f"the servo outputs are recorded ({received[silent].kept:,} {silent}) and carry no pulses"
@@ -213,6 +215,7 @@ def _obstacles(
         if surfaces
         else None
     )
+    # A contradiction matters where it kept the outputs from being known in time.
     late = findings.reference is None and findings.usable_s < REFERENCE_S
     if against and (late or not outputs):
         yield Obstacle(against, _CORRECT)
