@@ -23,7 +23,8 @@ from mavhums.health.actuator.votes import answer_samples
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.texts import TEXT_MESSAGES
+from mavhums.vehicle.formats import message_of
+from mavhums.vehicle.states import TEXT_MESSAGES
 
 __all__ = ["export_messages", "export_quantities"]
 
@@ -37,8 +38,6 @@ _NAMELESS = Airframe(
     ),
 )
 """A neutral profile: servos by their channel, ESCs by their number, no angles."""
-
-_PULSES = {"tlog": "SERVO_OUTPUT_RAW", "dataflash": "RCOU", "ulog": "actuator_outputs"}
 
 
 def export_quantities(
@@ -55,8 +54,8 @@ def export_quantities(
     The columns are ``vehicle``, ``actuator``, ``time`` (UTC), ``flight_time_s`` (seconds since the
     log's first frame) and ``V1`` … ``V12``, empty where unknown; units in
     :data:`mavhums.core.quantities.QUANTITIES`. The rows of one actuator are in time order. Without a
-    profile, the second column is ``output``: an ESC may drive a propeller, and then is no actuator of a
-    surface.
+    profile, the second column is ``output``: an ESC may drive a propeller, and then it
+    is not a surface's actuator.
 
     With ``classify`` three more say what the network says of each sample: ``p_emergency``, the most probable
     ``class``, both empty where the sample lacks an input of the network, and ``inside``, whether the sample
@@ -107,7 +106,7 @@ def export_quantities(
             raise ProfileError(f"{path}: the log names no airframe profile", "name one with --airframe")
         decoder, fleet, rows = _write(path, output, _NAMELESS, None, progress)
     if not rows:
-        raise MavhumsError(*_nothing(path, given, fleet, _PULSES[decoder.format]))
+        raise MavhumsError(*_nothing(path, given, fleet, message_of("outputs", decoder.format)))
     return {output: rows}
 
 
@@ -204,7 +203,7 @@ def _nothing(
         remedy = f"name a profile with --airframe, {pulses}"
         return f"{path}: names no airframe profile, and carries no V1–V12 without one", remedy
     if airframe is not None and all(actuator.travel_deg is None for actuator in airframe.actuators):
-        problem = f"{path}: the profile {airframe.name} has no travel_deg, without which a pulse is no angle"
+        problem = f"{path}: the profile {airframe.name} has no travel_deg, without which a pulse has no angle"
         return problem, f"fill it in, {pulses}"
     problem = f"{path}: carries nothing of the actuators of {', '.join(fleet.airframes)}"
     return problem, f"see what it holds with: mavhums inspect {path}"

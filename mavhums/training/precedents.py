@@ -10,7 +10,7 @@ import numpy as np
 
 from mavhums.actuator.profile import Airframe
 from mavhums.app.analysis import analyse
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event, Samples

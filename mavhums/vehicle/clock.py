@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Integers
 from mavhums.core.kernels import kernel
 
 __all__ = ["BOOT", "BROKEN", "LOOSE", "SOUND", "UNSTAMPED", "USEC", "Mapped", "VehicleClock"]
@@ -28,7 +28,7 @@ BROKEN: Final = 2
 
 _BREAK_US: Final = 30_000_000  # more than any latency but an outage: a stamp as far off is no delay
 _CONFIRM: Final = 3  # stamps in a row: one or two are damage
-_LAP_US: Final = 2**32  # SERVO_OUTPUT_RAW's 32 bits of microseconds start anew after 71.6 min
+_LAP_US: Final = 2**32  # 32 bits of microseconds, as the servo outputs' stamp has, start anew after 71.6 min
 _NEIGHBOURS_US: Final = 100_000  # stamps of both counters received within this time tell their offset
 _OPENING_US: Final = 6_000_000  # before, types with a great latency have not yet been heard
 _PERIOD_US: Final = 500_000  # in which every type that tells is heard, however often others come
@@ -45,8 +45,6 @@ _SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PERIODS
 _DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 10, 12, 14, 16, 18, 20  # two columns each, one per counter
 _PERIOD: Final = 22
 _COLUMNS: Final = 23
-
-Integers = NDArray[np.int64]
 
 
 class Mapped(NamedTuple):
