@@ -237,8 +237,9 @@ def brier_score(probability: ArrayLike, event: ArrayLike) -> float:
     >>> brier_score([0.0, 0.5], [False, True])
     0.125
     """
-    said, was = np.asarray(probability, dtype=np.float64), np.asarray(event, dtype=np.float64)
-    return float(np.mean((said - was) ** 2))
+    from sklearn.metrics import mean_squared_error
+
+    return float(mean_squared_error(np.asarray(event, dtype=np.float64), probability))
 
 
 def expected_calibration_error(probability: ArrayLike, event: ArrayLike) -> float:

@@ -265,7 +265,7 @@ def _parse(data: bytes, source: str) -> Model:
     for name, entry in entries:
         if entry["dtype"] != "F64":
             raise ModelError(f"{source}: tensor {name} is not of 64-bit floats", _REMEDY)
-        tensors[name] = _array(entry["data"], entry["shape"])
+        tensors[name] = np.frombuffer(entry["data"], dtype="<f8").reshape(entry["shape"]).astype(np.float64)
     wanted = _TENSORS | ({_WINDOW + name for name in _TENSORS} if card.window else set())
     if tensors.keys() != wanted:
         raise ModelError(f"{source}: holds other tensors than {', '.join(sorted(wanted))}", _REMEDY)
@@ -297,7 +297,3 @@ def _card(data: bytes, source: str) -> Card:
         place = ".".join(str(part) for part in first["loc"]) or "card"
         remedy = "use the mavhums that wrote it" if place == "format" else _REMEDY
         raise ModelError(f"{source}: {place}: {first['msg']}", remedy) from error
-
-
-def _array(data: bytes | bytearray, shape: list[int]) -> Array:
-    return np.frombuffer(data, dtype="<f8").reshape(shape).astype(np.float64)

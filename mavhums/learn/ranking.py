@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2_contingency
 from sklearn.feature_selection import SelectorMixin
+from sklearn.metrics.cluster import contingency_matrix
 from sklearn.utils.validation import check_is_fitted
 
 from mavhums.core.arrays import Array, Flags, Integers
@@ -109,10 +110,9 @@ class ChiSquareRanking(SelectorMixin, Classified):
         limit = values.shape[1]
         if self.k != "all" and not (isinstance(self.k, Integral) and 1 <= self.k <= limit):
             raise ValueError(f"k must be 'all' or an integer from 1 to {limit}, got {self.k!r}")
-        classes, codes = np.unique(target, return_inverse=True)
         bins = _width_bins if self.strategy == "width" else _quantile_bins
         results = [
-            chi2_contingency(_contingency(bins(feature, self.bins), codes, len(classes)), correction=False)
+            chi2_contingency(contingency_matrix(bins(feature, self.bins), target), correction=False)
             for feature in values.T
         ]
         self.scores_ = np.array([result.statistic for result in results], dtype=np.float64)
@@ -137,9 +137,3 @@ def _quantile_bins(feature: Array, bins: int) -> Integers:
     inner = np.arange(1, bins) / bins
     edges = np.quantile(feature, inner, method="inverted_cdf")
     return np.searchsorted(edges, feature, side="left").astype(np.int64)
-
-
-def _contingency(bins: Integers, codes: Integers, classes: int) -> Integers:
-    occupied, row = np.unique(bins, return_inverse=True)
-    counts = np.bincount(row * classes + codes, minlength=len(occupied) * classes)
-    return counts.reshape(len(occupied), classes)
