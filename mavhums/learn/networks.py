@@ -34,7 +34,8 @@ class _Networks(ClassifierMixin, Classified):
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """Return the class with the larger probability, shape (n_samples,)."""
-        classes: NDArray[Any] = self.classes_[(self._second(X) > 0.5).astype(np.intp)]
+        second = self._second(X) > 0.5
+        classes: NDArray[Any] = self.classes_[second.astype(np.intp)]
         return classes
 
     def predict_proba(self, X: ArrayLike) -> Array:
