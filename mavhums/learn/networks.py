@@ -217,7 +217,8 @@ class TanhNetworkClassifier(_Networks):
         return self
 
     def _second(self, X: ArrayLike) -> Array:
-        return self.network_.p_first(self._features(X))
+        features = self._features(X)
+        return self.network_.p_first(features)
 
 
 class TanhNetworkEnsemble(_Networks):
