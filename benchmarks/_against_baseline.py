@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 from _fleet import MODES, SURFACES, Judged, Task, added, baselines_of, flight, fly_all, judge
-from numpy.typing import NDArray
 
 from mavhums.history.flights import REFERENCE_FLIGHTS
 from mavhums_sim import FlightRecord
@@ -17,7 +16,6 @@ from mavhums_sim.conditions import Condition
 
 __all__ = ["alarms", "conditions", "early", "growth"]
 
-Array = NDArray[np.float64]
 Rows = Iterator[str]
 
 CLEAR = {
