@@ -33,13 +33,13 @@ import psutil
 from mavhums import Options, analyse, analyse_many, fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
-from mavhums.fleet.past import rows_of
-from mavhums.fleet.queries import exit_code
-from mavhums.fleet.settling import settle
-from mavhums.fleet.store import Store
-from mavhums.history.comparison import LoneFlight
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.index import IndexedFolder
+from mavhums.fleet.replayed import rows_of
+from mavhums.fleet.second_pass import settle
+from mavhums.flights.compare import LoneFlight
+from mavhums.flights.queries import exit_code
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.stores.index import IndexedFolder
 from mavhums_sim import Flight, fly, write_tlog
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -210,7 +210,7 @@ def questions(folder: Path) -> None:
     import pyarrow as pa
     from deltalake import WriterProperties, write_deltalake
 
-    from mavhums.fleet.tables import schemas
+    from mavhums.flights.stores.delta_tables import schemas
 
     (folder / "one.tlog").write_bytes(kinds(folder, 120.0)[0])
     verdicts = analyse(folder / "one.tlog").verdicts

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from mavhums.core.packed import ArchiveError
     from mavhums.engine.engine import Engine
     from mavhums.engine.options import EngineOptions
-    from mavhums.history.aircraft import UnnamedAircraftError
-    from mavhums.history.aircraft_table import AircraftTableError
-    from mavhums.history.belonging import OtherAircraftError
-    from mavhums.history.flights import UndatedError
-    from mavhums.history.trends import trend
+    from mavhums.flights.aircraft import UnnamedAircraftError
+    from mavhums.flights.aircraft_table import AircraftTableError
+    from mavhums.flights.belonging import OtherAircraftError
+    from mavhums.flights.history import UndatedError
+    from mavhums.flights.trends import trend
     from mavhums.learn.model import ModelError, load_model, models
     from mavhums.learn.precedents import PrecedentError
     from mavhums.live.address import AddressError

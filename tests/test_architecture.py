@@ -21,7 +21,7 @@ FLOORS = (
     "learn",
     "health",
     "engine",
-    "history",
+    "flights",
     "show",
     "app",
     "training",

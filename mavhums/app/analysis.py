@@ -14,8 +14,8 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
-from mavhums.history.aircraft import latest
-from mavhums.history.comparison import LoneFlight
+from mavhums.flights.aircraft import latest
+from mavhums.flights.compare import LoneFlight
 from mavhums.log import read_blocks
 from mavhums.report.assessment import Assessment
 
@@ -124,11 +124,11 @@ def analyse_alone(
 ) -> LoneFlight:
     """Judge a log by itself, whatever baselines the options have; the errors are those of :func:`analyse`.
 
-    :func:`mavhums.history.comparison.compared` compares the result with earlier flights.
+    :func:`mavhums.flights.compare.compared` compares the result with earlier flights.
 
     Examples
     --------
-    >>> from mavhums.history.comparison import compared
+    >>> from mavhums.flights.compare import compared
     >>> flight = analyse_alone("flight.tlog", Options(airframe="paper").resolved())
     >>> compared(flight, {}) == flight.assessment
     True

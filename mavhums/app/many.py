@@ -16,8 +16,8 @@ from mavhums.app.own_flights import compared_with_own
 from mavhums.app.processes import Crashed, in_processes
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
-from mavhums.history.comparison import LoneFlight
-from mavhums.history.files import keep_assessment
+from mavhums.flights.compare import LoneFlight
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Assessment
 
 __all__ = ["Batch", "Outcome", "analyse_many"]

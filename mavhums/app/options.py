@@ -11,12 +11,12 @@ from pathlib import Path
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
+from mavhums.flights.aircraft import Whose, hold_rule
+from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
+from mavhums.flights.history import FlightHistory, Since
+from mavhums.flights.store import is_store
+from mavhums.flights.stores.index import IndexedFolder
 from mavhums.health.decision import FALSE_ALARMS
-from mavhums.history.aircraft import Whose, hold_rule
-from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
-from mavhums.history.flights import FlightHistory, Since
-from mavhums.history.index import IndexedFolder
-from mavhums.history.stores import is_store
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 from mavhums.report.assessment import Decide

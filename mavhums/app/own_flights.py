@@ -8,11 +8,11 @@ from functools import partial
 
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.history.aircraft import latest
-from mavhums.history.belonging import held_own
-from mavhums.history.comparison import LoneFlight, compared
-from mavhums.history.flights import Since
-from mavhums.history.repeated import with_copies
+from mavhums.flights.aircraft import latest
+from mavhums.flights.belonging import held_own
+from mavhums.flights.compare import LoneFlight, compared
+from mavhums.flights.history import Since
+from mavhums.flights.repeated import with_copies
 from mavhums.log import Decoder, read_blocks
 from mavhums.report.assessment import Assessment
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights

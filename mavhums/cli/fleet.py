@@ -28,7 +28,7 @@ from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.fleet import Repair
-    from mavhums.fleet.queries import Worst
+    from mavhums.flights.queries import Worst
 
 __all__ = ["fleet"]
 
@@ -150,7 +150,7 @@ def worst(store: str, most: int, as_json: bool) -> None:
       12 undecided    0 all normal
     """
     from mavhums.fleet import worst as worst_of
-    from mavhums.fleet.queries import exit_code
+    from mavhums.flights.queries import exit_code
 
     rows = worst_of(store, most=most)
     if as_json:

@@ -11,7 +11,7 @@ import click
 
 from mavhums.cli.progress import steps
 from mavhums.core.errors import MavhumsError
-from mavhums.history.stores import is_store
+from mavhums.flights.store import is_store
 
 if TYPE_CHECKING:
     from mavhums.app.many import Batch, Outcome

@@ -65,7 +65,7 @@ class Keeper:
         )
         if store is not None:
             from mavhums.fleet import past
-            from mavhums.history.aircraft import latest
+            from mavhums.flights.aircraft import latest
 
             now = datetime.now(UTC)
             flown = past(store, aircraft, now)

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mavhums.history.stores import is_store
+from mavhums.flights.store import is_store
 from mavhums.serve.worker import main
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from mavhums.core.notice import EPILOG
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mavhums.fleet.queries import Worst
+    from mavhums.flights.queries import Worst
     from mavhums.report.assessment import Assessment
     from mavhums.report.trend import TrendReport
     from mavhums.serve import Judging
@@ -164,12 +164,12 @@ class _Store:
         return trend(self._folder, aircraft)
 
     def flights(self, aircraft: str) -> Sequence[Assessment]:
-        from mavhums.fleet.flight import flights
+        from mavhums.flights.flight import flights
 
         return flights(self._folder, aircraft)
 
     def flight(self, aircraft: str, sha256: str) -> Assessment:
-        from mavhums.fleet.flight import flight
+        from mavhums.flights.flight import flight
 
         return flight(self._folder, aircraft, sha256)
 
@@ -189,7 +189,7 @@ class _Store:
         folder = f"{self._folder.absolute()}{os.sep}"
         problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
         if "proposed" in answer:
-            from mavhums.history.aircraft import UnnamedAircraftError
+            from mavhums.flights.aircraft import UnnamedAircraftError
 
             raise UnnamedAircraftError(problem, remedy, tuple(answer["proposed"]))
         raise MavhumsError(problem, remedy)

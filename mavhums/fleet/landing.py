@@ -16,15 +16,9 @@ from mavhums.app.many import Outcome
 from mavhums.app.options import Options
 from mavhums.app.own_flights import compared_with_own
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.flight import flight
-from mavhums.fleet.naming import names_there, proposed, whose_in
-from mavhums.fleet.queries import past_flights
-from mavhums.fleet.repairs import since_of
-from mavhums.fleet.rows import BOARD_NAME, aircraft_in_store
 from mavhums.fleet.scan import ScanOptions, scanned
-from mavhums.fleet.sources import LogFile, logs_in
-from mavhums.fleet.store import OF_THIS_FORMAT, Store
-from mavhums.history.aircraft import (
+from mavhums.fleet.sources import logs_in
+from mavhums.flights.aircraft import (
     BOARD,
     GIVEN,
     UNKNOWN,
@@ -34,9 +28,14 @@ from mavhums.history.aircraft import (
     board_of,
     latest,
 )
-from mavhums.history.comparison import LoneFlight
-from mavhums.history.flights import FlightHistory, Since
-from mavhums.history.stores import is_store
+from mavhums.flights.compare import LoneFlight
+from mavhums.flights.flight import flight
+from mavhums.flights.history import FlightHistory, Since
+from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
+from mavhums.flights.queries import past_flights
+from mavhums.flights.repairs import since_of
+from mavhums.flights.store import is_store
+from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import FlightCopy
 

@@ -6,9 +6,9 @@ import os
 from typing import Final
 
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.repairs import Repair, Repairs, add_repairs, remove_repairs, repairs_in
-from mavhums.fleet.settling import settle
-from mavhums.fleet.store import Store
+from mavhums.fleet.second_pass import settle
+from mavhums.flights.repairs import Repair, Repairs, add_repairs, remove_repairs, repairs_in
+from mavhums.flights.stores.delta import Store
 
 __all__ = ["change_repairs"]
 

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.installed import reassigned
-from mavhums.fleet.naming import held_named, names_of, remember, renamed, whose_in
-from mavhums.fleet.repairs import Repairs, add_repairs, aircraft_in, named_in
-from mavhums.fleet.rows import Row, crashed, judge, judge_several, settings_of
-from mavhums.fleet.settling import settle
-from mavhums.fleet.sources import LogFile, logs_in
-from mavhums.fleet.store import Store
+from mavhums.fleet.rows import crashed, judge, judge_several, settings_of
+from mavhums.fleet.second_pass import settle
+from mavhums.fleet.sources import logs_in
 from mavhums.fleet.workers import batches, connected, count
-from mavhums.history.aircraft import UNKNOWN, UnnamedAircraftError, Whose
-from mavhums.history.aircraft_table import AircraftTable
+from mavhums.flights.aircraft import UNKNOWN, UnnamedAircraftError, Whose
+from mavhums.flights.aircraft_table import AircraftTable
+from mavhums.flights.installed import reassigned
+from mavhums.flights.naming import held_named, names_of, remember, renamed, whose_in
+from mavhums.flights.repairs import Repairs, add_repairs, aircraft_in, named_in
+from mavhums.flights.stores.delta import LogFile, Row, Store
 
 if TYPE_CHECKING:
     from distributed import Client

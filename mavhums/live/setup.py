@@ -17,10 +17,10 @@ from mavhums.app.own_flights import among_own
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
+from mavhums.flights.aircraft import latest
+from mavhums.flights.belonging import hold_one_aircraft, swaps_of
 from mavhums.health import Monitor
 from mavhums.health.decision import FALSE_ALARMS
-from mavhums.history.aircraft import latest
-from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
 from mavhums.live.clock import ReceiveClock

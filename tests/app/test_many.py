@@ -19,7 +19,7 @@ from mavhums.app.many import Batch, analyse_many
 from mavhums.app.options import Options
 from mavhums.app.processes import Crashed, in_processes
 from mavhums.core.errors import ExitCode
-from mavhums.history.flights import FlightHistory
+from mavhums.flights.history import FlightHistory
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import moved

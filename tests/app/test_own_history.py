@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.history.files import keep_assessment
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Assessment
 from mavhums_sim import Flight, Gearbox, fly
 from mavhums_sim.conditions import Condition

@@ -17,7 +17,7 @@ import pytest
 from mavhums.app.analysis import analyse
 from mavhums.app.options import Options
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.history.files import keep_assessment
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Verdict
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
@@ -30,8 +30,8 @@ cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.sources import logs_in  # noqa: E402
-from mavhums.fleet.store import Store  # noqa: E402
-from mavhums.fleet.tables import LOGS  # noqa: E402
+from mavhums.flights.stores.delta import Store  # noqa: E402
+from mavhums.flights.stores.delta_tables import LOGS  # noqa: E402
 
 FLIGHTS = 12
 DAY_S = 86_400.0

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mavhums.core.errors import MavhumsError
-from mavhums.history.files import keep_assessment
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Assessment, Indicator
 from tests.conftest import Run
 from tests.flights import START, flown, shown, verdict
@@ -19,11 +19,11 @@ pytest.importorskip("duckdb")
 pytest.importorskip("distributed")
 
 from mavhums import fleet
-from mavhums.fleet.known import Known
-from mavhums.fleet.repairs import Repair, add_repairs, remove_repairs, repairs_in, repairs_of, since_of
-from mavhums.fleet.store import Store
-from mavhums.history.files import read_history
-from mavhums.history.flights import PastFlight
+from mavhums.flights.checkpoint import Known
+from mavhums.flights.history import PastFlight
+from mavhums.flights.repairs import Repair, add_repairs, remove_repairs, repairs_in, repairs_of, since_of
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.folder import read_history
 from tests.fleet.stores import write_store
 
 DATES = (

@@ -16,8 +16,8 @@ import pytest
 
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.options import Options
-from mavhums.history.comparison import LoneFlight, compared, packed
-from mavhums.history.flights import FlightHistory, Since
+from mavhums.flights.compare import LoneFlight, compared, packed
+from mavhums.flights.history import FlightHistory, Since
 from mavhums_sim import Flight, fly, write_tlog
 from tests.flights import identity
 from tests.health.own.servo import Servo, left
@@ -28,11 +28,11 @@ distributed = pytest.importorskip("distributed")
 cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
-from mavhums.fleet.known import Copies  # noqa: E402
-from mavhums.fleet.past import Part, Replayed, replayed, rows_of  # noqa: E402
-from mavhums.fleet.repairs import Repair, add_repairs  # noqa: E402
-from mavhums.fleet.settling import settle  # noqa: E402
-from mavhums.fleet.store import Store  # noqa: E402
+from mavhums.fleet.replayed import Part, Replayed, replayed, rows_of  # noqa: E402
+from mavhums.fleet.second_pass import settle  # noqa: E402
+from mavhums.flights.checkpoint import Copies  # noqa: E402
+from mavhums.flights.repairs import Repair, add_repairs  # noqa: E402
+from mavhums.flights.stores.delta import Store  # noqa: E402
 from tests.fleet.stores import row_of  # noqa: E402
 
 NAME = "D-A"
@@ -150,7 +150,7 @@ class Judged:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.flights = 0
-        monkeypatch.setattr(import_module("mavhums.fleet.settling"), "replayed", self._replayed)
+        monkeypatch.setattr(import_module("mavhums.fleet.second_pass"), "replayed", self._replayed)
 
     def _replayed(self, part: Part) -> Replayed | None:
         self.flights += len(part.flights)
@@ -229,7 +229,7 @@ def test_verdicts_whose_state_was_lost_are_made_again(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(import_module("mavhums.fleet.settling"), "store_state", die)
+        patch.setattr(import_module("mavhums.fleet.second_pass"), "store_state", die)
         with pytest.raises(KeyboardInterrupt):
             judged.in_scan(store, flights[2])
     assert store.waiting() == {NAME}
@@ -256,7 +256,7 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
         self.times, self.count = times, count
 
     def setup(self, worker: object) -> None:
-        past = import_module("mavhums.fleet.past")
+        past = import_module("mavhums.fleet.replayed")
         judge = past.replayed
 
         def deadly(part: Part) -> Replayed | None:
@@ -275,7 +275,7 @@ def test_workers_make_the_same_verdicts_whether_they_die_or_not(
 ) -> None:
     flights = [on(day, kinds[day % 3]) for day in range(14)]
     expected = afresh(tmp_path / "all", flights)[0]  # type: ignore[index]
-    monkeypatch.setattr(import_module("mavhums.fleet.settling"), "_PART_FLIGHTS", 5)
+    monkeypatch.setattr(import_module("mavhums.fleet.second_pass"), "_PART_FLIGHTS", 5)
     store, names = Store(tmp_path / "store"), [NAME, "D-B", "D-C"]
     store.add_logs([row_of(each.assessment, name, each) for name in names for each in flights])
     (tmp_path / "count").mkdir()

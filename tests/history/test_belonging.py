@@ -10,11 +10,11 @@ import pytest
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.history.aircraft import Whose, latest
-from mavhums.history.aircraft_table import AircraftTable, Installed
-from mavhums.history.belonging import OtherAircraftError, held_own
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.index import IndexedFolder
+from mavhums.flights.aircraft import Whose, latest
+from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.belonging import OtherAircraftError, held_own
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.stores.index import IndexedFolder
 from mavhums.report.assessment import Assessment
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link

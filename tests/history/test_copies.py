@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.fleet.known import Known
-from mavhums.history.copies import Quality, Recording, copies
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.flights import FlightHistory, PastFlight
-from mavhums.history.index import IndexedFolder
-from mavhums.history.repeated import with_copies
-from mavhums.history.trends import trend_report
+from mavhums.flights.checkpoint import Known
+from mavhums.flights.duplicates import Quality, Recording, copies
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.repeated import with_copies
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.stores.index import IndexedFolder
+from mavhums.flights.trends import trend_report
 from mavhums.report.assessment import Assessment, Coverage
 from mavhums.report.flight import FlightIdentity
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.history import REFERENCE_FLIGHTS, FlightHistory, PastFlight
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.trends import trend_report
 from mavhums.health.baseline import Baseline
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight
-from mavhums.history.trends import trend_report
 from mavhums.report.assessment import SCHEMA, Assessment
 from mavhums.report.trend import to_frame
 from mavhums.show.trend import render_trends

@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
-from mavhums.history import files
-from mavhums.history import index as index_module
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.index import INDEX, IndexedFolder
+from mavhums.flights.stores import folder as files
+from mavhums.flights.stores import index as index_module
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.stores.index import INDEX, IndexedFolder
 from mavhums.report.assessment import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
 

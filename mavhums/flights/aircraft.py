@@ -10,8 +10,8 @@ from functools import cache
 from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
-from mavhums.history.aircraft_table import AircraftTable
-from mavhums.history.flights import Since
+from mavhums.flights.aircraft_table import AircraftTable
+from mavhums.flights.history import Since
 from mavhums.report.assessment import Assessment
 
 __all__ = [

@@ -23,12 +23,12 @@ from pydantic import TypeAdapter
 
 from mavhums.core.collecting import no_collection
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.belonging import Owner, owners_of
+from mavhums.flights.duplicates import Recording, copies
+from mavhums.flights.history import REFERENCE_FLIGHTS, FlightHistory, PastFlight, Since, is_healthy
+from mavhums.flights.stores.folder import UnusedError, assessment_files, read_file, read_history
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import PastRecord
-from mavhums.history.belonging import Owner, owners_of
-from mavhums.history.copies import Recording, copies
-from mavhums.history.files import UnusedError, assessment_files, read_file, read_history
-from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight, Since, is_healthy
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import CLOCKS_APART_S
 
@@ -106,7 +106,7 @@ class IndexedFolder:
     Parameters
     ----------
     folder
-        The same as for :func:`mavhums.history.files.read_history`.
+        The same as for :func:`mavhums.flights.stores.folder.read_history`.
     progress
         Called with the number of new or changed files read, and the total.
 

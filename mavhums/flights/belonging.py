@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import NamedTuple, Protocol
 
 from mavhums.core.errors import MavhumsError
-from mavhums.history.aircraft_table import AircraftTable
+from mavhums.flights.aircraft_table import AircraftTable
 from mavhums.report.assessment import Assessment
 
 __all__ = ["OtherAircraftError", "Owned", "Owner", "held_own", "hold_one_aircraft", "owners_of", "swaps_of"]
@@ -56,7 +56,7 @@ class Owner(NamedTuple):
 
 
 class Owned(Protocol):
-    """Earlier flights, as :class:`mavhums.history.flights.FlightHistory` has them."""
+    """Earlier flights, as :class:`mavhums.flights.history.FlightHistory` has them."""
 
     @property
     def name(self) -> str:

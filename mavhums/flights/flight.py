@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.queries import past_flights
-from mavhums.fleet.store import Store
-from mavhums.history.comparison import unpacked
+from mavhums.flights.compare import unpacked
+from mavhums.flights.queries import past_flights
+from mavhums.flights.stores.delta import Store
 from mavhums.report.assessment import Assessment, Verdict
 
 __all__ = ["flight", "flights"]

@@ -9,10 +9,10 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.belonging import Owner, owners_of
+from mavhums.flights.duplicates import Recording, copies, recordings_of
 from mavhums.health.baseline import Baseline, Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
-from mavhums.history.belonging import Owner, owners_of
-from mavhums.history.copies import Recording, copies, recordings_of
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
 __all__ = [

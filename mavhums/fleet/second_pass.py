@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from mavhums.fleet.known import Copies
-from mavhums.fleet.past import Part, Replayed, replayed
-from mavhums.fleet.repairs import since_of
-from mavhums.fleet.settled import Listed, kept_state, listed, store_state, told_by
-from mavhums.fleet.store import Store
+from mavhums.fleet.replayed import Part, Replayed, replayed
 from mavhums.fleet.workers import count
+from mavhums.flights.checkpoint import Copies
+from mavhums.flights.repairs import since_of
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.delta_checkpoint import Listed, kept_state, listed, store_state, told_by
 
 if TYPE_CHECKING:
     from distributed import Client

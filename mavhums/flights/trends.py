@@ -13,14 +13,14 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.flights.aircraft import latest
+from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
+from mavhums.flights.belonging import hold_one_aircraft, swaps_of
+from mavhums.flights.history import FlightHistory, PastFlight, Since
+from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.baseline import Baseline
 from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
-from mavhums.history.aircraft import latest
-from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
-from mavhums.history.belonging import hold_one_aircraft, swaps_of
-from mavhums.history.files import read_history
-from mavhums.history.flights import FlightHistory, PastFlight, Since
 from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
 from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
 
@@ -59,7 +59,7 @@ def trend(
     Parameters
     ----------
     folder
-        The same as for :func:`mavhums.history.files.read_history`.
+        The same as for :func:`mavhums.flights.stores.folder.read_history`.
     actuators, faults
         Names to include; all if empty.
     since
@@ -89,7 +89,7 @@ def trend(
     Examples
     --------
     >>> import mavhums
-    >>> from mavhums.history.files import keep_assessment
+    >>> from mavhums.flights.stores.folder import keep_assessment
     >>> file = keep_assessment(mavhums.analyse("flight.tlog"), "flights")
     >>> list(mavhums.trend("flights", faults=["friction"]).columns)[9:12]
     ['estimate', 'low', 'high']

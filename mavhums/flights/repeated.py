@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from mavhums.history.flights import PastFlight, UndatedError, untaken
+from mavhums.flights.history import PastFlight, UndatedError, untaken
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import FlightCopy
 
@@ -12,7 +12,7 @@ __all__ = ["Flown", "with_copies"]
 
 
 class Flown(Protocol):
-    """Earlier flights, as :class:`mavhums.history.flights.FlightHistory` has them."""
+    """Earlier flights, as :class:`mavhums.flights.history.FlightHistory` has them."""
 
     def near(self, flight: PastFlight) -> list[PastFlight]:
         """Return the flights in other logs that may be the same flight."""

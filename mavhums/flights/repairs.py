@@ -9,12 +9,12 @@ from functools import partial
 from typing import NamedTuple
 
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.installed import installed_in
-from mavhums.fleet.store import Store
-from mavhums.fleet.tables import DATES
-from mavhums.history.aircraft import latest
-from mavhums.history.aircraft_table import AircraftTable
-from mavhums.history.flights import Since
+from mavhums.flights.aircraft import latest
+from mavhums.flights.aircraft_table import AircraftTable
+from mavhums.flights.history import Since
+from mavhums.flights.installed import installed_in
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.delta_tables import DATES
 
 __all__ = [
     "Repair",

@@ -7,10 +7,10 @@ from datetime import datetime
 from typing import NamedTuple
 
 from mavhums.core.conditions import URGENCY
-from mavhums.fleet.known import Copies, Known, NotKeptError
-from mavhums.history.aircraft import UNKNOWN
-from mavhums.history.comparison import compared, unpacked
-from mavhums.history.flights import PastFlight, Since
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.checkpoint import Copies, Known, NotKeptError
+from mavhums.flights.compare import compared, unpacked
+from mavhums.flights.history import PastFlight, Since
 from mavhums.report.assessment import Assessment
 
 __all__ = ["Part", "Replayed", "replayed", "rows_of"]

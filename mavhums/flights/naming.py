@@ -8,17 +8,39 @@ from collections.abc import Collection, Iterable
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from mavhums.fleet.rows import BOARD_NAME, Row
-from mavhums.fleet.sources import LogFile
-from mavhums.fleet.store import OF_THIS_FORMAT, Store
-from mavhums.fleet.tables import NAMING
-from mavhums.history.aircraft import BOARD, FOLDER, GIVEN, UNKNOWN, UnnamedAircraftError, Whose
-from mavhums.history.aircraft_table import AircraftTable, Installed
+from mavhums.flights.aircraft import BOARD, FOLDER, GIVEN, UNKNOWN, UnnamedAircraftError, Whose, board_of
+from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Row, Store
+from mavhums.flights.stores.delta_tables import NAMING
+from mavhums.report.assessment import Assessment
 
-__all__ = ["held_named", "names_of", "names_there", "proposed", "remember", "renamed", "rule_of", "whose_in"]
+__all__ = [
+    "BOARD_NAME",
+    "aircraft_in_store",
+    "held_named",
+    "names_of",
+    "names_there",
+    "proposed",
+    "remember",
+    "renamed",
+    "rule_of",
+    "whose_in",
+]
+
+BOARD_NAME: Final = "board "
+"""Begins the name of an aircraft that only its board identifies."""
 
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _SHOWN: Final = 20
+
+
+def aircraft_in_store(path: str, assessment: Assessment, whose: Whose) -> str:
+    """Return the aircraft's name in a store: by the table, else by the rule; without a rule, by its board."""
+    board = board_of(assessment)
+    named = whose.name(path, board, assessment.log.start_utc)
+    if named is None and board and whose.rule in (None, BOARD):
+        return f"{BOARD_NAME}{board}"
+    return named or UNKNOWN
 
 
 def rule_of(store: Store) -> str | None:

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
-from mavhums.fleet.known_state import State, unpacked_state
+from mavhums.flights.checkpoint_state import State, unpacked_state
+from mavhums.flights.history import FlightHistory, PastFlight, Since, is_healthy
 from mavhums.health.baseline import Baselines
 from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
-from mavhums.history.flights import FlightHistory, PastFlight, Since, is_healthy
 from mavhums.report.flight import CLOCKS_APART_S
 
 __all__ = ["Copies", "Known", "NotKeptError"]
@@ -93,7 +93,7 @@ class Known:
         ).packed()
 
     def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
-        """Return the same as :meth:`mavhums.history.flights.FlightHistory.baselines` for all flights."""
+        """Return the same as :meth:`mavhums.flights.history.FlightHistory.baselines` for all flights."""
         if before is None:
             return {}
         since = self._since(before)
@@ -107,7 +107,7 @@ class Known:
     def past(
         self, airframe: str | None, before: datetime | None
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
-        """Return the same as :meth:`mavhums.history.flights.FlightHistory.past` for all flights.
+        """Return the same as :meth:`mavhums.flights.history.FlightHistory.past` for all flights.
 
         Raises
         ------

@@ -14,14 +14,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.fleet.rows import Row
-from mavhums.fleet.sources import LogFile
-from mavhums.fleet.tables import COPIES, INSTALLED, LOGS, SETTLED, VERDICTS, Tables, schemas
+from mavhums.flights.stores.delta_tables import COPIES, INSTALLED, LOGS, SETTLED, VERDICTS, Tables, schemas
 
-__all__ = ["FORMAT", "OF_THIS_FORMAT", "Store"]
+__all__ = ["FORMAT", "OF_THIS_FORMAT", "LogFile", "Row", "Store"]
 
 FORMAT: Final = 1
 """Version of the stored flights; those of another version are not read, and their logs are judged again."""
@@ -36,6 +34,38 @@ _COMPACT_FILES: Final = 64
 _FEW: Final = 1_000
 _ATTEMPTS: Final = 12
 _PAUSE_S: Final = 0.2
+
+
+class LogFile(NamedTuple):
+    """A log on disk or in an object store; ``time_ns`` is its time of modification."""
+
+    path: str
+    size: int
+    time_ns: int
+
+
+class Row(NamedTuple):
+    """The data of a log in the store.
+
+    ``settings`` is the hash of everything besides the log that a judgement depends on. ``board`` is the id of
+    the only board that the log reports, None if it reports none or several. ``start_us`` is UTC,
+    None for a log without a date. ``flight`` contains the flight judged alone; it is None if ``problem`` and
+    ``remedy`` state why it could not be judged.
+    """
+
+    path: str
+    size: int
+    time_ns: int
+    settings: str
+    sha256: str | None
+    aircraft: str
+    board: str | None
+    start_us: int | None
+    duration_s: float | None
+    losses: bool
+    flight: bytes | None
+    problem: str | None
+    remedy: str | None
 
 
 class Store:
@@ -96,7 +126,7 @@ class Store:
             lock.release()
 
     def query(self, sql: str, *values: object) -> Any:
-        """Return DuckDB's result; the names of :mod:`mavhums.fleet.tables` name the tables.
+        """Return DuckDB's result; the names of :mod:`mavhums.flights.stores.delta_tables` name the tables.
 
         Raises
         ------

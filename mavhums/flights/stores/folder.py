@@ -19,7 +19,7 @@ from pydantic_core import from_json
 from mavhums.core.collecting import no_collection
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
-from mavhums.history.flights import FlightHistory, PastFlight, UndatedError
+from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.report.assessment import READABLE, SCHEMA, Assessment
 
 __all__ = ["UnusedError", "assessment_files", "keep_assessment", "read_file", "read_history"]

@@ -11,8 +11,8 @@ from typing import Any, Final, NamedTuple
 from pydantic import TypeAdapter, ValidationError
 
 from mavhums.core.errors import MavhumsError
-from mavhums.history.copies import Recording
-from mavhums.history.flights import PastFlight
+from mavhums.flights.duplicates import Recording
+from mavhums.flights.history import PastFlight
 from mavhums.report.assessment import Assessment
 
 __all__ = ["State", "unpacked_state"]
@@ -34,7 +34,7 @@ class _Stored(NamedTuple):
 
 
 class State(NamedTuple):
-    """The content of :class:`mavhums.fleet.known.Known`.
+    """The content of :class:`mavhums.flights.checkpoint.Known`.
 
     Attributes
     ----------

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 
-from mavhums.fleet.store import Store
-from mavhums.history.aircraft_table import AircraftTable, Installed
+from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.stores.delta import Store
 
 __all__ = ["installed_in", "reassigned"]
 

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from mavhums import __version__
-from mavhums.fleet.installed import installed_in
-from mavhums.fleet.repairs import repairs_of
-from mavhums.fleet.store import FORMAT, OF_THIS_FORMAT, Store
-from mavhums.fleet.tables import SETTLED
-from mavhums.history.aircraft import UNKNOWN
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.installed import installed_in
+from mavhums.flights.repairs import repairs_of
+from mavhums.flights.stores.delta import FORMAT, OF_THIS_FORMAT, Store
+from mavhums.flights.stores.delta_tables import SETTLED
 
 __all__ = ["Listed", "kept_state", "listed", "store_state", "told_by"]
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from mavhums.core.collecting import no_collection
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.fleet.installed import installed_in
-from mavhums.fleet.repairs import repairs_of, since_of
-from mavhums.fleet.store import Store
-from mavhums.history.aircraft import UNKNOWN
-from mavhums.history.flights import FlightHistory, PastFlight
-from mavhums.history.trends import trend_report
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.installed import installed_in
+from mavhums.flights.repairs import repairs_of, since_of
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.trends import trend_report
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
 from mavhums.report.trend import RepairDate, TrendReport
