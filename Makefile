@@ -30,6 +30,7 @@ lint: .venv/.ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
 
 # The models that ship with the package, one for each telemetry.
 model: .venv/.ready

@@ -17,7 +17,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 BOUND = re.compile(r"(?P<name>[\w.-]+)(?:\[[^]]*\])?(?:>=|~=)(?P<version>[\d.]+)")
 CUDA = ("nvidia-", "cuda-", "triton")
-TYPED = ("mypy", "ruff", "pandas-stubs", "scipy-stubs", "types-jsonschema")  # linters run with the pins only
+# Linters run with the pins only.
+TYPED = ("import-linter", "mypy", "ruff", "pandas-stubs", "scipy-stubs", "types-jsonschema")
 
 
 def locked() -> Iterator[str]:

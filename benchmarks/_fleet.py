@@ -16,9 +16,8 @@ from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import ConditionChanged, Window
-from mavhums.health import Monitor
-from mavhums.health.baseline import Baseline
-from mavhums.health.monitor import Findings
+from mavhums.health.actuator.monitor import Findings, Monitor
+from mavhums.health.decision.baseline import Baseline
 from mavhums_sim import EmaParameters, Flight, FlightRecord
 from mavhums_sim.campaign import PAPER_FRICTION_NM, consume
 from mavhums_sim.conditions import Condition

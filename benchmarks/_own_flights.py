@@ -13,12 +13,12 @@ from _fleet import ACTUATORS, MODES, added, flight
 from numpy.typing import NDArray
 
 import mavhums_sim.flight
-from mavhums.health.own.equation import OwnEquation
-from mavhums.health.own.grams import packed, unpacked
-from mavhums.health.own.method import collector
-from mavhums.health.own.registry import EQUATIONS
-from mavhums.health.own.voltage import VoltageSums
-from mavhums.health.slots import SlotCutter, widen
+from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations.interface import OwnEquation
+from mavhums.health.estimation.flight_sums import collector
+from mavhums.health.estimation.grams import packed, unpacked
+from mavhums.health.estimation.motor_identification import VoltageSums
+from mavhums.health.estimation.slots import SlotCutter, widen
 from mavhums.report.assessment import OwnRecord
 from mavhums_sim import FlightRecord, fly
 from mavhums_sim.flight import ActuatorRecord
@@ -34,7 +34,7 @@ BLANK = {
     surface: actuator.model_copy(update={"ema": None, "limits": None, "travel_deg": None})
     for surface, actuator in ACTUATORS.items()
 }
-_BY_NAME = {equation.name: equation for equation in EQUATIONS}
+_BY_NAME = {equation.name: equation for equation in OWN_EQUATIONS}
 _STEP_S = 5e-4  # of the physics: five times as fast as 0.1 ms, and the gear's wind-up still resolved
 _PULSE_DEG = 0.12
 _SUPPLY_V = 27.0

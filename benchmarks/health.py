@@ -20,7 +20,7 @@ from _fleet import ACTUATORS, MODES, flight, quantities, replayed
 from _unsigned import unsigned
 from numpy.typing import NDArray
 
-from mavhums.health import Monitor
+from mavhums.health.actuator.monitor import Monitor
 from mavhums_sim import fly
 from mavhums_sim.sensors import SensorNoise
 

@@ -31,9 +31,9 @@ from sklearn.ensemble import HistGradientBoostingClassifier
 
 from mavhums.actuator import load_airframe
 from mavhums.core.quantities import KEYS, column
-from mavhums.health.motion import motion
-from mavhums.health.slots import SlotCutter, widen
-from mavhums.health.votes import count_votes
+from mavhums.health.actuator.votes import count_votes
+from mavhums.health.estimation.motion import motion
+from mavhums.health.estimation.slots import SlotCutter, widen
 from mavhums.learn import (
     Model,
     Scheme,

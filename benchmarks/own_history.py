@@ -21,15 +21,13 @@ from _own_flights import BLANK, TIERS, Row, Task, flown, scattered
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from mavhums.health.own.cause import constant_lost
-from mavhums.health.own.identify import identified
-from mavhums.health.own.judge import Comparison, compare
-from mavhums.health.own.method import learned, shows, wear
-from mavhums.health.own.past import PastRecord
-from mavhums.health.own.power_fit import Law
-from mavhums.health.own.record import KEPT
-from mavhums.health.own.voltage import VoltageSums
-from mavhums.health.slots import SlotCutter, widen
+from mavhums.health.estimation.flight_sums import KEPT
+from mavhums.health.estimation.motor_identification import VoltageSums, identified
+from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.health.estimation.wear import Law, learned, shows, wear
+from mavhums.health.self_baseline.comparison import Comparison, compare
+from mavhums.health.self_baseline.motor import constant_lost
+from mavhums.health.self_baseline.past import PastRecord
 from mavhums.report.assessment import OwnRecord
 from mavhums_sim import FlightRecord
 

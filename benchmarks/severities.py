@@ -16,7 +16,7 @@ import numpy as np
 from _fleet import MODES, SURFACES, Task, added, flight, fly_all, judge
 
 from mavhums.core.conditions import URGENCY, Condition
-from mavhums.health.monitor import Findings
+from mavhums.health.actuator.monitor import Findings
 from mavhums_sim import FlightRecord
 from mavhums_sim.conditions import FAULTS
 

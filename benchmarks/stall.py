@@ -17,8 +17,8 @@ import numpy as np
 from _fleet import MODES
 
 import mavhums
-from mavhums.health.own.identify import identified
-from mavhums.health.own.stall import STALL_SHARES, friction_current, shares
+from mavhums.health.estimation.motor_identification import identified
+from mavhums.health.self_baseline.motor import STALL_SHARES, friction_current, shares
 from mavhums.report.assessment import Interval, OwnRecord
 from mavhums_sim import Flight, Gearbox, fly
 from mavhums_sim.ema import EmaParameters

@@ -24,7 +24,7 @@ from rich.table import Table
 
 from mavhums.flights.stores.folder import read_history
 from mavhums.flights.trends import trend_report
-from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.health.decision.trend import MIN_FLIGHTS, Trend, fit_trend
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.flights import write_wear

@@ -19,7 +19,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.core.table_writers import TableWriter, writer_for
-from mavhums.health.sample_answers import answer_samples
+from mavhums.health.actuator.votes import answer_samples
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.clocks import Clocks

@@ -12,9 +12,8 @@ from pathlib import Path
 from mavhums.app.analysis import analyse
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.health.own.identify import Identified, identified
-from mavhums.health.own.stall import Shares, friction_current, lacking, shares
-from mavhums.health.own.voltage import NAME
+from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
+from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
 from mavhums.report.assessment import Interval, OwnRecord
 
 __all__ = ["Motor", "identify", "with_motors"]
@@ -76,7 +75,7 @@ def identify(
 
 
 def _motor(found: Identified, several: Sequence[tuple[str, OwnRecord]]) -> Motor:
-    of_motor = [(name, record) for name, record in several if record.equation == NAME]
+    of_motor = [(name, record) for name, record in several if record.equation == VOLTAGE]
     records = [record for _, record in of_motor]
     friction = friction_current([record for _, record in several])
     return Motor(

@@ -20,7 +20,7 @@ from mavhums.engine.axes import Axes
 from mavhums.engine.crowd import Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
-from mavhums.health.obstacles import obstacle
+from mavhums.health.verdict.obstacles import obstacle
 from mavhums.log import Decoder, decode_blocks
 from mavhums.report.inspection import (
     ActuatorTelemetry,

@@ -11,9 +11,9 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.engine.axes import VehicleAxes
-from mavhums.health.axis.obstacles import why_not_at_all
-from mavhums.health.axis.verdict import judged_axis, unjudged_axes
-from mavhums.health.verdict import contradicted_actuator, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.actuator import contradicted_actuator, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.axis import judged_axis, unjudged_axes
+from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import Judgeable
 from mavhums.vehicle.identity import Identity

@@ -16,7 +16,7 @@ from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
 from mavhums.flights.history import FlightHistory, Since
 from mavhums.flights.store import is_store
 from mavhums.flights.stores.index import IndexedFolder
-from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.decision.limits import FALSE_ALARMS
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 from mavhums.report.assessment import Decide

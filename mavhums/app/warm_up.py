@@ -13,7 +13,7 @@ from mavhums.app.options import Options
 from mavhums.core import compiling
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
-from mavhums.health.axis.filters import Following, Lag
+from mavhums.health.axis.filters import AttitudeResponse, Lag
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.stamping import Piece, Stamper
 
@@ -52,7 +52,7 @@ def warm_up() -> int:
         on_board.finish()
     rates = np.zeros(_RATE_HZ)
     Lag(1.0).feed(rates)
-    Following(1.0).feed(rates)
+    AttitudeResponse(1.0).feed(rates)
     return compiled
 
 

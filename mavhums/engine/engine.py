@@ -28,20 +28,20 @@ from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
-from mavhums.health.axis.obstacles import why_not_at_all
 from mavhums.health.axis.past import against_flights
-from mavhums.health.axis.verdict import judged_axis, unjudged_axes
-from mavhums.health.baseline import of_subject
-from mavhums.health.flight_record import ActuatorRecord
-from mavhums.health.own.registry import comparable
-from mavhums.health.own.verdict import held_against
-from mavhums.health.verdict import (
+from mavhums.health.decision.baseline import of_subject
+from mavhums.health.decision.records import ActuatorRecord
+from mavhums.health.self_baseline.past import comparable
+from mavhums.health.self_baseline.verdict import held_against
+from mavhums.health.verdict.actuator import (
     contradicted_actuator,
     crowded_out,
     judged,
     unjudged_actuator,
     unjudged_vehicle,
 )
+from mavhums.health.verdict.axis import judged_axis, unjudged_axes
+from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
     ALL,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mavhums.actuator.events import AirframeNamed, Samples
-from mavhums.health.events import Classified, ConditionChanged, Indication, Window
+from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Window
 from mavhums.vehicle.events import Attitude, FlightMode, Followed, Position
 
 __all__ = [

@@ -8,9 +8,9 @@ from datetime import datetime
 from mavhums.actuator.mapping import Mapped
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.options import EngineOptions
-from mavhums.health.baseline import Baselines, of_subject
-from mavhums.health.flight_record import ActuatorRecord
-from mavhums.health.monitor import Monitor
+from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.decision.baseline import Baselines, of_subject
+from mavhums.health.decision.records import ActuatorRecord
 from mavhums.learn import Model
 
 __all__ = ["Key", "Monitors"]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY
 from mavhums.health.axis.monitor import AxisMonitor, new_gain
-from mavhums.health.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ

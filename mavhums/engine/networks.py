@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.mapping import Mapped
-from mavhums.health.events import Classified
-from mavhums.health.monitor import Findings
-from mavhums.health.sample_answers import answer_samples
+from mavhums.health.actuator.monitor import Findings
+from mavhums.health.actuator.votes import answer_samples
+from mavhums.health.decision.events import Classified
 from mavhums.learn import Model
 from mavhums.report.network import Decide, ModelSummary, NetworkAnswer
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from mavhums.actuator.profile import Airframe
-from mavhums.health.baseline import BaselineSource
-from mavhums.health.decision import FALSE_ALARMS
-from mavhums.health.own.past import PastSource
+from mavhums.health.decision.baseline import BaselineSource
+from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.health.self_baseline.past import PastSource
 from mavhums.report.assessment import Decide
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from mavhums import __version__
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
+from mavhums.core.version import __version__
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand
 from mavhums.flights.aircraft import UNKNOWN, Whose, board_of

@@ -14,8 +14,8 @@ from mavhums.fleet.replayed import Part, Replayed, replayed
 from mavhums.fleet.workers import count
 from mavhums.flights.checkpoint import Copies
 from mavhums.flights.repairs import since_of
+from mavhums.flights.stamp import Listed, kept_state, listed, store_state, told_by
 from mavhums.flights.stores.delta import Store
-from mavhums.flights.stores.delta_checkpoint import Listed, kept_state, listed, store_state, told_by
 
 if TYPE_CHECKING:
     from distributed import Client

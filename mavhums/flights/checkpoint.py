@@ -12,8 +12,8 @@ from datetime import datetime, timedelta
 
 from mavhums.flights.checkpoint_state import State, unpacked_state
 from mavhums.flights.history import FlightHistory, PastFlight, Since, is_healthy
-from mavhums.health.baseline import Baselines
-from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.decision.baseline import Baselines
+from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.report.flight import CLOCKS_APART_S
 
 __all__ = ["Copies", "Known", "NotKeptError"]

@@ -11,12 +11,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from mavhums.core.errors import MavhumsError
 from mavhums.health.axis.past import against_flights
-from mavhums.health.baseline import BaselineSource, of_subject
-from mavhums.health.decision import FALSE_ALARMS
-from mavhums.health.flight_record import ActuatorRecord
-from mavhums.health.own.past import PastSource
-from mavhums.health.own.verdict import held_against, without_own
+from mavhums.health.decision.baseline import BaselineSource, of_subject
+from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.replay import replay
+from mavhums.health.self_baseline.past import PastSource
+from mavhums.health.self_baseline.verdict import held_against, without_own
 from mavhums.report.assessment import Assessment, Verdict
 
 __all__ = ["LoneFlight", "Records", "compared", "packed", "unpacked"]

@@ -11,8 +11,8 @@ from pathlib import Path
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.belonging import Owner, owners_of
 from mavhums.flights.duplicates import Recording, copies, recordings_of
-from mavhums.health.baseline import Baseline, Baselines
-from mavhums.health.own.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.decision.baseline import Baseline, Baselines
+from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
 __all__ = [

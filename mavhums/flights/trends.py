@@ -19,8 +19,8 @@ from mavhums.flights.belonging import hold_one_aircraft, swaps_of
 from mavhums.flights.history import FlightHistory, PastFlight, Since
 from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
-from mavhums.health.baseline import Baseline
-from mavhums.health.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.trend import MIN_FLIGHTS, Trend, fit_trend
 from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
 from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
 

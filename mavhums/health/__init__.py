@@ -1,7 +1,6 @@
-"""Health monitoring: converts quantities to evidence, and evidence to a verdict."""
+"""Health: from quantities to evidence, and from evidence to a verdict.
 
-from __future__ import annotations
-
-from mavhums.health.monitor import Monitor
-
-__all__ = ["Monitor"]
+``estimation`` fits equations, ``decision`` holds estimates against limits and baselines, ``actuator``,
+``axis`` and ``self_baseline`` judge one kind of subject each, and ``verdict`` words the result. Imports run
+only this way.
+"""

@@ -1,8 +1,8 @@
 """Compares a flight with a baseline from its stored record, and updates the verdict on the flight alone.
 
-The comparison is the drift test of :mod:`mavhums.health.drift`, fed as in flight, and the resulting
-conditions. It is a pure function: one command after each landing, a fleet, and a flight that arrives late
-give the same result.
+The comparison is the drift test of :mod:`mavhums.health.decision.baseline`, fed as in flight, and the
+resulting conditions. It is a pure function: one command after each landing, a fleet, and a flight that
+arrives late give the same result.
 """
 
 from __future__ import annotations
@@ -13,16 +13,20 @@ from itertools import groupby
 from typing import NamedTuple
 
 from mavhums.core.conditions import Condition
-from mavhums.health.baseline import Baseline
-from mavhums.health.drift import Drift, Shift, held, held_since
-from mavhums.health.findings_parts import concludes, drift_evidence, in_order, ranked, suspected
-from mavhums.health.flight_record import ActuatorRecord, FaultRecord
-from mavhums.health.holding import Change, Holding
-from mavhums.health.rules import drift_rule, limit_rule
-from mavhums.health.verdict import Held, against_baseline
+from mavhums.health.decision.baseline import Baseline, Drift, Shift, held, held_since
+from mavhums.health.decision.conditions import Change, ConditionTracker
+from mavhums.health.decision.evidence import (
+    concludes,
+    drift_evidence,
+    drift_rule,
+    in_order,
+    limit_rule,
+    ranked,
+    suspected,
+)
+from mavhums.health.decision.records import ActuatorRecord, FaultRecord
+from mavhums.health.verdict.actuator import Held, against_baseline
 from mavhums.report.assessment import Evidence, Suspect, Verdict
-
-__all__ = ["replay"]
 
 
 def replay(
@@ -50,7 +54,7 @@ def replay(
     """
     traces = [_Trace(record, fault, baselines.get(fault.fault)) for fault in record.faults]
     changes = [(at_s, place, said) for place, trace in enumerate(traces) for at_s, said in trace.changes()]
-    holding = Holding()
+    holding = ConditionTracker()
     for _, place, said in sorted(changes, key=lambda each: each[:2]):
         holding.take(record.faults[place].fault, said)
     if record.concluded_s is not None:

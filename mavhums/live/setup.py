@@ -19,8 +19,8 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import latest
 from mavhums.flights.belonging import hold_one_aircraft, swaps_of
-from mavhums.health import Monitor
-from mavhums.health.decision import FALSE_ALARMS
+from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.decision.limits import FALSE_ALARMS
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
 from mavhums.live.clock import ReceiveClock

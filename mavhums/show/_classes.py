@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from mavhums.health.events import Classified
+from mavhums.health.decision.events import Classified
 from mavhums.show._stream import send
 from mavhums.show._thin import Thinner
 from mavhums.show._words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR

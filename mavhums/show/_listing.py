@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from mavhums.core.conditions import SEVERITY
-from mavhums.health.obstacles import NO_WINGS, PROPELLERS_ONLY
+from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.show._words import join, name
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mavhums.health.own.stall import STALL_SHARES
+from mavhums.health.self_baseline.motor import STALL_SHARES
 from mavhums.report.assessment import Assessment, Interval
 from mavhums.show._words import name, percent
 

@@ -25,7 +25,7 @@ from mavhums.engine.events import (
     Samples,
     Window,
 )
-from mavhums.health.detector import detectors_for
+from mavhums.health.actuator.detectors import detectors_for
 from mavhums.report.assessment import Assessment, Verdict
 from mavhums.show._craft import Surface, craft_path
 from mavhums.show._listing import without_wingless

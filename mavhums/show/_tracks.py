@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Classified, ConditionChanged, Followed, Indication, Samples, Window
-from mavhums.health.detector import Detector
+from mavhums.health.actuator.detector import Detector
 from mavhums.report.assessment import Verdict
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.show._classes import Classes

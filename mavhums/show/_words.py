@@ -7,8 +7,8 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.core.text import printable
-from mavhums.health.axis.detector import to_inspect as axis_to_inspect
-from mavhums.health.detector import to_inspect
+from mavhums.health.actuator.detectors import to_inspect
+from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
 from mavhums.log.losses import Losses
 from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, LogSummary, Verdict
 

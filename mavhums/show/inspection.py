@@ -12,7 +12,7 @@ from rich.text import Text
 
 from mavhums.actuator.tiers import TO_BE_JUDGED
 from mavhums.core.text import printable
-from mavhums.health.obstacles import NO_WINGS, PROPELLERS_ONLY
+from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.inspection import Inspection, Judgeable, VehicleTelemetry
 from mavhums.show import _usage
 from mavhums.show._listing import NOT_JUDGED

@@ -17,9 +17,9 @@ from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, Limits
 from mavhums.core.quantities import KEYS, column
-from mavhums.health.motion import motion
-from mavhums.health.slots import SlotCutter, widen
-from mavhums.health.votes import Classifier, Outcome, count_votes, outcome
+from mavhums.health.actuator.votes import Classifier, Outcome, count_votes, outcome
+from mavhums.health.estimation.motion import motion
+from mavhums.health.estimation.slots import SlotCutter, widen
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters

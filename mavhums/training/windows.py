@@ -17,10 +17,8 @@ from mavhums.core.window_features import (
     shows_something,
     window_features,
 )
-from mavhums.health.motion import motion
-from mavhums.health.slots import SlotCutter, widen
-from mavhums.health.window_sums import window_sums
-from mavhums.health.windows import WINDOW_SLOTS, Windows
+from mavhums.health.estimation.motion import motion, window_sums
+from mavhums.health.estimation.slots import WINDOW_SLOTS, SlotCutter, Windows, widen
 from mavhums.learn import LabelledWindows, Scheme, WindowCard, WindowNetwork
 from mavhums.learn.window_training import at_temperature, decides_at, train_windows
 from mavhums.training.flights import Telemetry, friction_range, parameters_of, reported

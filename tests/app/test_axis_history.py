@@ -16,7 +16,7 @@ from mavhums.cli.main import cli
 from mavhums.flights.compare import compared, packed, unpacked
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
-from mavhums.health.baseline import Baseline
+from mavhums.health.decision.baseline import Baseline
 from mavhums.report.assessment import Assessment, Verdict
 from tests.engine.test_axes import flown
 

@@ -12,7 +12,7 @@ import mavhums
 from mavhums.actuator import load_airframe
 from mavhums.app.identify import Motor, identify, with_motors
 from mavhums.core.errors import MavhumsError
-from mavhums.health.own.identify import Identified
+from mavhums.health.estimation.motor_identification import Identified
 from mavhums.report.assessment import Interval
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import write_tlog

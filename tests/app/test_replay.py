@@ -15,7 +15,7 @@ from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.compare import LoneFlight, compared, packed, unpacked
-from mavhums.health.baseline import Baseline, Baselines
+from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.report.assessment import DECIDE, Assessment, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog
 from mavhums_sim.conditions import Condition

@@ -23,7 +23,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import AirframeNamed, Classified, ConditionChanged, Notice, Samples, Window
 from mavhums.engine.options import EngineOptions
-from mavhums.health.baseline import Baseline
+from mavhums.health.decision.baseline import Baseline
 from mavhums.learn import Model, default_model, packaged_models
 from mavhums.report.assessment import Assessment, Verdict, json_schema
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mavhums.health.axis.obstacles import why_not_at_all
+from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.vtol import known_as, lift_of, rotor_servos

@@ -10,7 +10,7 @@ import pytest
 import mavhums
 from mavhums import Engine
 from mavhums.engine.options import EngineOptions
-from mavhums.health.events import Indication
+from mavhums.health.decision.events import Indication
 from mavhums.log import read_blocks
 from mavhums.report.assessment import Verdict
 from tests.conftest import REAL_LOGS

@@ -20,7 +20,7 @@ from mavhums.flights.compare import LoneFlight, compared, packed
 from mavhums.flights.history import FlightHistory, Since
 from mavhums_sim import Flight, fly, write_tlog
 from tests.flights import identity
-from tests.health.own.servo import Servo, left
+from tests.health.self_baseline.servo import Servo, left
 
 pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")

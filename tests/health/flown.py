@@ -14,8 +14,7 @@ from mavhums.actuator import load_airframe
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import column
 from mavhums.engine.events import Event
-from mavhums.health import Monitor
-from mavhums.health.monitor import Findings
+from mavhums.health.actuator.monitor import Findings, Monitor
 from mavhums_sim import Flight, FlightRecord, Gearbox, fly
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters

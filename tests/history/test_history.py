@@ -18,7 +18,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights.history import REFERENCE_FLIGHTS, FlightHistory, PastFlight
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
-from mavhums.health.baseline import Baseline
+from mavhums.health.decision.baseline import Baseline
 from mavhums.report.assessment import SCHEMA, Assessment
 from mavhums.report.trend import to_frame
 from mavhums.show.trend import render_trends

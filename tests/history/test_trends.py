@@ -20,8 +20,8 @@ from mavhums.core.errors import ExitCode
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
-from mavhums.health.baseline import Baseline
-from mavhums.health.monitor import Monitor
+from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.decision.baseline import Baseline
 from mavhums.report.assessment import Assessment, Evidence, Interval
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from rich.console import Console
 
-from mavhums.health.obstacles import NO_WINGS, PROPELLERS_ONLY, WEAR_UNSEEN
+from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, WEAR_UNSEEN
 from mavhums.report.assessment import Assessment, Coverage, Evidence, Interval, Verdict
 from mavhums.show import markdown, render
 from mavhums.show._certainty import certainty

@@ -27,8 +27,8 @@ from mavhums.flights.belonging import Owner, owners_of
 from mavhums.flights.duplicates import Recording, copies
 from mavhums.flights.history import REFERENCE_FLIGHTS, FlightHistory, PastFlight, Since, is_healthy
 from mavhums.flights.stores.folder import UnusedError, assessment_files, read_file, read_history
-from mavhums.health.baseline import Baselines
-from mavhums.health.own.past import PastRecord
+from mavhums.health.decision.baseline import Baselines
+from mavhums.health.self_baseline.past import PastRecord
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import CLOCKS_APART_S
 

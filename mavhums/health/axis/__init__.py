@@ -1,1 +1,1 @@
-"""The aircraft's response about an axis: converts flight rows to evidence, and evidence to a condition."""
+"""Axes: the aircraft's response about roll, pitch and yaw, from rows of the flight to a condition."""

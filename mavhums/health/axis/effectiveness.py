@@ -1,115 +1,340 @@
-"""Detection of a loss of control effectiveness, or of a lag at full gain: shared by the axis detectors."""
+"""Control effectiveness: the aircraft's current response to a demand, relative to the reference.
+
+The gain K of the response to the drive is fitted together with all other contributions to the response in
+the first excited seconds of the flight. Each later second gives a score: the shortfall of the response from
+K times the drive, both without their slow parts, so that a change of trim is not a change of gain. The CUSUM
+of the scores' log-likelihood ratios between the full gain and a reduced gain detects a loss. The likelihood
+allows for the variation of K between manoeuvres.
+
+References
+----------
+E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from math import exp
-from typing import ClassVar, Final
+from typing import Final
 
-from mavhums.core.conditions import Condition
-from mavhums.health.axis.detector import Seen, Shown
-from mavhums.health.axis.gain import JUDGED_ERROR
-from mavhums.health.axis.reference import Second
-from mavhums.report.axis_limits import AxisLimits
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["SHIFT_FLOOR", "EffectivenessDetector"]
+from mavhums.core.arrays import Array
+from mavhums.health.axis.filters import Lag
+from mavhums.health.axis.reference import REFERENCE_S, Constant, Reference, Second, Standards, constants
+from mavhums.health.axis.regressions import MEAN_ROWS, Basis, Chain, Columns, Form, Shape, judgeable
+from mavhums.health.axis.scores import EXTRA_S, Scores, Slowness, Sums
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
 
-_SURE_S: Final = 10
-_LEAST_S: Final = 7
-_DOUBTFUL: Final = 2.0  # the gain differs between manoeuvres: a single one needs twice the evidence
-_SHIFTED: Final = 4.0
-SHIFT_FLOOR: Final = 0.045  # rad/s: least deviation of a roll reference
+JUDGED_ERROR: Final = 0.2
+FULL_S: Final = 20
+_LONGEST_S: Final = 120
+_RETRY_S: Final = 10
+_LATEST_S: Final = 180
+_MANOEUVRES: Final = 0.2  # relative deviation of the gain of one second
+_WINDOWS: Final = 0.10  # relative deviation of the gain of ten seconds
+_WINDOW_S: Final = 10
+_LEAST_ROWS: Final = 14
+_SLOW_S: Final = 20
+_SHIFT_S: Final = 3
+_MOST: Final = 40.0
+_AS_DRIVEN: Final = 0.5
+_TAIL: Final = 0.07  # share of the last manoeuvre's drive below which the slow filter's tail dominates
+_FORGET: Final = exp(-1.0 / 60.0)  # per second: a small deficit over minutes is the reference's error
 
 
-class EffectivenessDetector:
-    """Reports an axis whose level exceeds its limit.
+class EffectivenessTracker:
+    """Tracks the effectiveness of one axis.
 
-    The axis is degraded at once. It is an emergency if the effectiveness over at least ten judged seconds
-    is within the limit and no additional lag, as of a slow servo, explains them better.
-
-    Attributes
+    Parameters
     ----------
-    limit
-        Level that makes a loss certain.
-    common
-        Effectiveness down to which healthy flights go for tens of seconds; above it the limit is doubled.
+    form
+        The regression of the axis.
+    standards
+        Requirements on the reference.
     """
 
-    axis: ClassVar[str]
-    limit: ClassVar[float]
-    common: ClassVar[float] = 1.0
-    axes: ClassVar[tuple[str, ...]]
-    inspect: ClassVar[Mapping[str, str]] = {
-        "effectiveness": "each surface of the axis, its linkage and its servo, by moving it on the ground",
-        "slow": "each servo of the axis for speed under load, its supply and its linkage for binding",
-    }
+    def __init__(self, form: Form, standards: Standards) -> None:
+        self._form, self._standards = form, standards
+        self._waiting: list[Rows] = []
+        self._tried = 0
+        self.reference: Reference | None = None
+        self.best: Reference | None = None
+        self.usable_s = 0
+        self.spacing_s = 0.0
 
-    def __init__(self, limits: AxisLimits) -> None:
-        self._limits = limits
+    @property
+    def too_slow(self) -> bool:
+        """Whether the outputs or the rates are sampled too slowly to determine a gain."""
+        return self.spacing_s > self._standards.spacing_s
 
-    def feed(self, seen: Seen) -> list[Shown]:
-        """Return the seconds in which a loss is certain."""
-        return [self._shown(s) for s in seen.seconds[self.axis] if self._certain(s, seen)]
+    def feed(self, rows: Rows) -> list[Second]:
+        """Process rows; return the results of their seconds, from the first second with a reference on."""
+        first = self._wait(rows) if self.reference is None else 0
+        return self._judge(rows.cut(first, rows.seconds)) if first < rows.seconds else []
 
-    def _certain(self, second: Second, seen: Seen) -> bool:
-        """Return whether a loss is certain, and not an artefact of a sudden shift of the trim."""
-        reference = seen.gains[self.axis].reference
-        left = second.left_over if second.left_over is not None else 1.0
-        doubtful = second.lost_s < _LEAST_S or (left > self.common and not second.later)
-        limit = self.limit * (_DOUBTFUL if doubtful else 1.0)
-        if second.level <= limit or reference is None:
-            return False
-        if second.slow_s is not None and second.slow_s < self._limits.lag_s:
-            return False
-        if self.axis != "roll" or second.shift is None or second.lost_s >= _LEAST_S:
-            return True
-        return abs(second.shift) <= _SHIFTED * max(reference.deviation, SHIFT_FLOOR)
+    def _wait(self, rows: Rows) -> int:
+        """Wait for a reference; return the number of these seconds that passed without one."""
+        if rows.fresh:
+            self._waiting.clear()
+        flying = rows.flying & np.isfinite(rows.demand(self._form.axis))
+        usable = flying.reshape(-1, RATE_HZ).sum(axis=1) >= _LEAST_ROWS
+        kept = 0
+        for end, counts in enumerate(usable.tolist(), start=1):
+            self.usable_s += counts
+            self._tried += 1
+            if REFERENCE_S <= self.usable_s <= _LATEST_S and self._tried >= _RETRY_S:
+                self._tried = 0
+                self._keep(rows.cut(kept, end))
+                kept = end
+                self._refer(Rows.join(self._waiting))
+            if self.reference is not None:
+                return end
+        if kept < rows.seconds:
+            self._keep(rows.cut(kept, rows.seconds))
+        return rows.seconds
 
-    def _shown(self, second: Second) -> Shown:
-        left = second.left_over if second.left_over is not None else 1.0
-        confidence = 1.0 / (1.0 + exp(-second.level))
-        if second.slow_s is not None:
-            rule = f"degraded: {_slow(second, second.slow_s, self.axis)}"
-            return Shown(
-                self.axis,
-                second.end_s,
-                "slow",
-                "degraded",
-                second.since_s,
-                second.slow_s,
-                self._limits.lag_s,
-                rule,
-                confidence,
-            )
-        doubt = self._doubt(second) if left <= self._limits.effectiveness_emergency else ""
-        grave = left <= self._limits.effectiveness_emergency and not doubt
-        condition: Condition = "emergency" if grave else "degraded"
-        share = f"{100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left"
-        rule = f"{condition}: {share}{doubt}"
-        return Shown(
-            self.axis,
-            second.end_s,
-            "effectiveness",
-            condition,
-            second.since_s,
-            left,
-            self._limits.effectiveness_emergency if grave else self._limits.effectiveness_degraded,
-            rule,
-            confidence,
+    def _keep(self, rows: Rows) -> None:
+        """Add rows to those that wait, and drop what is older than the longest reference."""
+        self._waiting.append(rows)
+        excess = sum(part.seconds for part in self._waiting) - _LONGEST_S
+        while excess > 0:
+            oldest = self._waiting.pop(0)
+            if oldest.seconds > excess:
+                self._waiting.insert(0, oldest.cut(excess, oldest.seconds))
+            excess -= oldest.seconds
+
+    def _refer(self, rows: Rows) -> None:
+        """Use the buffered rows as the reference if they meet the requirements."""
+        basis = Basis.of(rows)
+        self.spacing_s = _median(rows.spacing[rows.flying])
+        if self.too_slow:
+            return
+        if judgeable(rows, basis).sum() < REFERENCE_S * _LEAST_ROWS:
+            return
+        wanted = self._standards
+        fits = [fit for shape in wanted.shapes() if (fit := self._fit(rows, basis, shape)) is not None]
+        possible = [fit for fit in fits if self._form.possible(fit.others)]
+        found = max(possible, key=lambda fit: fit.explained, default=None)
+        if found is None:
+            return
+        self.best = found if self.best is None or found.explained > self.best.explained else self.best
+        if found.explained >= wanted.explained and found.error <= wanted.error:
+            self.reference = replace(found, constants=self._constants(rows, found))
+            self._begin(rows)
+
+    def _constants(self, rows: Rows, found: Reference) -> Mapping[str, Constant]:
+        design, answer, _ = self._design(Chain(self._form, found.basis, found.shape).feed(rows))
+        return constants(self._form, found.speed, design, answer)
+
+    def _design(self, columns: Columns) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return the last usable rows that a reference needs: design, response and their places."""
+        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
+        return np.column_stack([columns.drive, columns.others])[at], columns.answer[at], at
+
+    def _fit(self, rows: Rows, basis: Basis, shape: Shape) -> Reference | None:
+        columns = Chain(self._form, basis, shape).feed(rows)
+        design, answer, at = self._design(columns)
+        if at.size < REFERENCE_S * _LEAST_ROWS or design[:, 0].std() < 1e-4:
+            return None
+        beta, left = _least_squares(design, answer)
+        _, without = _least_squares(design[:, 1:], answer)
+        explained = 1.0 - left / without if without > 0 else 0.0
+        sums = Scores(beta[1:], self._standards.memory_s).feed(columns)
+        inside = np.unique(at // RATE_HZ)
+        drive2, cross = sums.drive2[inside], sums.cross[inside]
+        total = float(drive2.sum())
+        if total <= 0:
+            return None
+        gain = float(cross.sum()) / total
+        variance = float(((cross - gain * drive2) ** 2).sum()) / total
+        least = self._standards.scatter * gain**2
+        error = float(np.sqrt(variance / total)) / abs(gain) if gain else np.inf
+        power = float(drive2.mean())
+        first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
+        variance, deviation = max(variance, least), float(np.sqrt(left))
+        return Reference(
+            basis, shape, gain, beta[1:], variance, error, explained, deviation, power, first, last
         )
 
-    def _doubt(self, second: Second) -> str:
-        """Return why a loss within the emergency's limit is none yet."""
-        if second.later:
-            return "; a slow servo explains it nearly as well"
-        if second.lost_s < _SURE_S:
-            return f"; an emergency if {_SURE_S} judged seconds show it, {second.lost_s} do"
-        return ""
+    def _begin(self, rows: Rows) -> None:
+        reference = self.reference
+        assert reference is not None
+        extras = (0.0, *EXTRA_S)
+        self._chains = [Chain(self._form, reference.basis, reference.shape, extra) for extra in extras]
+        self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
+        self._cusum, self._full, self._strongest = 0.0, 0, 0.0
+        self._since = reference.end_s
+        self._window: deque[Array] = deque(maxlen=_WINDOW_S)
+        self._recent: deque[Array] = deque(maxlen=_SLOW_S)
+        self._slowness = Slowness()
+        self._left: deque[tuple[Array, int]] = deque(maxlen=_SHIFT_S)
+        self._sums(rows)
+        self._waiting.clear()
+
+    def _sums(self, rows: Rows) -> list[Sums]:
+        return [
+            scores.feed(chain.feed(rows)) for scores, chain in zip(self._scores, self._chains, strict=True)
+        ]
+
+    def _judge(self, rows: Rows) -> list[Second]:
+        sums = self._sums(rows)
+        stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
+        assert self.reference is not None
+        left = np.array([s.raw - self.reference.gain * s.driven for s in sums])
+        return [
+            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, k])
+            for k in range(rows.seconds)
+        ]
+
+    def _second(self, end_s: int, sums: Array, count: int, left: Array) -> Second:
+        reference = self.reference
+        assert reference is not None
+        self._left.append((left, count))
+        if count >= _LEAST_ROWS:
+            drive2, cross = float(sums[0, 0]), float(sums[0, 1])
+            score = cross - reference.gain * drive2
+            self._window.append(sums)
+            self._strongest = max(drive2, exp(-2.0 / self._standards.memory_s) * self._strongest)
+            ratio = _ratio(score, drive2, reference, self._standards.loss)
+            if ratio < 0.0 or self._informs(reference):
+                self._cusum = min(_MOST, max(0.0, _FORGET * self._cusum + ratio))
+                self._recent.append(sums)
+        value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
+        if value is not None and error <= JUDGED_ERROR:
+            self._full = self._full + 1 if value >= self._standards.full else 0
+        if self._full >= FULL_S:
+            self._cusum = 0.0
+        if self._cusum == 0.0:
+            self._since = end_s
+            self._recent.clear()
+            self._slowness = Slowness()
+        slow_s, later = self._slowness.feed(self._recent, reference.gain)
+        at_lag = [sums[self._slowness.lag] for sums in self._recent]
+        left_over, left_error = _measured(at_lag, reference)
+        return Second(
+            end_s,
+            value,
+            error,
+            self._cusum,
+            self._since,
+            slow_s,
+            later,
+            self._shifted(),
+            left_over,
+            left_error,
+            len(self._recent),
+        )
+
+    def _shifted(self) -> float | None:
+        count = sum(rows for _, rows in self._left)
+        if count < _SHIFT_S * _LEAST_ROWS:
+            return None
+        return float(sum(left[self._slowness.lag] for left, _ in self._left)) / count
+
+    def _estimate(self, reference: Reference) -> tuple[float | None, float]:
+        """Return the effectiveness of the last ten judged seconds and its standard error."""
+        lagless = [sums[0] for sums in self._window]
+        return _measured(lagless, reference) if len(lagless) == _WINDOW_S else (None, np.inf)
+
+    def _informs(self, reference: Reference) -> bool:
+        """Return whether demand, not gusts, dominates the last seconds.
+
+        Gusts move the aircraft and, through the autopilot, the surfaces against it: without other drive, the
+        gain is underestimated. The drive must therefore be nearly that of the reference, and some gain, with
+        some lag, must explain most of the response. After a strong manoeuvre the tail of the slow filter
+        would repeat that manoeuvre's score for seconds.
+        """
+        drive2, cross, answer2 = np.sum(self._window, axis=0).T
+        if drive2[0] < _AS_DRIVEN * reference.power * len(self._window):
+            return False
+        if self._window[-1][0, 0] < _TAIL * self._strongest:
+            return False
+        driven = drive2 > 0
+        unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]
+        return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
 
 
-def _slow(second: Second, late_s: float, axis: str) -> str:
-    """Return what a lag does: the share that is answered in time is no loss of gain."""
-    intact = f"gain intact, {late_s:g} s late"
-    if second.value is None or second.error > JUDGED_ERROR or not 0 <= second.value < 1:
-        return intact
-    return f"{100 * second.value:.0f} % of the commanded {axis} is answered in time ({intact})"
+def explained(form: Form, standards: Standards, rows: Rows, others: Array) -> tuple[float, float]:
+    """Return how much of the response about an axis a demand explains, and how much of the rest others do.
+
+    Unlike in a reference, all usable rows count.
+
+    Parameters
+    ----------
+    form, standards
+        The regression of the axis, and the delays and lags to try.
+    rows
+        The rows, with the demand in question about the axis.
+    others
+        Other demands, shape (n, k).
+
+    Returns
+    -------
+    tuple
+        Of the response that is left without any demand, the share that the demand explains; of what it
+        leaves, the share that the others explain. Zero if the rows do not suffice.
+    """
+    basis = Basis.of(rows)
+    best = 0.0, 0.0
+    for shape in standards.shapes():
+        columns = Chain(form, basis, shape).feed(rows)
+        late = _late(others, shape) * (rows.speed / basis.speed)[:, None]
+        good = columns.good & np.isfinite(late).all(axis=1)
+        if good.sum() < REFERENCE_S * _LEAST_ROWS:
+            continue
+        nuisances, answer = columns.others[good], columns.answer[good]
+        own = np.column_stack([columns.drive[good], nuisances])
+        beta, left = _least_squares(own, answer)
+        _, without = _least_squares(nuisances, answer)
+        if not left < without * (1.0 - best[0]) or not form.possible(beta[1:]):
+            continue
+        _, both = _least_squares(np.column_stack([own, late[good]]), answer)
+        best = 1.0 - left / without, 1.0 - both / left
+    return best
+
+
+def _late(demands: Array, shape: Shape) -> Array:
+    """Return demands with the delay and the lag of a response, and half of the mean of its columns."""
+    late = shape.delay_rows + MEAN_ROWS // 2
+    out = np.full_like(demands, np.nan)
+    for k, demand in enumerate(demands.T):
+        out[late:, k] = Lag(shape.tau_s).feed(demand)[: len(demand) - late]
+    return out
+
+
+def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float | None, float]:
+    """Return the effectiveness over some seconds and its standard error; None if they do not tell it."""
+    n = len(seconds)
+    drive2, cross, _ = np.array(seconds).T if n else np.zeros((3, 1))
+    total = float(drive2.sum())
+    if n < 2 or total <= 0.0:
+        return None, np.inf
+    gain = float(cross.sum()) / total
+    scores = cross - gain * drive2
+    own = max(float((scores**2).sum()) * n / (n - 1) / total, reference.variance) / total
+    k = gain / reference.gain
+    spread = _WINDOWS**2 * min(_WINDOW_S / n, 1.0)
+    return k, float(np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + spread))
+
+
+def _median(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else 0.0
+
+
+def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:
+    """Return the log-likelihood ratio of a second between a loss and none."""
+    lost = loss * reference.gain
+    spread = reference.variance + (_MANOEUVRES * reference.gain) ** 2 * drive2
+    return float((-lost * score - 0.5 * lost**2 * drive2) / spread)
+
+
+def _least_squares(design: Array, answer: Array) -> tuple[Array, float]:
+    beta: Array = np.asarray(np.linalg.lstsq(design, answer, rcond=None)[0], dtype=np.float64)
+    left = answer - design @ beta
+    return beta, float(np.var(left))

@@ -6,14 +6,10 @@ from math import exp
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.core.kernels import kernel
 from mavhums.vehicle.grid import RATE_HZ
-
-__all__ = ["Following", "HighPass", "Lag", "Tail", "held"]
-
-Array = NDArray[np.float64]
 
 _STEP_S: Final = 1.0 / RATE_HZ
 
@@ -78,7 +74,7 @@ def _slewed(values: Array, step: float, before: float) -> Array:
     return out
 
 
-class Following:
+class AttitudeResponse:
     """The response of a controlled attitude: second order, ``omega`` rad/s, critically damped.
 
     Parameters

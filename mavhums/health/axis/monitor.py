@@ -7,41 +7,31 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.axis.chain import Form
-from mavhums.health.axis.detector import Seen, Shown, detectors
-from mavhums.health.axis.forms import PitchForm, RollForm, YawForm
-from mavhums.health.axis.gain import FULL_S, JUDGED_ERROR, Gain, explained
+from mavhums.health.axis.detectors import Alarm, AxisInput, detectors
+from mavhums.health.axis.effectiveness import FULL_S, JUDGED_ERROR, EffectivenessTracker, explained
 from mavhums.health.axis.reference import Reference, Second, Standards
-from mavhums.health.events import ConditionChanged, Indication
+from mavhums.health.axis.regressions import Form, PitchForm, RollForm, YawForm
+from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
 
-__all__ = ["NORMAL_S", "AxisFindings", "AxisMonitor", "explained_by", "new_gain"]
-
-Array = NDArray[np.float64]
-
 NORMAL_S: Final = 30
 """Judged seconds without a loss that make an axis normal."""
-
 _WAITS_S: Final = 10  # a log that begins in flight is known to within seconds
 _WINDOW_S: Final = 10
 _MASKED_S: Final = 20
 _MOST_EPISODES: Final = 100
-
 _SLOWEST_S: Final = 0.42  # 3 Hz with jitter passes, 2 Hz does not
 _SLOWEST_PITCH_S: Final = 0.15  # 10 Hz: slower samples miss most of the short period
-
 _GUSTY: Final = 0.1  # beyond it, gusts alone make the gain of ten healthy seconds scatter by 14 % and more
-
 _MEMORY_S: Final = 8.0
 _SHORT_PERIOD_S: Final = 2.0  # a step of thrust or speed changes the elevator's trim for good
-
 _FORMS: Final[dict[str, Form]] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
 _STANDARDS: Final = {
     "roll": Standards(
@@ -77,10 +67,10 @@ _STANDARDS: Final = {
 }
 
 
-def new_gain(axis: str, limits: AxisLimits | None = None) -> Gain:
+def new_gain(axis: str, limits: AxisLimits | None = None) -> EffectivenessTracker:
     """Return the tracker of the effectiveness of an axis."""
     loss = round(2.0 * (1.0 - (limits or AxisLimits()).effectiveness_degraded), 9)
-    return Gain(_FORMS[axis], replace(_STANDARDS[axis], loss=loss))
+    return EffectivenessTracker(_FORMS[axis], replace(_STANDARDS[axis], loss=loss))
 
 
 def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:
@@ -199,9 +189,9 @@ class AxisMonitor:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
         self._look_back(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
-        seen = Seen(rows, seconds, self._gains)
+        seen = AxisInput(rows, seconds, self._gains)
         yield from self._indications(seconds)
-        shown: dict[int, list[Shown]] = {}
+        shown: dict[int, list[Alarm]] = {}
         for detector in self._detectors:
             for one in detector.feed(seen):
                 shown.setdefault(one.end_s, []).append(one)
@@ -236,12 +226,12 @@ class AxisMonitor:
                     self._vehicle, axis, "effectiveness", end_s, value, value - half, value + half
                 )
 
-    def _masked(self, one: Shown, end_s: int) -> bool:
+    def _masked(self, one: Alarm, end_s: int) -> bool:
         """Return whether a hard-over rudder explains the findings about the other axes."""
         return one.axis != "yaw" and end_s - self._skidded_s <= _MASKED_S
 
     def _take(
-        self, axis: str, second: Second | None, found: list[Shown], end_s: int
+        self, axis: str, second: Second | None, found: list[Alarm], end_s: int
     ) -> Iterator[ConditionChanged]:
         held = self._axes[axis]
         before = held.condition
@@ -287,7 +277,7 @@ class AxisMonitor:
         if whole and not held.lost:
             self._average(held, second.value, second.error)
 
-    def _measure(self, held: _Axis, found: list[Shown], second: Second | None, *, fresh: bool) -> None:
+    def _measure(self, held: _Axis, found: list[Alarm], second: Second | None, *, fresh: bool) -> None:
         """Take the effectiveness since the onset of a loss: that of the second which the reason names."""
         if fresh:
             held.value = None
@@ -314,7 +304,7 @@ class AxisMonitor:
             return held.full >= FULL_S
         return held.judged >= NORMAL_S and held.value is not None and held.value.low > 0.6
 
-    def _extend(self, held: _Axis, one: Shown) -> None:
+    def _extend(self, held: _Axis, one: Alarm) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
         episodes = held.episodes
         for earlier in episodes[-3:]:

@@ -15,19 +15,15 @@ from typing import Final
 from scipy.special import stdtr, stdtrit
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.baseline import Baseline
-from mavhums.health.decision import FALSE_ALARMS, tail_of
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.limits import FALSE_ALARMS, tail_of
 from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
 from mavhums.report.axis_limits import AxisLimits
 
-__all__ = ["LEAST_FLIGHTS", "LOSSES", "against_flights"]
-
 LEAST_FLIGHTS: Final = 5
 """Fewer flights tell too little about their scatter."""
-
 LOSSES: Final = ("effectiveness", "manoeuvre")
 """Faults whose indicators fall as the fault grows."""
-
 _NORMAL_95: Final = 1.96
 _WINDOW_S: Final = 10.0
 _MOST_TAIL: Final = 0.01

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums.health.axis.chain import Columns
+from mavhums.core.arrays import Array, Integers
 from mavhums.health.axis.filters import HighPass
+from mavhums.health.axis.regressions import Columns
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["Scores", "Sums"]
-
-Array = NDArray[np.float64]
+EXTRA_S: Final = (0.3, 0.45, 0.65, 1.0, 1.5)
+"""The additional lags that are tested."""
+_LEAST_S: Final = 7
+_MUCH_BETTER: Final = 0.15  # share of the response that an additional lag explains beyond a loss
+_BETTER: Final = 0.05
+_WHOLE: Final = 0.75  # neighbouring tested lags differ by a quarter of the gain
+_STILL_WHOLE: Final = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +31,7 @@ class Sums:
     answer2: Array
     driven: Array
     raw: Array
-    count: NDArray[np.int64]
+    count: Integers
 
 
 class Scores:
@@ -58,3 +64,45 @@ class Scores:
         summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]
         drive2, cross, answer2, total, left = summed
         return Sums(drive2, cross, answer2, total, left, good.reshape(shape).sum(axis=1))
+
+
+class Slowness:
+    """Follows one suspected loss.
+
+    Attributes
+    ----------
+    lag
+        Index of the lag that explained more so far: 0 for none, else one above that in ``EXTRA_S``.
+    """
+
+    def __init__(self) -> None:
+        self.lag = 0
+        self._is_slow = False
+
+    def feed(self, seconds: Collection[Array], full: float) -> tuple[float | None, bool]:
+        """Return the lag, s, that explains much more than a loss, and whether any lag explains more.
+
+        A lag that was found once stays as long as it explains more and leaves most of the gain.
+
+        Parameters
+        ----------
+        seconds
+            The last seconds of the suspected loss: sums of squares of the drive, of products, and of squares
+            of the response, by lag, shape (1 + len(EXTRA_S), 3).
+        full
+            The gain of the reference.
+        """
+        if len(seconds) < _LEAST_S:
+            return None, False
+        drive2, cross, answer2 = np.sum(list(seconds), axis=0).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = cross / drive2 / full
+            share = np.nan_to_num(cross**2 / (drive2 * answer2))
+        best = int(np.argmax(share))
+        better = float(share[best] - share[0])
+        later = better >= _BETTER
+        if later:
+            self.lag = best
+        whole = _STILL_WHOLE if self._is_slow else _WHOLE
+        self._is_slow = later and (self._is_slow or better >= _MUCH_BETTER) and bool(gain[best] >= whole)
+        return (EXTRA_S[best - 1] if self._is_slow else None), later

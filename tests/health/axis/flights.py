@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 

@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavhums.health.axis.monitor import AxisMonitor, new_gain
-from mavhums.health.axis.residual import Residual
-from mavhums.health.axis.tracking import RollTracking
+from mavhums.health.axis.residuals import Residual, RollTracking
 from mavhums.vehicle.flight import Rows
 from tests.health.axis.flights import SPEED, Array, changes_of, excited, rolling, rows, steady, turning
 

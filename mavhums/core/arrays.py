@@ -1,0 +1,17 @@
+"""Type aliases of numpy arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Array", "Flags", "Integers"]
+
+Array = NDArray[np.float64]
+"""Numbers; NaN where they are not known."""
+
+Flags = NDArray[np.bool_]
+"""Masks."""
+
+Integers = NDArray[np.int64]
+"""Counts and indices."""

@@ -1,0 +1,50 @@
+"""Constants of statistics and physics that more than one room needs, each once."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Final, TypeVar
+
+from mavhums.core.arrays import Array
+
+__all__ = [
+    "AIR_DENSITY",
+    "CENTRAL_95",
+    "DEGREES_S_PER_REV_MIN",
+    "NORMAL_95",
+    "NORMAL_95_ONE_SIDED",
+    "RAD_S_PER_REV_MIN",
+    "uniform_deviation",
+]
+
+NORMAL_95: Final = 1.96
+"""Half the width of a normal distribution's central 95 % interval, in standard deviations."""
+
+NORMAL_95_ONE_SIDED: Final = 1.645
+"""What a standard normal variable exceeds with 5 % probability."""
+
+CENTRAL_95: Final = 0.975
+"""Probability below the upper end of a central 95 % interval, for quantiles of Student's t."""
+
+RAD_S_PER_REV_MIN: Final = pi / 30
+"""Speed of one revolution per minute, rad/s."""
+
+DEGREES_S_PER_REV_MIN: Final = 6.0
+"""Speed of one revolution per minute, °/s."""
+
+AIR_DENSITY: Final = 1.225
+"""Density of the standard atmosphere at sea level, kg/m³."""
+
+
+Width = TypeVar("Width", float, Array)
+
+
+def uniform_deviation(width: Width) -> Width:
+    """Return the standard deviation of a value that lies anywhere in an interval of this width.
+
+    Examples
+    --------
+    >>> round(uniform_deviation(1.0), 4)
+    0.2887
+    """
+    return width / sqrt(12.0)

@@ -1,0 +1,1 @@
+"""Actuators with telemetry: detectors, monitor and networks' votes."""

@@ -1,0 +1,144 @@
+"""The interface of detectors: one fault, the quantity that indicates it, and its limits.
+
+A detector is a module in :mod:`mavhums.health.actuator.detectors`, listed in its ``DETECTORS``. Every
+detector passes the same battery of checks, ``tests/health/actuator/test_detectors.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array, Flags
+from mavhums.health.decision.limits import Levels
+from mavhums.health.estimation.fits import Estimates
+from mavhums.health.estimation.least_squares import Fit
+from mavhums.health.estimation.motion import Motion
+from mavhums.health.estimation.slots import Slots
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DetectorInput:
+    """Data of new slots of an actuator, the input of detectors.
+
+    Attributes
+    ----------
+    slots
+        The samples.
+    motion
+        Motion at the samples; None if the profile lacks the constants for it.
+    windows, flight
+        By equation, the fits of the windows that end with each slot, and of all slots so far.
+    """
+
+    slots: Slots
+    motion: Motion | None
+    windows: Mapping[str, Fit]
+    flight: Mapping[str, Fit]
+
+
+class Detector(Protocol):
+    """Detects one fault of one actuator.
+
+    Attributes
+    ----------
+    fault, quantity, unit
+        The fault, and the quantity that indicates it.
+    equations
+        Names of the equations in :mod:`mavhums.health.estimation.equations` that it reads.
+    two_sided
+        Whether the quantity is normal near zero and not below a value.
+    span_s
+        Time through which a fault lasts that a single estimate proves; None if several must agree.
+    levels
+        Limits of the quantity.
+    inspect
+        The parts that maintenance should inspect.
+    """
+
+    fault: ClassVar[str]
+    quantity: ClassVar[str]
+    unit: ClassVar[str]
+    inspect: ClassVar[str]
+    equations: ClassVar[tuple[str, ...]]
+    two_sided: ClassVar[bool]
+    span_s: ClassVar[float | None]
+    levels: Levels
+
+    def __init__(self, actuator: Actuator) -> None:
+        """Create the detector for this actuator."""
+        ...
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the profile has the data that the detector needs."""
+        ...
+
+    def feed(self, seen: DetectorInput) -> Estimates:
+        """Return the quantity in the windows that end with each new slot."""
+        ...
+
+    def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        """Return the quantity over the whole flight, as one window; None if it is not defined."""
+        ...
+
+    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        """Return the quantity that judges a finished flight; None if only windows count."""
+        ...
+
+
+class EquationDetector:
+    """A detector that reads its quantity from fits of equations, for windows and whole flights alike.
+
+    Attributes
+    ----------
+    turned
+        Whether the rotor's speed follows from the output shaft's, as the first known speed tells. The shaft's
+        differs by what play and torsion of the gear let it move by itself.
+    """
+
+    equations: ClassVar[tuple[str, ...]]
+    two_sided: ClassVar[bool] = False
+    span_s: ClassVar[float | None] = None
+
+    def __init__(self, actuator: Actuator) -> None:
+        self.actuator = actuator
+        self.turned: bool | None = None
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the profile has the actuator's constants."""
+        return actuator.ema is not None
+
+    def feed(self, seen: DetectorInput) -> Estimates:
+        """Return the quantity in the windows that end with each new slot."""
+        if self.turned is None and seen.motion is not None and np.isfinite(seen.motion.speed).any():
+            self.turned = bool(seen.motion.turned[np.isfinite(seen.motion.speed).argmax()])
+        return self.read(seen.windows, seen.flight)
+
+    def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        """Return the quantity over the whole flight."""
+        return self.read(flight, flight)
+
+    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        """Return the quantity that judges a finished flight: the one over the whole flight."""
+        return self.overall(flight)
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the quantity from the fits, given the fits of the flight so far."""
+        raise NotImplementedError
+
+
+def sharp(value: Array, error: Array, widest: float, limit: float | None) -> Flags:
+    """Return whether estimates are certain enough to count, shape (k,).
+
+    ``widest`` is the largest standard error of a value within its limit. Beyond the limit the error may grow
+    with the value: a grave fault blurs what it is measured by, and must not be refused for that.
+    """
+    size = np.abs(value) / (np.inf if limit is None else limit)
+    allowed: Flags = error < widest * np.maximum(size, 1.0)
+    return allowed

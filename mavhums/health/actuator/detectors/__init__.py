@@ -1,0 +1,51 @@
+"""Detectors of an actuator's faults, one module each; a test holds :data:`DETECTORS` against this folder."""
+
+from __future__ import annotations
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.actuator.detector import Detector
+from mavhums.health.actuator.detectors.backlash import BacklashDetector
+from mavhums.health.actuator.detectors.following import FollowingDetector
+from mavhums.health.actuator.detectors.friction import FrictionDetector
+from mavhums.health.actuator.detectors.jam import JamDetector
+from mavhums.health.actuator.detectors.sensor_bias import SensorBiasDetector
+from mavhums.health.actuator.detectors.supply_sag import SupplySagDetector
+from mavhums.health.actuator.detectors.torque_constant import TorqueConstantDetector
+from mavhums.health.actuator.detectors.winding_resistance import WindingResistanceDetector
+from mavhums.health.estimation.equations import OWN_EQUATIONS
+
+DETECTORS: tuple[type[Detector], ...] = (
+    BacklashDetector,
+    FollowingDetector,
+    FrictionDetector,
+    JamDetector,
+    SensorBiasDetector,
+    SupplySagDetector,
+    TorqueConstantDetector,
+    WindingResistanceDetector,
+)
+
+
+def to_inspect(fault: str) -> str | None:
+    """Return the parts to inspect for a fault of an actuator; None if nothing covers it.
+
+    Examples
+    --------
+    >>> to_inspect("backlash"), to_inspect("friction_current")
+    ('gear and linkage for play', 'gearbox, bearings and hinge line')
+    """
+    parts = {each.fault: each.inspect for each in DETECTORS}
+    parts |= {each.fault: each.inspect for each in OWN_EQUATIONS}
+    return parts.get(fault)
+
+
+def detectors_for(actuator: Actuator) -> list[Detector]:
+    """Return the detectors of all faults that are detectable with this actuator's profile.
+
+    Examples
+    --------
+    >>> from mavhums.actuator import load_airframe
+    >>> [detector.fault for detector in detectors_for(load_airframe("paper").actuators[0])][:3]
+    ['backlash', 'following', 'friction']
+    """
+    return [detector(actuator) for detector in DETECTORS if detector.suits(actuator)]

@@ -1,0 +1,169 @@
+"""Coulomb friction of motor, gear and bearings, from the torque balance.
+
+The balance takes the data sheet's torque constant; the friction is that of the torque constant that the
+voltage equation shows over the flight so far, as far as it shows one, else of the profile's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.actuator.detector import Detector, EquationDetector
+from mavhums.health.actuator.detectors.torque_constant import contradicts, relative_constant
+from mavhums.health.decision.limits import FALSE_ALARMS, Levels, half_width, tail_of
+from mavhums.health.estimation.fits import Estimates
+from mavhums.health.estimation.least_squares import Fit
+
+MIN_SAMPLES = 20
+CONTRADICTION = 3.0  # standard errors below zero
+_BRIEF_ERROR = 0.05  # what motion in single samples leaves out; share of the friction
+FRICTIONLESS = 0.01  # of the normal limit: no gear turns with less
+_MODEL_ERROR = 0.02  # play, wind-up and stick-slip, which the balance leaves out; share of the normal limit
+_MOVE_IT = "analyse a flight in which the surface moves, or sweep it before take-off"
+_CHECK = "check torque_constant and gear_ratio of the profile, and the units and signs of V4, V5, V7 and V11"
+
+
+class FrictionDetector(EquationDetector):
+    """Coulomb friction at the output shaft, against the profile's limits."""
+
+    fault: ClassVar[str] = "friction"
+    quantity: ClassVar[str] = "Coulomb friction"
+    unit: ClassVar[str] = "N·m"
+    inspect: ClassVar[str] = "gearbox, bearings and hinge line"
+    equations: ClassVar[tuple[str, ...]] = ("torque", "torque_per_sample", "voltage")
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        limits = actuator.known_limits()
+        self.levels = Levels(limits.normal, limits.emergency)
+        self._normal, self._widest = limits.normal, limits.emergency - limits.normal
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the profile has the actuator's constants and limits."""
+        return not actuator.blanks
+
+    def overall(self, flight: Mapping[str, Fit]) -> Estimates:
+        """Return the friction over the whole flight; effects outside the balance do not average out."""
+        return self._widened(self.read(flight, flight), 0.0)
+
+    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates:
+        """Return the friction over the whole flight, from lasting motion or from single samples.
+
+        The one with the smaller error is used; in calm air the autopilot moves only briefly.
+        """
+        tail = tail_of(FALSE_ALARMS)
+        lasting, sampled = self.overall(flight), self._per_sample(flight)
+        shows_less = half_width(lasting, tail=tail) > half_width(sampled, tail=tail)
+        return sampled if np.isnan(lasting.value[0]) or shows_less[0] else lasting
+
+    def _per_sample(self, flight: Mapping[str, Fit]) -> Estimates:
+        """Return the friction from single samples; NaN if their balance does not hold.
+
+        A rotor that winds up its gear against a jammed shaft also moves, but most torque is unexplained.
+        """
+        fit = flight["torque_per_sample"]
+        mean = self._widened(self._scaled(fit, flight), _BRIEF_ERROR)
+        holds = fit.variance < self.actuator.known_limits().emergency ** 2
+        return Estimates.of(mean.value, mean.error, mean.freedom, holds)
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the friction; undecidable without motion both ways in several slots.
+
+        Its 95 % interval is narrower than what lies between the limits or, of a grave friction, which
+        scatters more, than what lies between it and the normal limit.
+
+        An estimate well below zero contradicts the balance: the constants are not this actuator's, or a
+        sensor lies. So does one that is surely next to nothing, as a current has that stands still.
+        """
+        return self._scaled(fits["torque"], flight)
+
+    def _widened(self, mean: Estimates, share: float) -> Estimates:
+        left_out = np.hypot(share * mean.value, _MODEL_ERROR * self.actuator.known_limits().normal)
+        return Estimates(mean.value, np.hypot(mean.error, left_out), mean.freedom)
+
+    def _scaled(self, fit: Fit, flight: Mapping[str, Fit]) -> Estimates:
+        """Return the friction of a torque balance with the torque constant that the flight shows."""
+        scale, scale_error = relative_constant(
+            flight["voltage"], self.actuator.known_ema(), turned=self.turned
+        )
+        friction, error = fit["friction"]
+        whole_error = np.hypot(error * scale, friction * scale_error)
+        shown = fit.spread & (fit.count >= MIN_SAMPLES)
+        shown &= 2 * 2 * whole_error < np.maximum(self._widest, friction * scale - self._normal)
+        shown &= friction > -CONTRADICTION * error
+        shown &= (friction + 2 * error) * scale > FRICTIONLESS * self.actuator.known_limits().normal
+        return Estimates.of(friction * scale, whole_error, fit.freedom, shown)
+
+
+def why_no_friction(
+    detector: Detector | None, flight: Mapping[str, Fit], *, moving: int, samples: int, rate_hz: float
+) -> tuple[str, str] | None:
+    """Return reason and remedy if a whole flight shows no friction; None if it does, or without a detector.
+
+    Parameters
+    ----------
+    detector
+        That of friction.
+    flight
+        Fits of the whole flight.
+    moving, samples
+        Numbers of samples in motion, and of all.
+    rate_hz
+        Samples per second.
+    """
+    if not isinstance(detector, FrictionDetector) or not flight:
+        return None
+    if np.isfinite(detector.conclusion(flight).value[0]):
+        return None
+    fit, actuator = flight["torque"], detector.actuator
+    if rate_hz < actuator.min_rate_hz:
+        reason = f"its telemetry comes at {rate_hz:.1f} Hz, less than the profile's min_rate_hz of "
+        return f"{reason}{actuator.min_rate_hz:g}", "record its telemetry faster"
+    if fit.count[0] < MIN_SAMPLES or not fit.spread[0]:
+        return _too_few(int(fit.count[0]), moving, samples)
+    return _contradiction(detector, flight) or _too_wide(detector, flight)
+
+
+def _too_few(usable: int, moving: int, samples: int) -> tuple[str, str]:
+    share = f"{100 * moving / max(samples, 1):.0f} %"
+    if moving >= MIN_SAMPLES and usable < moving / 2:
+        return (
+            f"it moves in {share} of the samples, but only {usable} of these have a current of known sign",
+            "record current and speed together, with their signs",
+        )
+    return f"the actuator moves in {share} of the samples, too little to show friction", _MOVE_IT
+
+
+def _contradiction(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tuple[str, str] | None:
+    """Return what contradicts the torque balance, if anything does."""
+    ema, limits = detector.actuator.known_ema(), detector.actuator.known_limits()
+    contradicted, constant = contradicts(flight["voltage"], ema, turned=detector.turned)
+    if contradicted[0]:
+        share = f"the back-EMF shows {100 * constant[0]:.0f} % of the profile's torque constant"
+        return f"{share}, so the current does not tell the torque", _CHECK
+    friction, error = (float(column[0]) for column in flight["torque"]["friction"])
+    if friction <= -CONTRADICTION * error:
+        return f"the torque balance comes to a friction of {friction:.3g} N·m, below zero", _CHECK
+    if friction + 2 * error <= FRICTIONLESS * limits.normal:
+        return (
+            "the torque balance comes to no friction at all: the current does not follow the motion",
+            _CHECK,
+        )
+    return None
+
+
+def _too_wide(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tuple[str, str]:
+    fit, limits = flight["torque"], detector.actuator.known_limits()
+    if not fit.both_ways("friction", "offset")[0]:
+        return "the actuator moves one way only, which does not tell friction from load", _MOVE_IT
+    error = float(fit["friction"].std_error[0])
+    return (
+        f"it moves too little both ways: its friction is known to ± {2 * error:.2g} N·m, "
+        f"and its limits are {limits.emergency - limits.normal:.2g} N·m apart",
+        _MOVE_IT,
+    )

@@ -1,0 +1,157 @@
+"""A surface that is commanded and does not move: jammed, disconnected or without power.
+
+It needs the command and the output shaft's angle, and none of the actuator's constants. An angle integrated
+from a speed whose sign is derived from the command is no evidence. An angle calculated from the rotor's moves
+with the rotor, which moves through the gear's play and winds up the gear even if the shaft is jammed.
+
+A speed without its sign bounds the travel: no shaft travels farther than the integral of its speed. That a
+shaft moves to and fro does not show that it follows, so the bound shows a jam, and ends one only where it is
+twice what was commanded.
+
+Where little is commanded, the current shows a jam: a shaft that stands although the motor pushes with most of
+its torque at stall, for a second of ten altogether. The current's sign does not matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.quantities import column
+from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.decision.limits import Levels
+from mavhums.health.estimation.fits import Estimates
+from mavhums.health.estimation.least_squares import Fit
+from mavhums.health.estimation.slots import GUARD_S, MAGNITUDES, SENSED, SHAFT, Slots, Windows
+
+_V1, _V5, _V7 = (column(key) for key in ("V1", "V5", "V7"))
+_STANDS = 0.8  # of healthy actuators none leaves out more than 0.15, of 1.5 N·m of friction 0.4
+_LEAST_COMMAND_DEG = 4.0
+_PARTS = 4  # of a slot: a jam of 3 s holds 11 whole quarters of a second, whenever it begins
+_LASTING = (11, 40)  # parts: 2.75 s and 10 s
+_FOLLOWING = 4  # parts: 1 s
+_WOUND_UP_DEG = 1.5  # of a gear of 400 N·m/rad and 0.1° of play, by 5 N·m to either side
+_LONGEST_STEP_S = 0.15  # between speeds: a shaft may travel and stop again between two that are farther apart
+_SURELY_FOLLOWS = 2.0  # integral of the speed over the commanded travel; a held rotor's reaches 1.6
+_STALLED = 0.8  # of the current at stall; a standing shaft takes up to 0.3, with 1.0 N·m of friction 0.66
+_DEGREES_S = 6.0  # of one rev/min
+
+
+class JamDetector:
+    """Fraction of the commanded travel that the shaft does not follow within three seconds.
+
+    If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
+    does not count, because the shaft may not have followed yet. One such window is a jam: no actuator that
+    follows leaves out most of 4°, and a jam may be over before several windows agree.
+    """
+
+    fault: ClassVar[str] = "jam"
+    quantity: ClassVar[str] = "commanded travel not flown"
+    unit: ClassVar[str] = "1"
+    inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
+    equations: ClassVar[tuple[str, ...]] = ()
+    two_sided: ClassVar[bool] = False
+    span_s: ClassVar[float | None] = 3.0
+
+    def __init__(self, actuator: Actuator, slot_s: float = 1.0) -> None:
+        self.levels = Levels(_STANDS, _STANDS)
+        self._slot_s = slot_s
+        ema, supply_v = actuator.ema, actuator.known_supply_v
+        self._ratio = ema.gear_ratio if ema else np.nan
+        self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
+        self._standing = actuator.moving_speed_rev_min if ema else np.nan
+        self._least_samples = actuator.min_rate_hz * slot_s
+        self._windows = Windows(6, max(_LASTING), empty=-np.inf)
+        self._in_vain = Windows(1)
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return True: no constants of the actuator are needed."""
+        return True
+
+    def feed(self, seen: DetectorInput) -> Estimates:
+        """Return the fraction; undecidable if less than 4° of travel was commanded."""
+        own, part = seen.slots.values[seen.slots.judged], self._parts(seen.slots)
+        start = np.flatnonzero(np.diff(part, prepend=part[0] - 1))
+        extremes = np.stack(
+            [
+                np.maximum.reduceat(own[:, _V1], start),
+                -np.minimum.reduceat(own[:, _V1], start),
+                np.maximum.reduceat(own[:, SHAFT], start),
+                -np.minimum.reduceat(own[:, SHAFT], start),
+                _WOUND_UP_DEG * (1.0 - np.minimum.reduceat(own[:, SENSED], start)),
+                np.add.reduceat(self._most_travel(seen.slots), start),
+            ],
+            axis=1,
+        )
+        windows = self._windows.feed(part[start], extremes)
+        left_out = np.full(len(windows), np.nan)
+        for parts in _LASTING:
+            share = self._left_out(windows[:, -parts:])
+            left_out = np.where(np.isnan(left_out), share, left_out)
+        slot = part[start] // _PARTS
+        most = np.fmax.reduceat(left_out, np.flatnonzero(np.diff(slot, prepend=slot[0] - 1)))
+        most = np.where(np.isnan(most) & self._stalls(seen.slots), 1.0, most)
+        return Estimates.of(most, np.zeros_like(most), np.ones_like(most), np.isfinite(most))
+
+    def _parts(self, slots: Slots) -> Integers:
+        """Return the part of a slot to which each judged sample belongs, counted through the flight.
+
+        A sample's slot is the one that confirms it, ``GUARD_S`` or more after it.
+        """
+        slot = np.repeat(slots.index, slots.count())
+        within = (slots.time_s[slots.judged] + GUARD_S) / self._slot_s - slot
+        part = np.clip(np.floor(within * _PARTS), 0, _PARTS - 1).astype(np.int64)
+        return np.asarray(slot * _PARTS + part)
+
+    def _stalls(self, slots: Slots) -> Flags:
+        """Return in which windows the shaft stands while the motor pushes, for a second, shape (k,)."""
+        values, time_s = slots.values, slots.time_s
+        _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
+        pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= _STALLED * self._stall_a
+        moves = ~(np.fmax(np.abs(values[:, _V7]), unsigned_rev_min) < self._standing)
+        moved_s = np.concatenate([[-np.inf], time_s[moves], [np.inf]])
+        at = np.searchsorted(moved_s, time_s)
+        apart_s = np.minimum(moved_s[at] - time_s, time_s - moved_s[at - 1])
+        in_vain = (pushes & (apart_s >= GUARD_S))[slots.judged, None].astype(np.float64)
+        share = slots.sums(in_vain)[:, 0] / np.maximum(slots.count(), self._least_samples)
+        stalled: Flags = self._in_vain.feed(slots.index, share[:, None]).sum(axis=(1, 2)) >= 1.0
+        return stalled
+
+    def _most_travel(self, slots: Slots) -> Array:
+        """Return how far the shaft travelled at most since the sample before, °; NaN where unknown."""
+        speed = slots.values[:, MAGNITUDES][:, -1] * _DEGREES_S / self._ratio
+        step_s = np.diff(slots.time_s, prepend=np.nan)
+        faster = np.maximum(speed, np.concatenate([[np.nan], speed[:-1]]))
+        travel: Array = np.where(step_s <= _LONGEST_STEP_S, step_s * faster, np.nan)
+        return travel[slots.judged]
+
+    def _left_out(self, windows: Array) -> Array:
+        """Return the fraction of the commanded travel not followed; NaN if too little was commanded.
+
+        NaN as well if no sample came for a second: the shaft may have moved and returned.
+        """
+        commanded = windows[:, :-_FOLLOWING, :2].max(axis=1).sum(axis=1)
+        wound_up = windows[:, :, 4].max(axis=1)
+        bound = np.where(np.isneginf(windows[:, :, 5]), 0.0, windows[:, :, 5]).sum(axis=1)
+        angle = windows[:, :, 2:4].max(axis=1).sum(axis=1)
+        travelled = np.where(np.isnan(angle), bound, angle) - wound_up
+        empty = np.isneginf(windows[:, :, 0])
+        gap = np.any(sliding_window_view(empty, _PARTS, axis=1).all(axis=2), axis=1)
+        enough = np.where((commanded >= _LEAST_COMMAND_DEG + wound_up) & ~gap, commanded, np.nan)
+        share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
+        proves = ~np.isnan(angle) | (share >= _STANDS) | (share <= 1.0 - _SURELY_FOLLOWS)
+        return np.where(proves, share, np.nan)
+
+    def overall(self, flight: Mapping[str, Fit]) -> None:
+        """Return None: a jam has no mean."""
+        return
+
+    def conclusion(self, flight: Mapping[str, Fit]) -> None:
+        """Return None: a jam has no mean."""
+        return

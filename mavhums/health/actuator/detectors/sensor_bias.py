@@ -1,0 +1,48 @@
+"""Bias of the output shaft's position sensor relative to the rotor's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.health.actuator.detector import EquationDetector, sharp
+from mavhums.health.actuator.thresholds import LEAST_FLANK_SLOTS
+from mavhums.health.decision.limits import Levels
+from mavhums.health.estimation.equations.gear import GEAR
+from mavhums.health.estimation.fits import Estimates
+from mavhums.health.estimation.least_squares import Fit
+
+_WIDEST_DEG = 0.05
+
+
+class SensorBiasDetector(EquationDetector):
+    """Difference of the two angles that backlash and wind-up do not explain."""
+
+    fault: ClassVar[str] = "sensor_bias"
+    quantity: ClassVar[str] = "bias of the position sensor"
+    unit: ClassVar[str] = "°"
+    inspect: ClassVar[str] = "the position sensor's mounting and calibration"
+    equations: ClassVar[tuple[str, ...]] = ("gear",)
+    two_sided: ClassVar[bool] = True
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        self.levels = Levels(actuator.known_limits().sensor_bias_deg)
+        self._play = float(GEAR.prior(actuator).deviation[GEAR.terms.index("flank")])
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the profile has the actuator's constants and limits."""
+        return not actuator.blanks
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the bias; with load on only one flank, its error includes the possible backlash."""
+        fit = fits["gear"]
+        one_sided = fit.both_ways("flank", "bias") < LEAST_FLANK_SLOTS
+        bias, error = fit["bias"]
+        error = np.maximum(error, np.where(one_sided, self._play, 0.0))
+        shown = fit.spread & sharp(bias, error, _WIDEST_DEG, self.levels.normal)
+        return Estimates.of(bias, error, fit.freedom, shown)

@@ -1,0 +1,83 @@
+"""Loss of the torque constant, as when magnets age or overheat, from the back-EMF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator, Ema
+from mavhums.core.arrays import Array, Flags
+from mavhums.health.actuator.detector import EquationDetector, sharp
+from mavhums.health.decision.limits import Levels
+from mavhums.health.estimation.fits import Estimates
+from mavhums.health.estimation.least_squares import Fit
+
+_WIDEST = 0.02
+_CONTRADICTION = 0.5
+_SURE = 0.1
+_TURNS = 0.05  # of the torque constant: with less, no motor overcomes the friction of its gear
+
+
+class TorqueConstantDetector(EquationDetector):
+    """Fraction of the data sheet's torque constant that is lost."""
+
+    fault: ClassVar[str] = "torque_constant"
+    quantity: ClassVar[str] = "torque constant lost"
+    unit: ClassVar[str] = "1"
+    inspect: ClassVar[str] = "the motor's magnets, which age and suffer from heat"
+    equations: ClassVar[tuple[str, ...]] = ("voltage",)
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        self.levels = Levels(actuator.limits.torque_constant_loss if actuator.limits else None)
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the loss; undecidable if the shaft moves too little for evidence of the back-EMF.
+
+        Magnets may lose most of it. A gain of half contradicts the data sheet, and so does a shaft that turns
+        without back-EMF: the motor is not the profile's, or a sensor lies.
+        """
+        ema = self.actuator.known_ema()
+        fit = fits["voltage"]
+        constant, error = _seen(fit, ema, turned=self.turned)
+        shown = fit.spread & sharp(1.0 - constant, error, _WIDEST, self.levels.normal)
+        shown &= (constant > _TURNS) & (constant < 1.0 + _CONTRADICTION)
+        return Estimates.of(1.0 - constant, error, fit.freedom, shown)
+
+
+def contradicts(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Flags, Array]:
+    """Return whether the back-EMF surely departs from the data sheet by half or more, and its share of it.
+
+    Then nobody knows what torque a current is worth, and no torque balance holds.
+    """
+    shown, error = _seen(voltage, ema, turned=turned)
+    return (error < _SURE) & (np.abs(1.0 - shown) >= _CONTRADICTION), shown
+
+
+def relative_constant(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]:
+    """Return torque constant over the data sheet's, and its standard error, shapes (k,).
+
+    What the back-EMF shows and what the profile knows, each weighted with its certainty. NaN where the
+    back-EMF contradicts the data sheet: then nobody knows what torque a current is worth.
+    """
+    shown, error = _seen(voltage, ema, turned=turned)
+    known = max(ema.torque_uncertainty / 2, 1e-6)
+    weight = known**2 / (known**2 + error**2)
+    contradicted, _ = contradicts(voltage, ema, turned=turned)
+    return np.where(contradicted, np.nan, 1.0 + weight * (shown - 1.0)), np.sqrt(weight) * error
+
+
+def _seen(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]:
+    """Return what the back-EMF alone shows of it.
+
+    Noise in the current is allowed for, or that of a speed which is the output shaft's: in calm cruise the
+    shaft moves so much by itself that a tenth of the back-EMF seems lost.
+    """
+    nominal = ema.torque_constant * ema.gear_ratio
+    if turned:
+        constant, error = voltage.corrected("back_emf", noisy="back_emf", healthy=nominal)
+    else:
+        constant, error = voltage.corrected("back_emf", noisy="resistance")
+    return constant / nominal, error / nominal

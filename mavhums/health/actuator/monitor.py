@@ -1,0 +1,396 @@
+"""Health monitoring of one actuator through a flight, from samples to windows, changes and findings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array, Flags
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.window_features import SUMS
+from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.actuator.detectors import detectors_for
+from mavhums.health.actuator.detectors.friction import why_no_friction
+from mavhums.health.actuator.indicator_tracker import (
+    IndicatorTracker,
+    evidence_of,
+    indicator_of,
+    record_of,
+    suspect_of,
+)
+from mavhums.health.actuator.network_tally import NetworkTally, Tallied
+from mavhums.health.actuator.votes import (
+    VOTE_COLUMNS,
+    Classifier,
+    Outcome,
+    count_votes,
+    outcomes,
+    window_outcomes,
+)
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.conditions import Change, ConditionTracker
+from mavhums.health.decision.events import ConditionChanged, Indication, Window
+from mavhums.health.decision.evidence import concludes, in_order, ranked
+from mavhums.health.decision.limits import FALSE_ALARMS, Look, Panel
+from mavhums.health.decision.records import ActuatorRecord
+from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.fits import Fits
+from mavhums.health.estimation.flight_sums import OwnSums, collector
+from mavhums.health.estimation.motion import Motion, motion, window_sums
+from mavhums.health.estimation.motor_identification import VoltageSums
+from mavhums.health.estimation.slots import WINDOW_SLOTS, SlotCutter, Slots, Windows, widen
+from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
+
+WINDOW_S = 10.0
+_MOST_WAITING = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Results of a flight for one actuator.
+
+    ``network`` is what the networks say, and ``by_network`` whether that decides; ``last_s`` is the flight
+    time of the last sample; ``no_friction`` is the reason and the remedy if an undecided flight shows no
+    friction.
+    """
+
+    condition: Condition
+    worst: Condition
+    since_s: float | None
+    friction: Interval | None
+    network: Tallied | None
+    by_network: bool
+    coverage: Coverage
+    suspects: tuple[Suspect, ...]
+    evidence: tuple[Evidence, ...]
+    indicators: tuple[Indicator, ...]
+    last_s: float
+    own: tuple[OwnRecord, ...] = ()
+    own_gap: str | None = None
+    no_friction: tuple[str, str] | None = None
+
+
+class Monitor:
+    """Judges one actuator of one vehicle.
+
+    If there are more than a hundred episodes, the evidence has the first fifty and the last fifty.
+
+    Parameters
+    ----------
+    vehicle
+        System id.
+    actuator
+        Actuator of the airframe profile; missing constants limit what can be judged.
+    networks
+        Networks whose votes are shown beside the physics; the one with the most inputs comes first.
+    by_network
+        Whether the networks, if there are any, decide the friction in place of the physics. They do in any
+        case if the profile has no limits, without which the physics decides no friction.
+    baselines
+        Baselines from the actuator's earlier flights, by fault.
+    window_s
+        Length of a window; each slides by a tenth of it.
+    false_alarms
+        Allowed number of false alarms per 100 hours.
+    recorded
+        Whether to keep the numbers for :meth:`record`, about 200 bytes for each second of flight.
+    """
+
+    def __init__(
+        self,
+        vehicle: int,
+        actuator: Actuator,
+        networks: Sequence[Classifier] = (),
+        *,
+        by_network: bool = False,
+        baselines: Mapping[str, Baseline] | None = None,
+        window_s: float = WINDOW_S,
+        false_alarms: float = FALSE_ALARMS,
+        recorded: bool = False,
+    ) -> None:
+        self.vehicle = vehicle
+        self.actuator = actuator
+        self._networks = networks if actuator.ema else ()
+        self._slot_s = window_s / WINDOW_SLOTS
+        self._window_s = window_s
+        self._cutter = SlotCutter(self._slot_s)
+        self._waiting: list[tuple[Array, Array, Flags, Array, Array, Array]] = []
+        open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
+        self._own: list[OwnSums | VoltageSums] = [
+            collector(equation, actuator) for equation in OWN_EQUATIONS if open_limits
+        ]
+        if open_limits:
+            self._own.append(VoltageSums(actuator))
+        self._latest_s = -np.inf
+        detectors = detectors_for(actuator)
+        self._trackers = {
+            detector.fault: IndicatorTracker(
+                detector,
+                (baselines or {}).get(detector.fault),
+                window_s=window_s,
+                false_alarms=false_alarms,
+                recorded=recorded,
+            )
+            for detector in detectors
+        }
+        self._false_alarms = false_alarms
+        self._panel = Panel([d.levels for d in detectors], [d.two_sided for d in detectors], false_alarms)
+        self._fits = Fits(actuator, {name for detector in detectors for name in detector.equations})
+        self._counts = Windows(2)
+        self._votes = Windows(VOTE_COLUMNS)
+        self._sums = Windows(SUMS)
+        # Networks of windows learned the statistics of ten seconds.
+        self._by_window = window_s == WINDOW_S and any(
+            network.window_emergency is not None for network in self._networks
+        )
+        self._first: int | None = None
+        self._held = ConditionTracker()
+        self._concluded_s: float | None = None
+        self._windows = self._decidable = self._samples = self._moving = self._slots = 0
+        self._friction: Interval | None = None
+        self._tally = NetworkTally(len(self._networks), window_s, recorded=recorded)
+        self._by_network = bool(self._networks) and (by_network or "friction" not in self._trackers)
+
+    def feed(
+        self,
+        time_s: Array,
+        values: Array,
+        measured: Flags | None = None,
+        bus_v: Array | None = None,
+        airspeed: Array | None = None,
+        magnitudes: Array | None = None,
+    ) -> Iterator[Window | ConditionChanged | Indication]:
+        """Process samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12).
+
+        ``measured`` (n, 12) marks measured values, as opposed to derived ones; all if omitted. The rotor's
+        angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
+        of the supply bus, where an ESC there measures it, and ``airspeed`` (n,) the aircraft's, m/s, where it
+        is known. ``magnitudes`` (n, 3) are those of V4, V5 and V7 from a source without signs. What no
+        actuator can reach counts as missing.
+        """
+        if not time_s.size:
+            return
+        count = len(values)
+        known = np.ones(values.shape, dtype=np.bool_) if measured is None else measured
+        bus, air = (np.full(count, np.nan) if given is None else given for given in (bus_v, airspeed))
+        unsigned = np.full((count, 3), np.nan) if magnitudes is None else magnitudes
+        self._waiting.append((time_s, values, known, bus, air, unsigned))
+        self._latest_s = max(self._latest_s, float(time_s.max()))
+        if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
+            yield from self._judge(self._cut())
+
+    def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
+        """Process the remaining samples, and judge by the whole flight what its windows left undecided."""
+        if self._waiting:
+            yield from self._judge(self._cut())
+        yield from self._judge(self._cutter.finish())
+        if self._first is None or self._windows == 0 or self._held.jammed:
+            return
+        whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
+        self._concluded_s = start_s
+        trackers = self._deciding()
+        friction = trackers.get("friction")
+        judged = friction.judged if friction else 0
+        concluded = [
+            (fault, tracker.conclude(whole, start_s, end_s))
+            for fault, tracker in trackers.items()
+            if concludes(tracker.judged, judged) or tracker.surely_grave(whole)
+        ]
+        yield from self._changed([(fault, change) for fault, change in concluded if change], end_s)
+        self._friction = (friction and friction.concluded) or self._friction
+
+    @property
+    def condition(self) -> Condition:
+        """The actuator's present condition."""
+        return self._held.condition
+
+    @property
+    def worst(self) -> Condition:
+        """The actuator's worst condition so far."""
+        return self._held.worst
+
+    def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> Findings:
+        """Return the findings so far; the ``indicators`` are evaluated over the whole flight.
+
+        ``temperature_c`` is the actuator's temperature in this flight, if the log has it.
+        """
+        whole = self._fits.whole() if indicators else {}
+        trackers, deciding = self._trackers.values(), self._deciding().values()
+        suspects = [suspect for tracker in deciding if (suspect := suspect_of(tracker))]
+        shown = [indicator for tracker in trackers if whole and (indicator := indicator_of(tracker, whole))]
+        evidence = [e for tracker in deciding for e in evidence_of(tracker)]
+        if self._by_network:
+            evidence += self._tally.evidence()
+            suspects += filter(None, [self._tally.suspect()])
+        return Findings(
+            condition=self._held.condition,
+            worst=self._held.worst,
+            since_s=self._held.since_s,
+            friction=self._friction,
+            network=self._tally.tallied(),
+            by_network=self._by_network,
+            coverage=Coverage(
+                moving_fraction=self._moving / self._samples if self._samples else 0.0,
+                windows=self._windows,
+                decidable=max([self._decidable, *(t.faulty_windows for t in deciding)]),
+                late=self._cutter.late,
+            ),
+            last_s=self._latest_s,
+            suspects=ranked(suspects),
+            evidence=in_order(evidence),
+            indicators=tuple(shown),
+            own=tuple(
+                record.model_copy(update={"temperature_c": temperature_c})
+                for own in self._own
+                if indicators and (record := own.record())
+            ),
+            own_gap=next((gap for own in self._own if (gap := own.gap)), None),
+            no_friction=self._why_no_friction() if self._held.condition == "undecided" else None,
+        )
+
+    def _deciding(self) -> dict[str, IndicatorTracker]:
+        """Return the trackers that decide the condition: all, or all but that of the friction."""
+        if not self._by_network:
+            return self._trackers
+        return {fault: tracker for fault, tracker in self._trackers.items() if fault != "friction"}
+
+    def _why_no_friction(self) -> tuple[str, str] | None:
+        if self._by_network:
+            return self._tally.why_undecided()
+        tracker, lasted_s = self._trackers.get("friction"), self._slots * self._slot_s
+        return why_no_friction(
+            tracker.detector if tracker else None,
+            self._fits.whole() if self._slots else {},
+            moving=self._moving,
+            samples=self._samples,
+            rate_hz=self._samples / max(lasted_s, self._slot_s),
+        )
+
+    def record(self) -> ActuatorRecord:
+        """Return the flight's record for the comparison with other flights, if it was ``recorded``."""
+        whole, latest = self._fits.whole(), self._tally.latest
+        faults = tuple(record_of(tracker, whole) for tracker in self._deciding().values())
+        return ActuatorRecord(
+            window_s=self._window_s,
+            false_alarms=self._false_alarms,
+            concluded_s=self._concluded_s,
+            end_s=self._latest_s,
+            vote=None if latest is None else (latest[0], latest[1].p_emergency),
+            faults=(*faults, self._tally.record()) if self._by_network else faults,
+        )
+
+    def _cut(self) -> Slots | None:
+        """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
+        time_s, *quantities = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
+        self._waiting.clear()
+        return self._cutter.feed(time_s, widen(*quantities))
+
+    def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
+        if slots is None:
+            return
+        for own in self._own:
+            own.feed(slots)
+        moved = motion(self.actuator, slots) if self.actuator.ema else None
+        windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
+        seen = DetectorInput(slots, moved, windows, flight)
+        found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
+        moving, votes, sums = self._count(slots, moved)
+        self._first = int(slots.index[0]) if self._first is None else self._first
+        whole = slots.index - self._first + 1 >= WINDOW_SLOTS
+        end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
+        looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
+        changes: dict[int, list[tuple[str, Change]]] = {}
+        deciding = self._deciding()
+        for fault, look in looks.items():
+            yield from self._indicate(fault, look, end_s)
+            for change in self._trackers[fault].feed(look, end_s):
+                if fault in deciding:
+                    changes.setdefault(change.window, []).append((fault, change))
+        friction = _intervals(looks["friction"]) if "friction" in looks else {}
+        ballots = votes[whole].astype(np.int64)
+        if self._by_window:
+            voted = window_outcomes(self._networks, ballots, sums[whole])
+        else:
+            voted = outcomes(self._networks, ballots)
+        for change in self._tally.feed(voted, end_s.tolist()):
+            if self._by_network:
+                changes.setdefault(change.window, []).append(("friction", change))
+        answered = {k for k, vote in enumerate(voted) if vote}
+        self._count_decidable(
+            [looks[fault] for fault in deciding], answered if self._by_network else friction.keys()
+        )
+        for k, (end, fraction, vote) in enumerate(
+            zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
+        ):
+            changed = [*self._changed(changes.get(k, []), end)]
+            yield self._window(end, fraction, friction.get(k), vote)
+            yield from changed
+
+    def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array, Array]:
+        """Count moving samples and votes; return the windows' moving fractions, ballots and sums."""
+        counts = np.zeros((slots.index.size, 2))
+        counts[:, 0] = slots.count()
+        ballots = np.zeros((slots.index.size, VOTE_COLUMNS))
+        own = np.zeros((slots.index.size, SUMS))
+        if moved is not None:
+            counts[:, 1] = slots.sums(moved.moving[:, None].astype(np.float64))[:, 0]
+            if self._networks:
+                bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
+                ratio = self.actuator.known_ema().gear_ratio
+                ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
+                self._tally.count(ballots)
+                if self._by_window:
+                    own = window_sums(self.actuator, slots, moved)
+        self._slots += slots.index.size
+        self._samples += int(counts[:, 0].sum())
+        self._moving += int(counts[:, 1].sum())
+        samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
+        return moving / samples, self._votes.feed(slots.index, ballots), self._sums.feed(slots.index, own)
+
+    def _count_decidable(self, looks: Iterable[Look], friction: Set[int]) -> None:
+        """Count the windows on which a condition can rest: those that show the friction, or a fault."""
+        faulty = np.any([look.severity > SEVERITY["normal"] for look in looks], axis=0)
+        self._decidable += len(friction | set(np.flatnonzero(faulty).tolist()))
+
+    def _indicate(self, fault: str, look: Look, end_s: Array) -> Iterator[Indication]:
+        shown = np.isfinite(look.own.value)
+        if shown.any():
+            value, half = look.own.value[shown], look.half[shown]
+            yield Indication(
+                self.vehicle, self.actuator.name, fault, end_s[shown], value, value - half, value + half
+            )
+
+    def _changed(self, changes: list[tuple[str, Change]], end_s: float) -> Iterator[ConditionChanged]:
+        """Process the detectors' changes; report a change of the actuator's condition."""
+        for fault, change in changes:
+            turn = self._held.take(fault, change)
+            if turn is not None:
+                yield ConditionChanged(self.vehicle, self.actuator.name, end_s, *turn)
+
+    def _window(self, end_s: float, moving: float, friction: Interval | None, vote: Outcome | None) -> Window:
+        self._windows += 1
+        if friction is not None:
+            self._friction = friction
+        return Window(
+            vehicle=self.vehicle,
+            actuator=self.actuator.name,
+            start_s=end_s - self._window_s,
+            end_s=end_s,
+            moving_fraction=moving,
+            friction_nm=friction,
+            p_emergency=vote.p_emergency if vote else None,
+            condition=self._held.condition,
+        )
+
+
+def _intervals(look: Look) -> dict[int, Interval]:
+    """Return the 95 % intervals of the windows with evidence, by window."""
+    value, half = look.own.value, look.half
+    low, high = value - half, value + half
+    return {
+        k: Interval(estimate=float(value[k]), low=float(low[k]), high=float(high[k]))
+        for k in np.flatnonzero(np.isfinite(value)).tolist()
+    }

@@ -1,0 +1,170 @@
+"""What the networks say of one actuator over a flight: counts in bounded memory, and a condition by runs.
+
+The condition follows the rule of the physics for windows that carry no interval: twenty in a row must agree,
+which is two that share no sample. Windows in which the networks abstain change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mavhums.core.arrays import Array
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.actuator.votes import Ballot, Outcome
+from mavhums.health.decision.conditions import Change, Episodes
+from mavhums.health.decision.evidence import suspected
+from mavhums.health.decision.limits import LASTING, Decision, Levels
+from mavhums.health.decision.records import Decided, Estimate, FaultRecord
+from mavhums.report.assessment import Evidence, Suspect
+
+_EVEN = 0.5
+"""A window says emergency above this probability: the network's own boundary between its two classes."""
+_BALLOT = Ballot()
+_QUANTITY = "the network's probability of an emergency"
+
+
+class Tallied(NamedTuple):
+    """What a network said of a flight; the fields are those of the report's ``NetworkAnswer``."""
+
+    network: int
+    windows: int
+    first_emergency_s: float | None
+    share_of_samples: float
+    p_emergency: float
+    condition: Condition
+
+
+class NetworkTally:
+    """Counts the networks' answers on one actuator.
+
+    Parameters
+    ----------
+    networks
+        Number of networks.
+    window_s
+        Length of a window.
+    recorded
+        Whether the changes are kept for :meth:`record`.
+
+    Attributes
+    ----------
+    windows
+        Number of windows on which a network voted.
+    latest
+        The last one's outcome and end; None before.
+    worst
+        The gravest condition that was held.
+    """
+
+    def __init__(self, networks: int, window_s: float, *, recorded: bool = False) -> None:
+        self.windows = 0
+        self._recorded = recorded
+        self.latest: tuple[float, Outcome] | None = None
+        self.worst: Condition = "undecided"
+        self._window_s = window_s
+        self._levels = Levels(_EVEN, _EVEN)
+        self._decision = Decision(self._levels)
+        self._decided: list[Decided] = []
+        self._episodes = Episodes()
+        self._first_s: float | None = None
+        self._samples = np.zeros((networks, 2))
+
+    def count(self, ballots: Array) -> None:
+        """Add the ballots of new slots, shape (slots, 6): samples that voted, and those for an emergency."""
+        for k in range(len(self._samples)):
+            own = ballots[ballots[:, _BALLOT.network] == k]
+            self._samples[k] += own[:, _BALLOT.voters].sum(), own[:, _BALLOT.emergency].sum()
+
+    def feed(self, outcomes: Sequence[Outcome | None], end_s: Sequence[float]) -> Iterator[Change]:
+        """Take the outcomes of the windows that end at ``end_s``; yield the changes of the condition."""
+        for k, (said, end) in enumerate(zip(outcomes, end_s, strict=True)):
+            if said is None:
+                continue
+            self.windows += 1
+            self.latest = end, said
+            emergency = said.p_emergency > _EVEN
+            if emergency and self._first_s is None:
+                self._first_s = end - self._window_s / 2
+            severity = SEVERITY["emergency" if emergency else "normal"]
+            if self._decision.feed(severity, end - self._window_s, end, sure=False):
+                condition, since_s = self._decision.condition, self._decision.since_s or 0.0
+                self.worst = max(self.worst, condition, key=SEVERITY.__getitem__)
+                if self._recorded:
+                    self._decided.append(Decided(end, condition, since_s))
+                self._episodes.begin_decided(condition, since_s, end, said.p_emergency)
+                yield Change(k, condition, since_s, _rule(condition))
+            else:
+                agrees = severity == SEVERITY[self._decision.condition]
+                self._episodes.extend(said.p_emergency, end, agrees=agrees)
+
+    def tallied(self) -> Tallied | None:
+        """Return what the network with most votes said; None if none voted on a window."""
+        if self.latest is None:
+            return None
+        network = int(self._samples[:, 0].argmax())
+        voters, emergency = self._samples[network].tolist()
+        return Tallied(
+            network,
+            self.windows,
+            self._first_s,
+            emergency / max(voters, 1.0),
+            self.latest[1].p_emergency,
+            self.worst,
+        )
+
+    def evidence(self) -> tuple[Evidence, ...]:
+        """Return the periods through which the network held one condition; for a flight that it decides."""
+        return tuple(
+            Evidence(
+                kind="network",
+                start_s=episode.start_s,
+                end_s=episode.end_s,
+                value=episode.peak,
+                limit=_EVEN,
+                rule=_rule(episode.condition),
+            )
+            for episode in self._episodes
+        )
+
+    def suspect(self) -> Suspect | None:
+        """Return the friction if the network holds an emergency."""
+        return suspected(self.record(), self._decision.condition, self.record().latest, None)
+
+    def record(self) -> FaultRecord:
+        """Return the record of a flight whose friction the network decides, for a later comparison."""
+        latest = None if self.latest is None else Estimate(self.latest[1].p_emergency, 0.0, 1.0)
+        return FaultRecord(
+            fault="friction",
+            quantity=_QUANTITY,
+            unit="1",
+            levels=self._levels,
+            two_sided=False,
+            windows=(),
+            decided=tuple(self._decided),
+            settled=None,
+            whole=None,
+            latest=latest,
+            evidence=self.evidence(),
+        )
+
+    def why_undecided(self) -> tuple[str, str]:
+        """Return reason and remedy if the network decides and held no condition."""
+        if not self.windows:
+            return (
+                "the network decides, and no window has enough samples in motion that carry its inputs and "
+                "lie within its training range",
+                "analyse a flight in which the surface moves, or let the physics decide (--decide physics)",
+            )
+        return (
+            f"the network decides: it answers in {self.windows} windows, and fewer than {LASTING} in a row "
+            "agree",
+            "analyse a longer flight",
+        )
+
+
+def _rule(condition: Condition) -> str:
+    side = "above" if condition == "emergency" else "up to"
+    return f"{condition}: {_QUANTITY} {side} {_EVEN:g} in {LASTING} windows in a row"

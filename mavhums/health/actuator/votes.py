@@ -1,0 +1,276 @@
+"""The networks' evidence: the probability of an emergency by friction in each window.
+
+A network of windows gives it from their statistics. Of a model without one, or where a log lacks a quantity
+that it needs, the votes of the moving samples give it.
+
+The first network whose input quantities the samples carry is used. Votes are counted separately for
+the two directions of motion, because a load that is unknown to a network assists in one direction as
+much as it opposes in the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.quantities import column
+from mavhums.core.window_features import WINDOW_KEYS, of_window, shows_something, window_features
+from mavhums.learn import Model
+
+_MIN_VOTERS = 20
+_MIN_PER_DIRECTION = 5
+_RIGID_DEG = 0.025
+"""Standard deviation of V3 − V2/N below which it is the sensors' noise alone. Every gear that a network of
+windows learned has play and winds up: 2 of 8,479 windows were below. A rigid gear is none of these, and the
+network took that of the data sheet for a torque constant lost, at any friction."""
+_V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
+Counts = Integers
+_V2, _V3 = column("V2"), column("V3")
+
+
+class Classifier(Protocol):
+    """The interface of a network."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The network's input quantities."""
+        ...
+
+    def votes(self, values: Array) -> NDArray[np.int8]:
+        """Return 1 for an emergency, 0 for none, -1 outside the training range; V1…V12 (n, 12) to (n,)."""
+        ...
+
+    def probability(self, share: float) -> float:
+        """Return the probability of an emergency for a window's share of votes."""
+        ...
+
+    @property
+    def window_emergency(self) -> int | None:
+        """Column of the emergency by friction in :meth:`classify_windows`; None without such a network."""
+        ...
+
+    def classify_windows(self, features: Array) -> tuple[Array, Flags]:
+        """Return the probability of each condition, and which windows lie in the training range."""
+        ...
+
+
+class Ballot(NamedTuple):
+    """Columns of the rows that :func:`count_votes` returns."""
+
+    network: int = 0  # index of the network that voted; -1 for none
+    moving: int = 1
+    voters: slice = slice(2, 4)  # backward and forward
+    emergency: slice = slice(4, 6)
+
+
+_BALLOT = Ballot()
+
+
+VOTE_COLUMNS = 6
+"""Number of columns that :func:`count_votes` returns."""
+
+
+class Outcome(NamedTuple):
+    """A window's probability of an emergency, and the network that gave it."""
+
+    p_emergency: float
+    network: int
+
+
+def count_votes(
+    networks: Sequence[Classifier], moving: Array, bounds: ArrayLike, gear_ratio: float
+) -> Counts:
+    """Count the networks' votes on the moving samples of one or several slots.
+
+    Parameters
+    ----------
+    networks
+        Networks; the one with the most inputs comes first. A slot uses the first network whose
+        quantities at least half of its samples carry.
+    moving
+        V1…V12 of the slots' moving samples, concatenated, shape (n, 12).
+    bounds
+        Start of each slot in ``moving``, and end of the last one, shape (slots + 1,).
+    gear_ratio
+        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured.
+
+    Returns
+    -------
+    NDArray
+        Shape (slots, 6); the columns are those of :class:`Ballot`. A slot's row does not depend on
+        the other slots of the call.
+    """
+    edges = np.asarray(bounds, dtype=np.int64)
+    sizes = np.diff(edges)
+    counts = np.zeros((len(sizes), VOTE_COLUMNS), dtype=np.int64)
+    counts[:, _BALLOT.network] = -1
+    counts[:, _BALLOT.moving] = sizes
+    carried = np.isfinite(moving)
+    carried[:, _V3] &= moving[:, _V3] != moving[:, _V2] / gear_ratio
+    for k, network in enumerate(networks):
+        open_ = (counts[:, _BALLOT.network] < 0) & (sizes > 0)
+        if not open_.any():
+            break
+        whole = np.asarray(carried[:, [column(key) for key in network.keys]].all(axis=1))
+        its_own = open_ & (2 * _sums(whole, edges) >= sizes)
+        if not its_own.any():
+            continue
+        counts[its_own, _BALLOT.network] = k
+        asked = whole & np.repeat(its_own, sizes)
+        votes = np.full(len(moving), -1, dtype=np.int8)
+        votes[asked] = network.votes(moving[asked])
+        forward = moving[:, _V7] > 0
+        tallies = [(votes >= least) & way for least in (0, 1) for way in (~forward, forward)]
+        counts[its_own, 2:] = _sums(np.stack(tallies, axis=1), edges)[its_own]
+    return counts
+
+
+def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
+    """Return the outcome of one window, of shape (slots, 6), as :func:`outcomes` does."""
+    return outcomes(networks, counts[None])[0]
+
+
+def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array) -> list[Outcome | None]:
+    """Return the probability of an emergency by friction in each window; None if the networks abstain.
+
+    The first network that can be asked decides: a network of windows where the log has the quantities of
+    its statistics, another where its samples voted. A network of windows abstains where a window shows
+    nothing, and outside its training range.
+
+    Parameters
+    ----------
+    networks, counts
+        As for :func:`outcomes`.
+    slots
+        The sums of the windows' slots (:func:`mavhums.health.estimation.motion.window_sums`), shape
+        (windows, slots, sums).
+    """
+    said = outcomes(networks, counts)
+    sums = of_window(slots)
+    asked, features = shows_something(sums), _statistics(sums)
+    open_ = np.ones(len(sums), dtype=np.bool_)
+    for number, network in enumerate(networks):
+        place = network.window_emergency
+        voted = np.array([vote is not None and vote.network == number for vote in said], dtype=np.bool_)
+        if place is not None:
+            probabilities, inside = network.classify_windows(features)
+            known = open_ & np.isfinite(probabilities[:, place])
+            for k in np.flatnonzero(known).tolist():
+                answers = asked[k] and inside[k]
+                said[k] = Outcome(float(probabilities[k, place]), number) if answers else None
+            open_ &= ~known
+        open_ &= ~voted
+    return said
+
+
+def _statistics(sums: Array) -> Array:
+    """Return the windows' statistics, without those of a gear that shows neither play nor wind-up."""
+    features = window_features(sums)
+    rigid = (sums[:, 0] >= _MIN_VOTERS) & (features[:, WINDOW_KEYS.index("gap std")] < _RIGID_DEG)
+    for k, key in enumerate(WINDOW_KEYS):
+        if key.startswith("gap"):
+            features[rigid, k] = np.nan
+    return features
+
+
+def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | None]:
+    """Return the probability of an emergency in each window by votes; None if the networks abstain.
+
+    They abstain with fewer than twenty votes, with fewer than five in either direction, and if more
+    than half of the moving samples lie outside their training range. If the slots used several
+    networks, the one with the most votes decides; ties go to the first.
+
+    Parameters
+    ----------
+    networks
+        As for :func:`count_votes`.
+    counts
+        Rows of the windows' slots, shape (windows, slots, 6).
+    """
+    if not networks:
+        return [None] * len(counts)
+    chosen = counts[:, :, _BALLOT.network]
+    tallies = np.stack([(counts * (chosen == k)[:, :, None]).sum(axis=1) for k in range(len(networks))])
+    decides = tallies[:, :, _BALLOT.voters].sum(axis=2).argmax(axis=0)
+    own = tallies[decides, np.arange(len(counts))]
+    voters, emergency = own[:, _BALLOT.voters], own[:, _BALLOT.emergency]
+    cast = voters.sum(axis=1)
+    votes = (
+        (cast >= _MIN_VOTERS)
+        & (voters.min(axis=1) >= _MIN_PER_DIRECTION)
+        & (2 * cast >= counts[:, :, _BALLOT.moving].sum(axis=1))
+    )
+    share = np.mean(emergency / np.maximum(voters, 1), axis=1)
+    return [
+        Outcome(networks[network].probability(one), network) if voted else None
+        for voted, network, one in zip(votes.tolist(), decides.tolist(), share.tolist(), strict=True)
+    ]
+
+
+def _sums(flags: Flags, edges: Integers) -> Counts:
+    """Return the number of flags set between consecutive edges; (n, …) to (len(edges) − 1, …)."""
+    running = np.zeros((len(flags) + 1, *flags.shape[1:]), dtype=np.int64)
+    np.cumsum(flags, axis=0, out=running[1:])
+    return running[edges[1:]] - running[edges[:-1]]
+
+
+class SampleAnswers(NamedTuple):
+    """What the networks say of n samples.
+
+    Attributes
+    ----------
+    p_emergency
+        Probability of an emergency, shape (n,); NaN where no network's quantities are all there.
+    said
+        Index into ``classes`` of the most probable class, shape (n,); -1 where there is no probability.
+    inside
+        Whether the sample lies within the training range of its network, shape (n,). Elsewhere the network
+        abstains, whatever its class.
+    classes
+        Names of the classes of all these networks.
+    """
+
+    p_emergency: Array
+    said: NDArray[np.int8]
+    inside: Flags
+    classes: tuple[str, ...]
+
+
+def answer_samples(models: Sequence[Model], values: Array, gear_ratio: float | None = None) -> SampleAnswers:
+    """Return the networks' answers on samples.
+
+    Parameters
+    ----------
+    models
+        Networks; the one with the most inputs comes first.
+    values
+        V1…V12, shape (n, 12).
+    gear_ratio
+        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured. None if unknown.
+    """
+    count = len(values)
+    classes = tuple(dict.fromkeys(name for model in models for name in model.classes))
+    p_emergency, inside = np.full(count, np.nan), np.zeros(count, dtype=np.bool_)
+    said = np.full(count, -1, dtype=np.int8)
+    carried = np.isfinite(values)
+    if gear_ratio is not None:
+        carried[:, _V3] &= values[:, _V3] != values[:, _V2] / gear_ratio
+    open_ = np.ones(count, dtype=np.bool_)
+    for model in models:
+        own = open_ & np.asarray(carried[:, [column(key) for key in model.keys]].all(axis=1))
+        open_ &= ~own
+        if not own.any():
+            continue
+        answers = model.classify(values[own])
+        names = np.array([classes.index(name) for name in model.classes], dtype=np.int8)
+        # Quantities so large that the network's sums overflow have no probability.
+        known = np.asarray(np.isfinite(answers.probabilities).all(axis=1))
+        most = names[np.where(known[:, None], answers.probabilities, 0.0).argmax(axis=1)]
+        p_emergency[own] = answers.probabilities[:, model.emergency]
+        said[own] = np.where(known, most, -1)
+        inside[own] = answers.inside & known
+    return SampleAnswers(p_emergency, said, inside, classes)

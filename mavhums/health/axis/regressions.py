@@ -1,0 +1,235 @@
+"""Converts flight rows to a regression's columns, with the same lag, delay and 0.4 s mean on both sides."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+
+from mavhums.core.arrays import Array, Flags
+from mavhums.health.axis.filters import Lag, Tail
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+
+MEAN_ROWS: Final = 8
+_SLOWEST: Final = 0.85  # of the reference speed: an aircraft below it may be stalling
+_ROLL_RAD: Final = np.radians(60)
+_LONGEST_GAP_S: Final = 0.75  # one lost sample of a stream of 3 Hz
+_PITCH_RAD: Final = np.radians(34)
+
+
+class Shape(NamedTuple):
+    """The response of an axis: pure delay in rows, and the time constant of a first-order lag, s."""
+
+    delay_rows: int
+    tau_s: float
+
+
+class Form(Protocol):
+    """A regression: the drive by the demand, the nuisances, and the aircraft's response."""
+
+    axis: str
+    nuisances: int
+    derivative: bool
+    """Whether the answer is the rate of change of ``answer``."""
+
+    def drive(self, demand: Array, relative: Array) -> Array:
+        """Return the moment of the lagged demand at a speed relative to the reference, (n,)."""
+        ...
+
+    def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
+        """Return the other contributions to the response, shape (n, nuisances)."""
+        ...
+
+    def answer(self, rows: Rows) -> Array:
+        """Return the aircraft's response, shape (n,)."""
+        ...
+
+    def possible(self, others: Array) -> bool:
+        """Return whether an aircraft can have these coefficients of the other contributions."""
+        ...
+
+    def kept(self, beta: Array, speed: float) -> dict[str, float]:
+        """Return what the coefficients tell of the aircraft, by the fault that changes it."""
+        ...
+
+
+class Columns(NamedTuple):
+    """The regression's columns: drive (n,), nuisances (n, m), response (n,), and the mask of usable rows."""
+
+    drive: Array
+    others: Array
+    answer: Array
+    good: Flags
+
+
+class Basis(NamedTuple):
+    """What a reference rests on beside the outputs: the speed that is its unit, m/s, and its sources."""
+
+    speed: float
+    sources: float
+
+    @classmethod
+    def of(cls, rows: Rows) -> Basis:
+        """Return the median speed in forward flight, and the usual sources."""
+        if not rows.flying.any():
+            return cls(0.0, 0.0)
+        sources, counts = np.unique(rows.sources[rows.flying], return_counts=True)
+        usual = float(sources[np.argmax(counts)])
+        return cls(float(np.median(rows.speed[rows.flying & (rows.sources == usual)])), usual)
+
+
+def judgeable(rows: Rows, basis: Basis) -> Flags:
+    """Return the mask of forward flight at a known, sufficient speed, neither inverted nor diving.
+
+    Rates and speeds from other sources than the reference's are no measure of what is left of it.
+    """
+    slow = rows.speed < _SLOWEST * basis.speed
+    tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
+    gap = rows.spacing > _LONGEST_GAP_S
+    good: Flags = rows.flying & rows.trusted & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
+    good &= rows.sources == basis.sources
+    return good
+
+
+class Chain:
+    """Computes the columns of a form incrementally.
+
+    Parameters
+    ----------
+    form
+        The regression.
+    basis
+        Speed that is the unit of relative speeds, and the sources that count.
+    shape
+        Delay and lag of the answer.
+    extra_tau_s
+        An additional lag of the demand, as of a slow servo.
+    """
+
+    def __init__(self, form: Form, basis: Basis, shape: Shape, extra_tau_s: float = 0.0) -> None:
+        self._form, self._basis, self._shape = form, basis, shape
+        self._extra = extra_tau_s
+        self._reset()
+
+    def _reset(self) -> None:
+        form, shape = self._form, self._shape
+        self._lags = {axis: Lag(shape.tau_s) for axis in ("roll", "pitch", "yaw")}
+        self._slower = Lag(self._extra)
+        self._demands = Tail(3, shape.delay_rows + 1)
+        self._means = Tail(2 + form.nuisances, MEAN_ROWS + 1)
+
+    def feed(self, rows: Rows) -> Columns:
+        """Return the columns of these rows; a gap resets the filters."""
+        if rows.fresh:
+            self._reset()
+        n, form = len(rows), self._form
+        relative = rows.speed / self._basis.speed
+        lagged = np.stack([lag.feed(rows.demand(axis)) for axis, lag in self._lags.items()], axis=1)
+        own = ("roll", "pitch", "yaw").index(form.axis)
+        if self._extra:
+            lagged[:, own] = self._slower.feed(lagged[:, own])
+        late = self._demands.feed(lagged)[1 : n + 1]
+        demands = dict(zip(self._lags, late.T, strict=True))
+        drive = form.drive(demands[form.axis], relative)
+        raw = np.column_stack([drive, form.others(rows, relative, demands), form.answer(rows)])
+        known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
+        joined = self._means.feed(raw * known[:, None])
+        total = joined[1 : n + 2].copy()
+        for k in range(1, MEAN_ROWS):
+            total += joined[1 + k : n + 2 + k]
+        means = total / MEAN_ROWS
+        now, before = means[1:], means[:-1]
+        answer = now[:, -1]
+        if form.derivative:
+            answer = (now[:, -1] - before[:, -1]) * RATE_HZ
+            now = (now + before) / 2
+        good = judgeable(rows, self._basis) & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
+        return Columns(now[:, 0], now[:, 1:-1], answer, good)
+
+
+class RollForm:
+    """``p = K·v·δ + b·v + c·r``: roll rate p, relative airspeed v, demand δ by the ailerons, yaw rate r."""
+
+    axis = "roll"
+    nuisances = 2
+    derivative = False
+
+    def drive(self, demand: Array, relative: Array) -> Array:
+        """Return v·δ."""
+        return relative * demand
+
+    def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
+        """Return v for the trim, and the yaw rate: in a turn the outer wing is faster and lifts more."""
+        return np.column_stack([relative, rows.yaw_rate])
+
+    def answer(self, rows: Rows) -> Array:
+        """Return the roll rate."""
+        return rows.roll_rate
+
+    def possible(self, others: Array) -> bool:
+        """Return True: no sign is certain."""
+        return True
+
+    def kept(self, beta: Array, speed: float) -> dict[str, float]:
+        """Return the demand that keeps the wings level, −b/K."""
+        return {"hard_over": -beta[1] / beta[0]}
+
+
+class PitchForm:
+    """``q̇ = K·v²·δ + a·v² + b·v·q + c·n``: pitch rate q, load factor n for the angle of attack."""
+
+    axis = "pitch"
+    nuisances = 3
+    derivative = True
+
+    def drive(self, demand: Array, relative: Array) -> Array:
+        """Return v²·δ."""
+        return relative**2 * demand
+
+    def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
+        """Return v² for the trim, v·q for the damping, n for the stability."""
+        return np.column_stack([relative**2, relative * rows.pitch_rate, rows.load])
+
+    def answer(self, rows: Rows) -> Array:
+        """Return the pitch rate; its rate of change is the response."""
+        return rows.pitch_rate
+
+    def possible(self, others: Array) -> bool:
+        """Return whether pitching is damped: else the autopilot's feedback was found, not the aircraft."""
+        return bool(others[1] < 0.0)
+
+    def kept(self, beta: Array, speed: float) -> dict[str, float]:
+        """Return the steady load factor by the full demand, over the square of the speed, |K/c|/V²."""
+        return {"manoeuvre": abs(beta[0] / beta[3]) / speed**2}
+
+
+class YawForm:
+    """``a = K·v²·δ + …``: side force a, without the parts of aileron, trim, yaw rate, roll rate and bank."""
+
+    axis = "yaw"
+    nuisances = 5
+    derivative = False
+
+    def drive(self, demand: Array, relative: Array) -> Array:
+        """Return v²·δ."""
+        return relative**2 * demand
+
+    def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
+        """Return v²·δ of the ailerons, v², v·r, v·p and sin φ."""
+        square = relative**2
+        aileron = np.nan_to_num(demands["roll"])
+        rates = (relative * rows.yaw_rate, relative * rows.roll_rate)
+        return np.column_stack([square * aileron, square, *rates, np.sin(rows.roll)])
+
+    def answer(self, rows: Rows) -> Array:
+        """Return the side force."""
+        return rows.side_force
+
+    def possible(self, others: Array) -> bool:
+        """Return True: no sign is certain."""
+        return True
+
+    def kept(self, beta: Array, speed: float) -> dict[str, float]:
+        """Return nothing: beside the gain itself, no constant of yaw is known well enough."""
+        return {}

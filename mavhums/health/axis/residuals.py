@@ -1,0 +1,209 @@
+"""Residuals of a regression on the flight's own beginning: over three seconds, in standard deviations."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final, Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from mavhums.core.arrays import Array, Flags
+from mavhums.health.axis.filters import AttitudeResponse, Tail
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+
+RESIDUAL_REFERENCE_S: Final = 40
+_OVER_S: Final = 3
+_LEAST_ROWS: Final = 14
+_FREE: Final = 1e9
+_ROLLS_RAD_S: Final = float(np.radians(45))
+_PITCH_DELAY_S: Final = 0.6
+_NOSE_LOW_RAD: Final = float(np.radians(3))
+_SLOW: Final = 0.95
+_SPEED_S: Final = 60
+
+
+class ResidualModel(Protocol):
+    """A regression whose residual is monitored.
+
+    Attributes
+    ----------
+    kind
+        Whether the mean of the residual counts, or its root mean square.
+    floor
+        Smallest standard deviation of the residual: a calm reference does not guarantee a calm flight.
+    spreads
+        Standard deviation of each coefficient about zero, as a prior; infinite if unknown.
+    """
+
+    kind: Literal["mean", "rms"]
+    floor: float
+    spreads: tuple[float, ...]
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
+        """Return the regressors (n, m), the response (n,), and the usable rows; the state is updated."""
+        ...
+
+
+class Deviation(NamedTuple):
+    """The residual over the three seconds that end at ``end_s``; NaN if it is not known."""
+
+    end_s: int
+    value: float
+    deviations: float
+
+
+class Residual:
+    """Tracks the residual of one model."""
+
+    def __init__(self, model: ResidualModel) -> None:
+        self._model = model
+        self._design: list[Array] = []
+        self._answer: list[Array] = []
+        self._rows = 0
+        self._window: deque[tuple[float, int]] = deque(maxlen=_OVER_S)
+        self._beta: Array | None = None
+        self.deviation = np.nan
+        self.since_s = 0
+
+    def feed(self, rows: Rows) -> list[Deviation]:
+        """Process rows; return the residuals of their seconds once the reference is complete."""
+        if rows.fresh:
+            self._window.clear()
+        design, answer, good = self._model.feed(rows)
+        first = self._wait(rows.second, design, answer, good) if self._beta is None else 0
+        seconds = ((k, slice(k * RATE_HZ, (k + 1) * RATE_HZ)) for k in range(first, rows.seconds))
+        return [self._second(rows.second + k + 1, design[at], answer[at], good[at]) for k, at in seconds]
+
+    def _wait(self, second: int, design: Array, answer: Array, good: Flags) -> int:
+        """Collect whole seconds for the reference; return the number of those that it needed."""
+        usable = self._rows + good.reshape(-1, RATE_HZ).sum(axis=1).cumsum()
+        complete = int(np.searchsorted(usable, RESIDUAL_REFERENCE_S * RATE_HZ))
+        taken = min(complete + 1, len(usable))
+        at = np.flatnonzero(good[: taken * RATE_HZ])
+        self._design.append(design[at])
+        self._answer.append(answer[at])
+        self._rows += len(at)
+        if complete < len(usable):
+            self._refer(second + taken)
+        return taken
+
+    def _refer(self, end_s: int) -> None:
+        """Fit the reference, which ends with this second, to the collected rows."""
+        x, y = np.concatenate(self._design), np.concatenate(self._answer)
+        own = self._model.floor
+        weights = np.array([own / spread for spread in self._model.spreads]) * np.sqrt(RATE_HZ)
+        x_wide = np.vstack([x, np.diag(weights)])
+        self._beta = np.linalg.lstsq(x_wide, np.append(y, np.zeros(len(weights))), rcond=None)[0]
+        self.deviation = max(float((y - x @ self._beta).std()), own)
+        self.since_s = end_s
+        self._design.clear()
+        self._answer.clear()
+
+    def _second(self, end_s: int, design: Array, answer: Array, good: Flags) -> Deviation:
+        assert self._beta is not None
+        model = sum((design[:, k] * b for k, b in enumerate(self._beta)), start=np.zeros(len(answer)))
+        left = np.where(good, answer - model, 0.0)
+        rms = self._model.kind == "rms"
+        self._window.append((float((left * left if rms else left).sum()), int(good.sum())))
+        total, count = np.array(self._window).sum(axis=0)
+        if len(self._window) < _OVER_S or count < _OVER_S * _LEAST_ROWS:
+            return Deviation(end_s, np.nan, np.nan)
+        value = float(np.sqrt(total / count)) if rms else float(total / count)
+        return Deviation(end_s, value, abs(value) / self.deviation)
+
+
+class RollTracking:
+    """``φ − (demanded φ through a second order of 2.5 rad/s)``, with a learned offset.
+
+    A reversal of 110° takes an aircraft seconds, and a calm beginning does not tell how many: it may follow
+    at 45°/s as well.
+    """
+
+    kind: Literal["mean", "rms"] = "rms"
+    floor = 0.033  # rad
+    spreads: tuple[float, ...] = (0.1,)
+
+    def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        self._responses = AttitudeResponse(2.5), AttitudeResponse(2.5, _ROLLS_RAD_S)
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
+        """Return the offset's regressor, the roll residual, and the mask of flight rows with both."""
+        if rows.fresh:
+            self._begin()
+        expected = [rows.roll_demand, *(response.feed(rows.roll_demand) for response in self._responses)]
+        answer = rows.roll - np.clip(rows.roll, np.fmin.reduce(expected), np.fmax.reduce(expected))
+        good = rows.flying & np.isfinite(rows.roll_demand) & np.isfinite(answer)
+        return np.ones((len(rows), 1)), answer, good
+
+
+class _OwnSpeed:
+    """The median airspeed of the first minute of flight."""
+
+    def __init__(self) -> None:
+        self._speeds: list[Array] = []
+        self.value = np.nan
+
+    def feed(self, rows: Rows) -> Array:
+        """Return the median up to each row's second, shape (n,), m/s.
+
+        It is found second by second: a value that later seconds of the same block have changed would make
+        the verdict depend on how the log is divided into blocks.
+        """
+        values = np.empty(rows.seconds)
+        seconds = zip(rows.speed.reshape(-1, RATE_HZ), rows.flying.reshape(-1, RATE_HZ), strict=True)
+        for k, (speed, flying) in enumerate(seconds):
+            if len(self._speeds) < _SPEED_S and flying.any():
+                self._speeds.append(speed[flying])
+                self.value = float(np.nanmedian(np.concatenate(self._speeds)))
+            values[k] = self.value
+        return np.repeat(values, RATE_HZ)
+
+
+class PitchTracking:
+    """``θ − (demanded θ, 0.6 s later, through a second order of 4 rad/s)``, less its part in turns.
+
+    If the nose is below the demand and the aircraft is slow, it stalls or has lost its engine: this is
+    no evidence against the elevator.
+    """
+
+    kind: Literal["mean", "rms"] = "rms"
+    floor = 0.025  # rad
+    spreads: tuple[float, ...] = (0.1, 0.1)
+
+    def __init__(self) -> None:
+        self._begin()
+        self._own = _OwnSpeed()
+
+    def _begin(self) -> None:
+        self._demand = AttitudeResponse(4.0)
+        self._late = Tail(1, round(_PITCH_DELAY_S * RATE_HZ))
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
+        """Return the regressors 1 and sin² φ, the pitch residual, and the mask of flight rows with both."""
+        if rows.fresh:
+            self._begin()
+        late = self._late.feed(self._demand.feed(rows.pitch_demand)[:, None])[: len(rows), 0]
+        answer = rows.pitch - late
+        own = self._own.feed(rows)
+        sinking = (rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD) & (rows.speed < _SLOW * own)
+        good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer) & ~sinking
+        turning = np.nan_to_num(np.sin(rows.roll)) ** 2
+        return np.column_stack([np.ones(len(rows)), turning]), answer, good
+
+
+class SideForce:
+    """The side force without its part in turns, as caused by a deflected rudder or a skid."""
+
+    kind: Literal["mean", "rms"] = "mean"
+    floor = 0.15  # m/s²
+    spreads: tuple[float, ...] = (_FREE, 5.0, 5.0)
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
+        """Return the regressors 1, sin φ and yaw rate, the side force, and the mask of usable flight rows."""
+        columns = np.column_stack([np.ones(len(rows)), np.sin(rows.roll), rows.yaw_rate])
+        good = rows.flying & np.isfinite(columns).all(axis=1) & np.isfinite(rows.side_force)
+        return np.nan_to_num(columns), np.nan_to_num(rows.side_force), good

@@ -1,0 +1,1 @@
+"""Decision: estimates against limits and baselines, for any kind of subject."""

@@ -1,0 +1,246 @@
+"""An actuator's own baseline: its indicators in earlier flights.
+
+Individual actuators differ far more than one actuator differs from flight to flight. A change from
+the actuator's own baseline therefore reveals wear long before a limit for the type does.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from mavhums.core.arrays import Array
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.decision.limits import FALSE_ALARMS, tail_of
+from mavhums.health.estimation.random_effects import NATURAL_SCATTER, population
+from mavhums.health.estimation.slots import WINDOW_SLOTS
+from mavhums.report.assessment import Indicator, Interval
+
+LEAST_FLIGHTS = 10
+"""Fewer flights make no baseline: their scatter is too uncertain to keep the promised false alarms."""
+_LEAST_FREEDOM = 3
+_SCATTER = {"effectiveness": 0.07, "manoeuvre": 0.07}
+"""Scatter of an axis between healthy flights: 6.5 % of the roll gain in 19 flights of the ALFA aircraft."""
+_SPANS = (1, 2, 3, 5, 8, 13, 21, 34)
+_LOOKS = 4.0  # effective number of independent tests of the overlapping spans
+_FREEDOM = WINDOW_SLOTS - 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """One indicator of one actuator over its reference flights.
+
+    The measurement error differs between flights: an hour in gusts gives a better estimate of friction than
+    an hour of cruise, and a take-off a better one than both. Flights are weighted by their certainty, as in a
+    random-effects meta-analysis.
+
+    Attributes
+    ----------
+    mean, error
+        Mean of the flights' values, weighted by certainty, and its standard error.
+    flights, between
+        Number of flights, and the standard deviation of their true values; see
+        :func:`mavhums.health.estimation.random_effects.population`.
+    spread
+        Standard deviation of their measured values.
+    freedom
+        Degrees of freedom of another flight's deviation from the mean; flights less one if None.
+    """
+
+    mean: float
+    error: float
+    flights: int
+    between: float
+    spread: float
+    freedom: float | None = None
+
+    @property
+    def certainty(self) -> float:
+        """Degrees of freedom of another flight's deviation."""
+        return self.flights - 1.0 if self.freedom is None else self.freedom
+
+    @property
+    def flight_variance(self) -> float:
+        """Variance of another flight's true value about the mean: between flights, plus the mean's own."""
+        return self.between**2 + self.error**2
+
+    def prediction(self) -> Interval:
+        """Return the 95 % prediction interval of the value measured in another flight."""
+        half = float(stdtrit(self.flights - 1, 0.975)) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
+        return Interval(estimate=self.mean, low=self.mean - half, high=self.mean + half)
+
+    @classmethod
+    def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:
+        """Return the baseline of several flights; None if too few show their scatter.
+
+        Ten are needed, or as many as the indicators say.
+        """
+        needed = max((i.needed_flights for i in indicators if i.needed_flights), default=LEAST_FLIGHTS)
+        shown = [
+            (i.value.estimate, i.windows, i.scatter)
+            for i in indicators
+            if i.scatter is not None and i.windows > 1
+        ]
+        if len(shown) < needed:
+            return None
+        values, windows, scatter = (np.array(column, dtype=np.float64) for column in zip(*shown, strict=True))
+        errors = _errors(windows, scatter)
+        errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), 1e-12))
+        natural = _SCATTER.get(indicators[0].fault, NATURAL_SCATTER)
+        flights = population(np.ones((len(values), 1)), values, errors, natural)
+        return cls(
+            mean=float(flights.coefficients[0]),
+            error=float(np.sqrt(flights.covariance[0, 0])),
+            flights=len(shown),
+            between=flights.between,
+            spread=float(values.std(ddof=1)),
+            freedom=flights.freedom,
+        )
+
+
+def _errors(windows: Array, scatter: Array) -> Array:
+    """Return the standard errors of flights' values; with few windows the scatter is uncertain."""
+    freedom = np.maximum(windows - 1, _LEAST_FREEDOM)
+    errors: Array = scatter * np.sqrt(freedom / (freedom - 2) / windows)
+    return errors
+
+
+Baselines = Mapping[tuple[int, str, str], Baseline]
+"""Baselines by vehicle, actuator and fault."""
+
+
+BaselineSource = Baselines | Callable[[str | None, datetime | None], Baselines]
+"""Baselines, or a function of airframe and start of the flight (None if unknown) that returns them."""
+
+
+def of_subject(baselines: Baselines, subject: tuple[int, str]) -> dict[str, Baseline]:
+    """Return the baselines of one vehicle's actuator or axis, by fault."""
+    return {fault: known for (*whose, fault), known in baselines.items() if tuple(whose) == subject}
+
+
+class Shift(NamedTuple):
+    """Deviation of the last windows from the baseline.
+
+    Attributes
+    ----------
+    value, error
+        The quantity minus its baseline, and the standard error of the difference.
+    ratio
+        Shift divided by its threshold at the false-alarm rate; an alarm from 1 on.
+    since_s
+        Start of the first of these windows.
+    """
+
+    value: float
+    error: float
+    ratio: float
+    since_s: float
+
+
+def held(decided: Condition, alarm: Shift | None) -> Condition:
+    """Return what a quantity shows: what the limits decided, or at least that it left its baseline."""
+    return "degraded" if alarm and SEVERITY[decided] < SEVERITY["degraded"] else decided
+
+
+def held_since(decided: Condition, since_s: float | None, alarm: Shift | None) -> float | None:
+    """Return the flight time since which it does, the limits having decided at ``since_s``."""
+    condition = held(decided, alarm)
+    times = [since_s] if condition == decided else []
+    times += [alarm.since_s] if alarm and condition == "degraded" else []
+    return min((time for time in times if time is not None), default=None)
+
+
+class Drift:
+    """Compares one quantity of one actuator with its baseline through the flight.
+
+    Parameters
+    ----------
+    baseline
+        Baseline of the same quantity and actuator.
+    two_sided
+        Whether a decrease alarms like an increase.
+    false_alarms
+        Alarms per 100 hours.
+
+    Attributes
+    ----------
+    alarm
+        The shift at the first alarm; None before.
+
+    Examples
+    --------
+    >>> drift = Drift(Baseline(0.2, error=0.001, flights=10, between=0.002, spread=0.003))
+    >>> for k in range(12):
+    ...     shift = drift.feed(0.25, 0.01, 9.0, 10.0 * k)
+    >>> drift.alarm.since_s
+    0.0
+    """
+
+    def __init__(
+        self, baseline: Baseline, *, two_sided: bool = False, false_alarms: float = FALSE_ALARMS
+    ) -> None:
+        self.baseline = baseline
+        self.alarm: Shift | None = None
+        self._two_sided = two_sided
+        self._tail = tail_of(false_alarms) / 2 / (2 if two_sided else 1)
+        self._windows: deque[_Window] = deque(maxlen=_SPANS[-1])
+
+    def feed(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
+        """Add a window that does not overlap the previous one; return the most significant shift."""
+        self._windows.append(_Window(value - self.baseline.mean, error, freedom, start_s))
+        tail = self._tail / _LOOKS
+        shifts = [self._over(span, tail) for span in _SPANS if span <= len(self._windows)]
+        return self._heed(max(shifts, key=lambda shift: shift.ratio))
+
+    def conclude(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
+        """Test once more, with the estimate of the whole flight or with all its windows.
+
+        The more certain of the two counts; a window's error excludes errors that all flights share.
+        """
+        count = max(len(self._windows), 1)
+        tail = self._tail * count
+        whole = self._shift(value - self.baseline.mean, error**2, freedom, start_s, tail)
+        together = self._over(count, tail) if self._windows else whole
+        return self._heed(min(whole, together, key=lambda shift: shift.error))
+
+    def _heed(self, shift: Shift) -> Shift:
+        if self.alarm is None and shift.ratio >= 1.0:
+            self.alarm = shift
+        return shift
+
+    def _over(self, span: int, tail: float) -> Shift:
+        values, errors, freedoms, starts_s = np.array(self._windows)[-span:].T
+        weights = 1.0 / np.maximum(errors, 1e-12) ** 2
+        shift = float(weights @ values / weights.sum())
+        scatter = float(weights @ (values - shift) ** 2 / max(span - 1, 1))
+        own = float(max(scatter, 1.0) / weights.sum())
+        freedom = max(float(freedoms.max()), _FREEDOM * span)
+        return self._shift(shift, own, freedom, float(starts_s[0]), tail)
+
+    def _shift(self, shift: float, own: float, own_freedom: float, since_s: float, tail: float) -> Shift:
+        """Return a shift of known variance, relative to its threshold for this tail probability."""
+        flight = self.baseline.flight_variance
+        error = float(np.sqrt(own + flight))
+        freedom = _satterthwaite(own, own_freedom, flight, self.baseline.certainty)
+        size = abs(shift) if self._two_sided else shift
+        return Shift(shift, error, size / (float(stdtrit(freedom, 1.0 - tail)) * error), since_s)
+
+
+class _Window(NamedTuple):
+    """A window's estimate minus the baseline, its standard error, degrees of freedom, and start."""
+
+    value: float
+    error: float
+    freedom: float
+    start_s: float
+
+
+def _satterthwaite(first: float, first_freedom: float, second: float, second_freedom: float) -> float:
+    """Return the degrees of freedom of a sum of two variances (F. E. Satterthwaite, 1946)."""
+    return (first + second) ** 2 / (first**2 / first_freedom + second**2 / second_freedom)

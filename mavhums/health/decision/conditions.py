@@ -1,0 +1,163 @@
+"""Determines an actuator's condition from the successive changes of its detectors."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mavhums.core.conditions import SEVERITY, Condition
+
+_MOST_EPISODES = 100
+
+
+class Change(NamedTuple):
+    """A change of an indicator's condition: the window k that brings it, and the onset."""
+
+    window: int
+    condition: Condition
+    since_s: float
+    rule: str
+
+
+class ConditionChange(NamedTuple):
+    """An actuator's condition changed; ``fault`` is what changed it."""
+
+    since_s: float
+    before: Condition
+    after: Condition
+    rule: str
+    fault: str
+
+
+class ConditionTracker:
+    """Tracks the conditions that the detectors of one actuator report.
+
+    Attributes
+    ----------
+    shown
+        The latest change of each fault.
+    condition, worst
+        The actuator's current condition, and the worst one so far.
+    since_s
+        Flight time of the onset of the current condition.
+
+    Examples
+    --------
+    >>> tracker = ConditionTracker()
+    >>> tracker.take("friction", Change(0, "normal", 0.0, "normal: …")).after
+    'normal'
+    >>> tracker.take("backlash", Change(5, "degraded", 3.0, "degraded: …")).since_s
+    3.0
+    >>> tracker.condition, tracker.worst
+    ('degraded', 'degraded')
+    """
+
+    def __init__(self) -> None:
+        self.shown: dict[str, Change] = {}
+        self.condition: Condition = "undecided"
+        self.worst: Condition = "undecided"
+        self.since_s: float | None = None
+        self._changed_s = -np.inf
+
+    @property
+    def jammed(self) -> bool:
+        """Whether the shaft is jammed, in which case no balance of torques or angles is valid."""
+        return "jam" in self.shown and self.shown["jam"].condition == "emergency"
+
+    def take(self, fault: str, change: Change) -> ConditionChange | None:
+        """Process a detector's change; return the resulting change of the actuator's condition, if any."""
+        self.shown[fault] = change
+        before, self.condition = self.condition, self._gravest()
+        if SEVERITY[self.condition] > SEVERITY[self.worst]:
+            self.worst = self.condition
+        if self.condition == before:
+            return None
+        holding = [
+            (c.since_s, name, c.rule)
+            for name, c in self.shown.items()
+            if c.condition == self.condition and name in self._deciding()
+        ]
+        since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
+        since_s = self._changed_s = max(since_s, self._changed_s)  # not before the last change
+        self.since_s = None if self.condition == "undecided" else since_s
+        return ConditionChange(since_s, before, self.condition, rule, why)
+
+    def _gravest(self) -> Condition:
+        """Return the worst condition of the detectors; normal only if the friction is normal."""
+        gravest: Condition = max(
+            (change.condition for change in self.shown.values()), key=SEVERITY.__getitem__
+        )
+        if SEVERITY[gravest] > SEVERITY["normal"]:
+            return gravest
+        return self.shown["friction"].condition if "friction" in self.shown else "undecided"
+
+    def _deciding(self) -> Collection[str]:
+        """Return the faults that can cause the condition; only the friction can make it normal."""
+        return {"friction"} if self.condition == "normal" else self.shown.keys()
+
+
+@dataclass(slots=True)
+class Episode:
+    """A continuous period in one condition; ``peak`` is its highest estimate."""
+
+    condition: Condition
+    start_s: float
+    end_s: float
+    peak: float
+
+
+class Episodes:
+    """Collects the episodes of one quantity, in bounded memory.
+
+    If there are more than a hundred episodes, the first fifty and the last fifty are kept.
+
+    Examples
+    --------
+    >>> episodes = Episodes()
+    >>> episodes.begin(Episode("emergency", 0.0, 10.0, 0.9))
+    >>> episodes.extend(1.1, 11.0, agrees=True)
+    >>> [(episode.end_s, episode.peak) for episode in episodes]
+    [(11.0, 1.1)]
+    """
+
+    def __init__(self) -> None:
+        self._episodes: list[Episode] = []
+        self._open_peak = -np.inf
+
+    def __iter__(self) -> Iterator[Episode]:
+        return iter(self._episodes)
+
+    def begin(self, episode: Episode) -> None:
+        """Start an episode, and end the previous one at its start."""
+        if self._episodes:
+            self._episodes[-1].end_s = episode.start_s
+        self.add(episode)
+
+    def add(self, episode: Episode) -> None:
+        """Add an episode beside the others, which go on."""
+        if len(self._episodes) == _MOST_EPISODES:
+            del self._episodes[_MOST_EPISODES // 2]
+        self._episodes.append(episode)
+
+    def begin_decided(self, condition: Condition, since_s: float, end_s: float, value: float) -> None:
+        """Start the episode of a window's decision; windows that led to it count towards its peak."""
+        self._open_peak = max(self._open_peak, value)
+        self.begin(Episode(condition, since_s, end_s, self._open_peak))
+        self._open_peak = -np.inf
+
+    def extend(self, value: float, end_s: float, *, agrees: bool) -> None:
+        """Extend the current episode by a window.
+
+        The value of a window that does not agree with the episode counts towards the peak of the next
+        window that agrees, or of the next episode.
+        """
+        self._open_peak = max(self._open_peak, value)
+        if self._episodes:
+            self._episodes[-1].end_s = end_s
+            if agrees:
+                self._episodes[-1].peak = max(self._episodes[-1].peak, self._open_peak)
+        if agrees:
+            self._open_peak = -np.inf

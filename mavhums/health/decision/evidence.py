@@ -1,0 +1,125 @@
+"""Reasons for an actuator's condition, as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol
+
+from scipy.special import stdtr
+
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.decision.baseline import Baseline, Shift, held
+from mavhums.health.decision.limits import Levels
+from mavhums.health.decision.records import Estimate
+from mavhums.report.assessment import Evidence, Suspect
+
+
+class Quantity(Protocol):
+    """The inputs of a rule: a quantity, its unit and its limits."""
+
+    @property
+    def quantity(self) -> str:
+        """Name of the quantity."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the quantity."""
+
+    @property
+    def levels(self) -> Levels:
+        """Limits of the quantity."""
+
+
+def limit_rule(detector: Quantity, condition: Condition, false_alarms: float) -> str:
+    """Return the reason for a condition according to the limits."""
+    normal, emergency = (_value(detector, level) for level in detector.levels)
+    sure = f"with {_alarms(false_alarms)}"
+    return {
+        "normal": f"normal: {detector.quantity} not reliably above {normal}, {sure}",
+        "degraded": f"degraded: {detector.quantity} reliably above {normal}, {sure}",
+        "emergency": f"emergency: interval of {detector.quantity} reaches {emergency}, {sure}",
+        "undecided": f"undecided: no window shows {detector.quantity}",
+    }[condition]
+
+
+def drift_rule(detector: Quantity, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
+    """Return the reason for a condition according to the baseline: the shift from it."""
+    return (
+        f"degraded: {detector.quantity} {_value(detector, shift.value, '+')} from its own baseline of "
+        f"{_value(detector, baseline.mean)} over {baseline.flights} flights, "
+        f"with {_alarms(false_alarms)}"
+    )
+
+
+def _value(detector: Quantity, value: float | None, sign: str = "") -> str:
+    if value is None:
+        return "any limit"
+    return f"{value:{sign}.3g}" if detector.unit == "1" else f"{value:{sign}.3g} {detector.unit}"
+
+
+def _alarms(false_alarms: float) -> str:
+    return f"≤ {false_alarms:g} false alarm{'' if false_alarms == 1 else 's'} per 100 h"
+
+
+class Described(Quantity, Protocol):
+    """A fault's indicator, as a detector or a record describes it."""
+
+    @property
+    def fault(self) -> str:
+        """Name of the fault."""
+
+    @property
+    def two_sided(self) -> bool:
+        """Whether the quantity is normal near zero, and not below a value."""
+
+
+def concludes(windows: int, friction_windows: int) -> bool:
+    """Return whether a finished flight as a whole may decide on a quantity, given the windows that show it.
+
+    What no window shows the whole flight may show, as play that the load seldom crosses, if the actuator was
+    judged at all: if windows show its friction. The friction itself needs such windows. Samples too few or
+    too doubtful for any window do not become evidence by their number. (What is surely an emergency over the
+    flight needs none: a grave fault leaves few samples in motion.)
+    """
+    return bool(windows or friction_windows)
+
+
+def drift_evidence(
+    described: Described, baseline: Baseline, alarm: Shift, end_s: float, false_alarms: float
+) -> Evidence:
+    """Return the shift from the baseline as evidence; ``end_s`` is the end of the last window."""
+    return Evidence(
+        kind=f"{described.fault}_drift",
+        start_s=alarm.since_s,
+        end_s=max(end_s, alarm.since_s),
+        value=baseline.mean + alarm.value,
+        limit=baseline.mean,
+        rule=drift_rule(described, baseline, alarm, false_alarms),
+    )
+
+
+def suspected(
+    described: Described, decided: Condition, latest: Estimate | None, alarm: Shift | None
+) -> Suspect | None:
+    """Return the fault, with the probability that the quantity exceeds its limit or its baseline."""
+    if SEVERITY[held(decided, alarm)] < SEVERITY["degraded"] or latest is None:
+        return None
+    value, error, freedom = latest
+    normal = described.levels.normal
+    confidence = 0.0
+    if SEVERITY[decided] > 0 and normal is not None:
+        size = abs(value) if described.two_sided else value
+        confidence = float(stdtr(freedom, (size - normal) / error)) if error else 1.0
+    if alarm is not None:
+        confidence = max(confidence, float(stdtr(10.0, abs(alarm.value) / alarm.error)))
+    return Suspect(fault=described.fault, confidence=confidence)
+
+
+def ranked(suspects: Iterable[Suspect]) -> tuple[Suspect, ...]:
+    """Return the suspects in descending order of probability."""
+    return tuple(sorted(suspects, key=lambda suspect: -suspect.confidence))
+
+
+def in_order(evidence: Iterable[Evidence]) -> tuple[Evidence, ...]:
+    """Return the evidence in time order."""
+    return tuple(sorted(evidence, key=lambda each: each.start_s))

@@ -1,1 +1,0 @@
-"""Detectors: one module per fault, with a class named ``Detector``, discovered automatically."""

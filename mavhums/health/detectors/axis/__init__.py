@@ -1,1 +1,0 @@
-"""Detectors of axes, one file each; found by :mod:`mavhums.health.axis.detector`."""

@@ -1,0 +1,120 @@
+"""Own-scale equations: friction in units that need no constant of the servo.
+
+Current, from V5 and V7 or V10:
+
+    V5 = I_c·sgn(w) + b·w + J·dw/dt + h·q·d + o        I_c = T_c/(N·k_t), A
+
+Power from the supply, where voltage and current are the bus's: mechanical power plus heat. The friction is
+power per speed, T_c·(1 + 2ρb), of the measured shaft:
+
+    P = V4·V5 = ρ·T² + w·T + P₀        T = T_c·sgn(w) + b·w + J·dw/dt + h·q·d + c
+
+Position error in motion, for servos that measure only command and angle:
+
+    V1 - V3 = e·sgn(w) + b·w + J·dw/dt + h·q·d + o
+
+A proportional controller has a position error that grows with friction; play and a warm or worn winding
+have the same effect, and integral action hides all of them. A change is therefore reported as a change of
+tracking, without a cause.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array
+from mavhums.core.quantities import column
+from mavhums.core.statistics import RAD_S_PER_REV_MIN
+from mavhums.health.estimation.equations.interface import OwnEquation, Speed
+from mavhums.health.estimation.slots import SENSED, Slots
+from mavhums.health.estimation.thresholds import (
+    MOVING_ANGLE_DEG_S,
+    MOVING_ROTOR_REV_MIN,
+    OWN_FLIGHTS,
+    OWN_RATE_HZ,
+    TRACKING_FLIGHTS,
+)
+
+_V1, _V3, _V4, _V5, _V6, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 6, 7, 10))
+
+
+def _rotor_speed(actuator: Actuator, slots: Slots) -> Speed:
+    """Return the rotor's speed, or the output shaft's where only that is measured."""
+    rotor, output = slots.values[:, _V7], slots.values[:, _V10]
+    if np.isfinite(output).any() and not np.isfinite(rotor).any():
+        return Speed(output * RAD_S_PER_REV_MIN, float(np.radians(actuator.moving_speed_deg_s)))
+    moving = MOVING_ROTOR_REV_MIN if actuator.ema is None else actuator.moving_speed_rev_min
+    return Speed(rotor * RAD_S_PER_REV_MIN, moving * RAD_S_PER_REV_MIN)
+
+
+def _current(actuator: Actuator, slots: Slots) -> Array:
+    """Return the motor's current; a current at the bus is another quantity."""
+    current: Array = slots.values[:, _V5]
+    return np.full(current.shape, np.nan) if actuator.esc_side == "bus" else current
+
+
+def _power(actuator: Actuator, slots: Slots) -> Array:
+    product = slots.values[:, _V4] * slots.values[:, _V5]
+    power: Array = np.where(np.isfinite(product), product, slots.values[:, _V6])
+    return power
+
+
+def _bus_speed(actuator: Actuator, slots: Slots) -> Speed | None:
+    return _rotor_speed(actuator, slots) if actuator.esc_side == "bus" else None
+
+
+def _position_error(actuator: Actuator, slots: Slots) -> Array:
+    """Return command less angle; an angle that is derived from the rotor's would hide the gear's play."""
+    measured = slots.values[:, SENSED] > 0
+    error: Array = np.where(measured, slots.values[:, _V1] - slots.values[:, _V3], np.nan)
+    return error
+
+
+def _angle_speed(actuator: Actuator, slots: Slots) -> Speed:
+    angle, time_s = np.radians(slots.values[:, _V3]), slots.time_s
+    speed = np.full(angle.size, np.nan)
+    speed[1:-1] = (angle[2:] - angle[:-2]) / (time_s[2:] - time_s[:-2])
+    return Speed(speed, np.radians(MOVING_ANGLE_DEG_S))
+
+
+CURRENT = OwnEquation(
+    name="own_current",
+    fault="friction_current",
+    quantity="friction current",
+    unit="A",
+    inspect="gearbox, bearings and hinge line",
+    cause="friction",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_current,
+    speed=_rotor_speed,
+)
+
+POWER = OwnEquation(
+    name="own_power",
+    fault="friction_power",
+    quantity="friction in the supply's power",
+    unit="N·m",
+    inspect="gearbox, bearings, hinge line and motor",
+    cause="friction, or a weaker or warmer motor: the power cannot tell which",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_power,
+    speed=_bus_speed,
+)
+
+TRACKING = OwnEquation(
+    name="own_tracking",
+    fault="tracking",
+    quantity="tracking error in motion",
+    unit="°",
+    inspect="gearbox, linkage and motor, and whether the servo's settings were changed",
+    cause="friction, play or winding: the log cannot tell which",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=TRACKING_FLIGHTS,
+    left=_position_error,
+    speed=_angle_speed,
+    by_activity=True,
+    blurs=True,  # a servo without power or torque falls behind by whole degrees, now more and now less
+)

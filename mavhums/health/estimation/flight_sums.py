@@ -1,0 +1,282 @@
+"""The record of one flight for the comparison with others: sums of its windows, in bounded memory."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.quantities import column
+from mavhums.core.statistics import AIR_DENSITY
+from mavhums.health.estimation.equations.interface import OwnEquation
+from mavhums.health.estimation.equations.own_scale import POWER
+from mavhums.health.estimation.grams import Groups, eliminated, full, packed
+from mavhums.health.estimation.least_squares import row_length, sums_of_slots
+from mavhums.health.estimation.motion import lasting
+from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, WINDOW_SLOTS, Slots
+from mavhums.report.assessment import OwnRecord
+
+KEPT = ("sign", "speed", "acceleration", "load", "angle", "left")
+"""The columns whose sums of products a record holds."""
+TERMS = ("sign", "speed", "acceleration", "load", "angle", "pressure", "one")
+LOAD, ANGLE, PRESSURE, ONE = 3, 4, 5, 6
+_COLUMNS = [0, 1, 2, LOAD, ANGLE, len(TERMS)]
+_V7, _V10 = column("V7"), column("V10")
+_HALF_DENSITY = 0.5 * AIR_DENSITY
+_LONGEST_STEP_S = 0.5
+_PERIODS = 2.5
+_PRODUCTS = ((0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
+LINEAR = (0, 1, 2, 3)
+"""Columns of sgn(w), w, dw/dt and q·d."""
+WEAR = (4, 5, 6)
+"""Columns of the products of sgn(w) with w, dw/dt and q·d."""
+QUADRATIC = (7, 8, 9, 10, 11, 12)
+"""Columns of the products of w, dw/dt and q·d: w², w·dw/dt, w·q·d, (dw/dt)², dw/dt·q·d, (q·d)²."""
+POWER_COLUMNS = len(LINEAR) + len(_PRODUCTS) + 1
+"""Number of columns of a record; the last is the power."""
+_FIRST, _SECOND = ([pair[side] for pair in _PRODUCTS] for side in (0, 1))
+
+
+class OwnSums:
+    """Collects the sums of one equation over one flight.
+
+    Parameters
+    ----------
+    equation, actuator
+        The equation, and the actuator of the flight.
+    """
+
+    width = len(TERMS)
+    """Number of terms whose products are summed."""
+
+    def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
+        self._equation, self._actuator = equation, actuator
+        self._turned = AngleIntegrator()
+        self._window: int | None = None
+        self._row = np.zeros(row_length(self.width))
+        self._groups = Groups(self.joined)
+        self._span, self._samples = 0.0, 0
+        self._pressure = False
+
+    def feed(self, slots: Slots) -> None:
+        """Process the samples of several slots."""
+        told = terms(self._equation, self._actuator, slots, self._turned)
+        if told is None:
+            return
+        time_s = slots.time_s[slots.judged]
+        seen = np.isfinite(told.y) & np.isfinite(told.X[:, 1])
+        told = self.expanded(told)
+        rows = sums_of_slots(told.X, told.y, told.usable, slots.start)
+        ends = np.append(slots.start[1:], time_s.size)
+        for k, index in enumerate(slots.index.tolist()):
+            if index // WINDOW_SLOTS != self._window:
+                self._close()
+                self._window = index // WINDOW_SLOTS
+            self._row += rows[k]
+            times = time_s[slots.start[k] : ends[k]][seen[slots.start[k] : ends[k]]]
+            if times.size > 1:
+                self._span += float(times[-1] - times[0])
+                self._samples += times.size - 1
+
+    def record(self) -> OwnRecord | None:
+        """Return the record of the flight so far; None if it has no evidence for this equation."""
+        groups = [*self._groups.parts]
+        last = self._last()
+        if last is not None:
+            groups.append(last)
+        if not groups or self._span <= 0.0 or self.rate_hz < self._equation.min_rate_hz:
+            return None
+        return OwnRecord(
+            equation=self._equation.name,
+            setup=self._setup(),
+            rate_hz=float(f"{self.rate_hz:.3g}"),
+            duration_s=round(self._span, 1),
+            groups=tuple((float(count), *packed(gram)) for count, gram in groups),
+        )
+
+    @property
+    def gap(self) -> str | None:
+        """The reason for missing evidence; None if there is evidence, or if nothing is measured."""
+        if not self._samples or self.record() is not None:
+            return None
+        needed = self._equation.min_rate_hz
+        if self.rate_hz < needed:
+            return f"the {self._equation.quantity} needs {needed:g} Hz, and the log has less"
+        return f"the servo moved too little to show its {self._equation.quantity}"
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of the samples that carry the left side."""
+        return self._samples / self._span if self._span > 0.0 else 0.0
+
+    def expanded(self, told: Terms) -> Terms:
+        """Return the terms whose products are summed."""
+        return told
+
+    def in_window(self, gram: Array) -> Array:
+        """Return a window's sums without its own offset."""
+        self._pressure |= bool(gram[PRESSURE, PRESSURE] > 0.0)
+        free = [ONE] if self._turned.source == "V3" else [ONE, PRESSURE]
+        return eliminated(gram, free)[np.ix_(_COLUMNS, _COLUMNS)]
+
+    def joined(self, sums: Array) -> Array:
+        """Return a window's sums as they are added to those of other windows."""
+        return sums
+
+    def _setup(self) -> str:
+        """Return the measurement set-up as text; only flights with the same set-up are compared."""
+        angle = self._turned.source or "speed"
+        return f"angle from {angle}, {'airspeed' if self._pressure else 'no airspeed'}"
+
+    def _close(self) -> None:
+        """End a window."""
+        last = self._last()
+        if last is not None:
+            self._groups.add(*last)
+        self._row[:] = 0.0
+
+    def _last(self) -> tuple[int, Array] | None:
+        """Return the sums of the open window, without its own offset."""
+        if self._row[0] < 1.0:
+            return None
+        return int(self._row[0]), self.in_window(full(self._row, self.width))
+
+
+class Terms(NamedTuple):
+    """Terms of the judged samples.
+
+    Attributes
+    ----------
+    X, y, usable
+        Shapes (n, 7), (n,) and (n,).
+    """
+
+    X: Array
+    y: Array
+    usable: Flags
+
+
+class AngleIntegrator:
+    """The angle of a servo, measured or integrated from its speed, block after block.
+
+    The command is not used as the angle: its lag, times load, would appear as drag. An integrated angle has
+    an unknown zero, which a free term of the pressure absorbs in each window.
+
+    Attributes
+    ----------
+    source
+        ``V3``, or ``speed`` where it is integrated; decided by the first slot that has either.
+    """
+
+    def __init__(self) -> None:
+        self.source: str | None = None
+        self._shaft: str | None = None
+        self._time_s, self._rad_s, self._angle = np.nan, 0.0, 0.0
+
+    def one_shaft(self, slots: Slots) -> Slots:
+        """Return the slots with the speed of one shaft only: the rotor's if the first slot has it."""
+        rotor, output = (np.isfinite(slots.values[slots.judged, key]) for key in (_V7, _V10))
+        self._shaft = self._shaft or _first(slots.start, V7=rotor, V10=output)
+        values = slots.values.copy()
+        values[:, _V7 if self._shaft == "V10" else _V10] = np.nan
+        return replace(slots, values=values)
+
+    def feed(self, slots: Slots, rad_s: Array) -> Array:
+        """Return the angle, rad, shape (n,): the output shaft's, or that of the shaft whose speed it is."""
+        time_s, values = slots.time_s[slots.judged], slots.values[slots.judged]
+        shaft_deg = values[:, SHAFT]
+        measured = np.isfinite(shaft_deg) & (values[:, SENSED] > 0)
+        self.source = self.source or _first(slots.start, V3=measured, speed=np.isfinite(rad_s))
+        if self.source == "V3":
+            return np.where(measured, np.radians(shaft_deg), np.nan)
+        speed = np.nan_to_num(rad_s)
+        before_s = time_s[0] if np.isnan(self._time_s) else self._time_s
+        step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, _LONGEST_STEP_S)
+        around = (speed + np.concatenate([[self._rad_s], speed[:-1]])) / 2
+        angle: Array = np.concatenate([[self._angle], step_s * around]).cumsum()[1:]
+        self._time_s, self._rad_s, self._angle = float(time_s[-1]), float(speed[-1]), float(angle[-1])
+        return angle
+
+
+def _first(start: Integers, **known: Flags) -> str | None:
+    """Return which is known in the first slot that knows any of them, the earlier one if it knows several."""
+    there = {name: np.logical_or.reduceat(mask, start) for name, mask in known.items()}
+    slots = np.flatnonzero(np.logical_or.reduce([*there.values()]))
+    return next(name for name, mask in there.items() if mask[slots[0]]) if slots.size else None
+
+
+def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: AngleIntegrator) -> Terms | None:
+    """Return the terms at the samples that the slots judge; None if the profile rules the equation out."""
+    slots = turned.one_shaft(slots)
+    speed = equation.speed(actuator, slots)
+    if speed is None:
+        return None
+    own, time_s = slots.judged, slots.time_s
+    span = np.full(time_s.size, np.nan)
+    acceleration = span.copy()
+    span[1:-1] = time_s[2:] - time_s[:-2]
+    acceleration[1:-1] = (speed.rad_s[2:] - speed.rad_s[:-2]) / span[1:-1]
+    longest_s = 1.0 / equation.min_rate_hz
+    moving = lasting(time_s, speed.rad_s, speed.moving_rad_s, _PERIODS * longest_s)
+    moving &= span < 2 * _PERIODS * longest_s
+    values = slots.values
+    angle = turned.feed(slots, speed.rad_s[own])
+    pressure = _HALF_DENSITY * np.nan_to_num(values[own, AIRSPEED]) ** 2
+    X = np.empty((angle.size, len(TERMS)))
+    X[:, 0] = np.sign(speed.rad_s[own])
+    X[:, 1] = speed.rad_s[own]
+    X[:, 2] = acceleration[own]
+    X[:, LOAD] = pressure * angle
+    X[:, ANGLE] = angle
+    X[:, PRESSURE] = pressure
+    X[:, ONE] = 1.0
+    y = np.ascontiguousarray(equation.left(actuator, slots)[own])
+    usable = moving[own] & np.isfinite(y) & np.isfinite(X).all(axis=1)
+    return Terms(X, y, usable)
+
+
+class PowerSums(OwnSums):
+    """Collects the sums of the power over one flight.
+
+    Parameters
+    ----------
+    equation, actuator
+        The equation, and the actuator of the flight.
+    """
+
+    width = POWER_COLUMNS
+
+    @property
+    def gap(self) -> str | None:
+        """The reason for missing evidence; None if there is evidence, or if nothing is measured."""
+        gap = super().gap
+        if gap is None or self._pressure or self.rate_hz < self._equation.min_rate_hz:
+            return gap
+        return f"the {self._equation.quantity} needs the airspeed, and the log has none"
+
+    def expanded(self, told: Terms) -> Terms:
+        """Return the products of the torque's terms at the samples with a known airspeed."""
+        factors = told.X[:, [0, 1, 2, LOAD]]
+        known = told.X[:, PRESSURE] > 0.0
+        self._pressure |= bool(known.any())
+        products = factors[:, _FIRST] * factors[:, _SECOND]
+        X = np.concatenate([factors, products, np.ones((len(factors), 1))], axis=1)
+        return Terms(np.ascontiguousarray(X), told.y, told.usable & known)
+
+    def in_window(self, gram: Array) -> Array:
+        """Return a window's sums without its own P₀."""
+        one = self.width - 1
+        kept = [*range(one), self.width]
+        return eliminated(gram, [one])[np.ix_(kept, kept)]
+
+    def joined(self, sums: Array) -> Array:
+        """Return a window's sums without its linear terms: the windows of a long part differ in their c."""
+        return eliminated(sums, LINEAR)
+
+
+def collector(equation: OwnEquation, actuator: Actuator) -> OwnSums:
+    """Return the collector of an equation's sums over one flight."""
+    return (PowerSums if equation.name == POWER.name else OwnSums)(equation, actuator)

@@ -1,0 +1,174 @@
+"""Detection of motion: only samples in motion are evidence of friction."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array, Flags
+from mavhums.core.quantities import KEYS, column
+from mavhums.core.window_features import products
+from mavhums.health.estimation.slots import APART, BUS, GUARD_S, MAGNITUDES, TURNED, Slots
+
+_PERIODS = 2.5
+_LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; rounding must not affect the comparison
+_V7 = column("V7")
+_V1, _V2, _V3, _V4, _V5, _V7, _V11 = (column(f"V{k}") for k in (1, 2, 3, 4, 5, 7, 11))
+_DEGREES_PER_REV_MIN_S = 6.0
+_LONGEST_PERIODS = 2.5
+"""A step in time of more periods of the lowest rate is a gap in the log, over which no path is known."""
+
+
+class Motion(NamedTuple):
+    """Motion of the output shaft at each judged sample of the slots; arrays of shape (n,).
+
+    Attributes
+    ----------
+    moving
+        Whether the rotor turns in one direction and fast enough from ``GUARD_S``
+        before the sample until as long after it, and the sample rate is high enough for evidence. (At a
+        reversal the shaft first moves through the gear's play, and sticks.)
+    speed, acceleration
+        Speed of the output shaft, rad/s, and acceleration, rad/s², from central differences; NaN without
+        neighbours.
+    speed_around
+        Mean of the speeds before and after, rad/s. With a stepwise command, a sample's own speed and
+        current depend on the phase of the step.
+    values
+        V1…V12, shape (n, 12).
+    bus_v
+        Voltage of the supply bus, V; NaN if the log does not carry it.
+    apart
+        Whether separate sensors measured V2 and V3.
+    turned
+        Whether the rotor's speed follows from the output shaft's.
+    magnitudes
+        Of V4, V5 and V7 from a source that does not measure their signs, else NaN; shape (n, 3).
+    """
+
+    moving: Flags
+    speed: Array
+    acceleration: Array
+    speed_around: Array
+    values: Array
+    bus_v: Array
+    apart: Flags
+    turned: Flags
+    magnitudes: Array
+
+
+def motion(actuator: Actuator, slots: Slots) -> Motion:
+    """Return the motion at the samples that the slots judge."""
+    time_s, rev_min = slots.time_s, slots.values[:, _V7]
+    speed = rev_min * actuator.rad_s(1.0)
+    span = np.full(time_s.size, np.nan)
+    acceleration, around = span.copy(), span.copy()
+    span[1:-1] = time_s[2:] - time_s[:-2]
+    acceleration[1:-1] = (speed[2:] - speed[:-2]) / span[1:-1]
+    around[1:-1] = (speed[2:] + speed[:-2]) / 2
+    longest_s = _PERIODS / actuator.min_rate_hz
+    moving = lasting(time_s, rev_min, actuator.moving_speed_rev_min, longest_s) & (span < longest_s)
+    own = slots.judged
+    values = slots.values[own]
+    return Motion(
+        moving[own],
+        speed[own],
+        acceleration[own],
+        around[own],
+        values[:, : len(KEYS)],
+        values[:, BUS],
+        values[:, APART] > 0,
+        values[:, TURNED] > 0,
+        values[:, MAGNITUDES],
+    )
+
+
+def lasting(time_s: Array, speed: Array, moving_speed: float, longest_gap_s: float) -> Flags:
+    """Return which samples move one way, fast enough, from ``GUARD_S`` before until as long after.
+
+    Parameters
+    ----------
+    time_s, speed
+        Increasing times and the speeds then, shape (n,).
+    moving_speed
+        From which on a sample moves, in the speed's unit.
+    longest_gap_s
+        A longer gap between samples ends a motion.
+    """
+    way = np.sign(speed)
+    fast: Flags = np.abs(speed) > moving_speed
+    gap = np.diff(time_s) > longest_gap_s
+    turns = np.flatnonzero((way[1:] != way[:-1]) | gap)
+    run = np.searchsorted(turns, np.arange(time_s.size))
+    begin = time_s[np.concatenate([[0], turns + 1])[run]]
+    end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
+    fast[1:-1] &= fast[2:] & fast[:-2]
+    lasts: Flags = (time_s - begin >= _LASTING_S) & (end - time_s >= _LASTING_S)
+    return fast & lasts
+
+
+def window_sums(actuator: Actuator, slots: Slots, moved: Motion) -> Array:
+    """Return the sums of each slot, shape (k, ``SUMS``).
+
+    A sample in motion counts where it has every quantity that at least half of the slot's samples in
+    motion have; the sums of the other quantities are NaN in that slot.
+    """
+    return np.column_stack([_moving(actuator, slots, moved), _all(actuator, slots)])
+
+
+def _moving(actuator: Actuator, slots: Slots, moved: Motion) -> Array:
+    values, apart = moved.values, moved.apart
+    ratio = actuator.known_ema().gear_ratio
+    way = np.sign(values[:, _V7])
+    turned = values[:, _V2] / ratio
+    gap = np.where(apart & (values[:, _V3] != turned), values[:, _V3] - turned, np.nan)
+    slope = moved.acceleration / actuator.rad_s(1.0) * 1e-3
+    moments = np.column_stack(
+        [
+            np.ones(len(values)),
+            way,
+            values[:, [_V3, _V4, _V5]],
+            values[:, _V7] * 1e-3,
+            slope,
+            values[:, _V11],
+            gap,
+            np.sign(values[:, _V5]),
+        ]
+    )
+    finite = np.isfinite(moments)
+    seen = moved.moving
+    has = slots.sums((finite & seen[:, None]).astype(np.float64))
+    carried = 2 * has >= slots.sums(seen[:, None].astype(np.float64))
+    own = np.repeat(carried, slots.count(), axis=0)
+    counts = seen & (finite | ~own).all(axis=1)
+    used = np.where(counts[:, None], np.where(finite & own, moments, 0.0), 0.0)
+    sums = slots.sums(products(used))
+    return np.where(products(np.where(carried, 1.0, np.nan)) == 1.0, sums, np.nan)
+
+
+def _all(actuator: Actuator, slots: Slots) -> Array:
+    """Return the sums over all samples: number, paths, what is missed, V4², what is carried, and the peak."""
+    own, time_s, values = slots.judged, slots.time_s, slots.values
+    ratio = actuator.known_ema().gear_ratio
+    step_s = np.diff(time_s, prepend=time_s[0])
+    whole = (step_s > 0) & (step_s < _LONGEST_PERIODS / actuator.min_rate_hz)
+    commanded = np.abs(np.diff(values[:, _V1], prepend=values[0, _V1]))
+    flown = np.abs(values[:, _V7]) * (_DEGREES_PER_REV_MIN_S / ratio) * step_s
+    whole &= np.isfinite(commanded) & np.isfinite(flown)
+    missed = values[:, _V1] - values[:, _V3]
+    columns = np.column_stack(
+        [
+            np.ones(len(values)),
+            np.where(whole, commanded, 0.0),
+            np.where(whole, flown, 0.0),
+            missed,
+            missed**2,
+            values[:, _V4] ** 2,
+            np.isfinite(values[:, _V11]),
+            (values[:, APART] > 0) & (values[:, _V3] != values[:, _V2] / ratio),
+        ]
+    )[own]
+    peak = np.maximum.reduceat(np.nan_to_num(np.abs(values[own, _V4])), slots.start)
+    return np.column_stack([slots.sums(np.nan_to_num(columns)), peak])

@@ -1,0 +1,240 @@
+"""The voltage equation of one flight, as sums: resistance, back-EMF constant and drop of the servo's motor.
+
+    V4 = R·V5 + k_e·w + V_d·sgn(V5) + c
+
+w is the rotor's speed. The drop of brushes or dead time has a column of its own: without it, it would appear
+as resistance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from scipy.special import stdtrit
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array
+from mavhums.core.quantities import column
+from mavhums.health.estimation.grams import Groups, eliminated, full, packed, unpacked
+from mavhums.health.estimation.least_squares import row_length, sums_of_slots
+from mavhums.health.estimation.slots import WINDOW_SLOTS, Slots
+from mavhums.report.assessment import Interval, OwnRecord
+
+VOLTAGE = "own_voltage"
+_V4, _V5, _V7 = column("V4"), column("V5"), column("V7")
+_TERMS = 4
+_LEFT_OUT = [3]
+_RAD_S = np.pi / 30
+RESOLUTION = 0.01
+"""Relative width of a step of the histogram."""
+_ABOVE = 0.001
+_NORMAL_95 = 1.96
+_LEAST, _STEPS = 1e-4, 3200  # up to about 8e9
+_SIZE = 4
+_LEAST_GROUPS = 4
+_MOST_ALIKE = 0.999  # correlation of the columns beyond which they cannot be separated
+
+
+class VoltageSums:
+    """Collects the sums of the voltage equation over one flight.
+
+    Parameters
+    ----------
+    actuator
+        The actuator of the flight.
+    """
+
+    def __init__(self, actuator: Actuator) -> None:
+        self._motor_side = actuator.esc_side == "motor"
+        self._supply_v = actuator.known_supply_v
+        self._peak_a, self._peak_v = Peak(), Peak()
+        self._groups = Groups()
+        self._row = np.zeros(row_length(_TERMS))
+        self._window: int | None = None
+        self._first_s = self._last_s = np.nan
+        self._samples = 0
+
+    def feed(self, slots: Slots) -> None:
+        """Process the samples of several slots."""
+        values, time_s = slots.values[slots.judged], slots.time_s[slots.judged]
+        volts, current = np.ascontiguousarray(values[:, _V4]), values[:, _V5]
+        terms = (current, values[:, _V7] * _RAD_S, np.sign(current), np.ones(len(current)))
+        X = np.stack(terms, axis=1)
+        usable = np.isfinite(X).all(axis=1) & np.isfinite(volts) & self._motor_side
+        if not usable.any():
+            return
+        self._peak_a.feed(current[usable])
+        self._peak_v.feed(volts[usable])
+        used_s = time_s[usable]
+        self._samples += used_s.size
+        self._first_s = float(np.nanmin([self._first_s, used_s[0]]))
+        self._last_s = float(used_s[-1])
+        rows = sums_of_slots(X, volts, usable, slots.start)
+        for row, index in zip(rows, slots.index.tolist(), strict=True):
+            if index // WINDOW_SLOTS != self._window:
+                self._close()
+                self._window = index // WINDOW_SLOTS
+            self._row += row
+
+    @property
+    def gap(self) -> None:
+        """None: a motor that cannot be identified is no reason for a verdict."""
+        return
+
+    def record(self) -> OwnRecord | None:
+        """Return the record of the flight so far; None if it has no evidence for the equation."""
+        groups = [*self._groups.parts, *self._open()]
+        duration_s = self._last_s - self._first_s
+        if not groups or not duration_s > 0.0:
+            return None
+        return OwnRecord(
+            equation=VOLTAGE,
+            setup="V4, V5 and V7 at the motor",
+            rate_hz=float(f"{self._samples / duration_s:.3g}"),
+            duration_s=round(duration_s, 1),
+            peak_a=self._peak_a.interval,
+            peak_v=float(f"{self._peak_v.value:.4g}"),
+            supply_v=self._supply_v,
+            groups=tuple((float(count), *packed(gram)) for count, gram in groups),
+        )
+
+    def _close(self) -> None:
+        for part in self._open():
+            self._groups.add(*part)
+        self._row[:] = 0.0
+
+    def _open(self) -> list[tuple[int, Array]]:
+        """Return the sums of the open window, without its own offset."""
+        if self._row[0] < 1.0:
+            return []
+        gram = eliminated(full(self._row, _TERMS), _LEFT_OUT)
+        kept = [0, 1, 2, _TERMS]
+        return [(int(self._row[0]), gram[np.ix_(kept, kept)])]
+
+
+class Peak:
+    """Collects the absolute values that 99.9 % of a flight's samples do not exceed.
+
+    One sample in a thousand may lie above: a spike is no load. The counts do not depend on the order of the
+    samples, nor on how they are cut into blocks.
+
+    Examples
+    --------
+    >>> peak = Peak()
+    >>> peak.feed(np.array([*np.linspace(-2.0, 2.0, 5000), 50.0]))
+    >>> round(peak.value, 1)
+    2.0
+    """
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(_STEPS, dtype=np.int64)
+
+    def feed(self, values: Array) -> None:
+        """Take finite values, shape (n,)."""
+        steps = np.log(np.maximum(np.abs(values), _LEAST) / _LEAST) / RESOLUTION
+        self._counts += np.bincount(np.minimum(steps.astype(np.int64), _STEPS - 1), minlength=_STEPS)
+
+    @property
+    def value(self) -> float:
+        """The value, to within :data:`RESOLUTION`; zero before the first sample."""
+        return self._exceeded_by(_ABOVE * self._total)
+
+    @property
+    def interval(self) -> Interval:
+        """The value with its 95 % interval: how many of independent samples exceed it is left to chance."""
+        above = _ABOVE * self._total
+        half = _NORMAL_95 * above**0.5
+        low, high = self._exceeded_by(above + half), self._exceeded_by(max(above - half, 0.0))
+        low, estimate, high = (float(f"{number:.4g}") for number in (low, self.value, high))
+        return Interval(estimate=estimate, low=low, high=high)
+
+    @property
+    def _total(self) -> int:
+        return int(self._counts.sum())
+
+    def _exceeded_by(self, samples: float) -> float:
+        """Return the largest value that at most so many samples exceed; zero of values below the least."""
+        rank = max(ceil(self._total - samples), 1)
+        step = int(np.searchsorted(self._counts.cumsum(), rank))
+        return float(_LEAST * np.exp((step + 0.5) * RESOLUTION)) if 0 < step < _STEPS else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """The constants of a servo's motor, estimated from flights.
+
+    Attributes
+    ----------
+    resistance
+        Resistance of the winding and its wiring, Ω.
+    back_emf
+        V·s/rad of the rotor. It is the torque constant in N·m/A where V4·V5 is the electrical power, as of a
+        direct-current motor; a drive that reports amplitudes, r.m.s. or phase values has another factor.
+    drop
+        Voltage drop of brushes or dead time, V.
+    flights
+        Flights that were used.
+    """
+
+    resistance: Interval
+    back_emf: Interval
+    drop: Interval
+    flights: int
+
+
+def identified(records: Sequence[OwnRecord]) -> Identified | None:
+    """Return the joint estimate of flights; None if their currents and speeds vary too little.
+
+    The intervals are those of the delete-one jackknife over parts of the flights, and include the bias from
+    current noise: the true value lies between the least squares of the voltage and of the current.
+
+    Parameters
+    ----------
+    records
+        Records of the voltage equation of one actuator; others are ignored.
+    """
+    own = [record for record in records if record.equation == VOLTAGE]
+    rows = [row for record in own for row in record.groups]
+    if len(rows) < _LEAST_GROUPS:
+        return None
+    grams = np.array([unpacked(row[1:], _SIZE) for row in rows])
+    total = grams.sum(axis=0)
+    value = _solved(total)
+    if value is None:
+        return None
+    others = [rest for gram in grams if (rest := _solved(total - gram)) is not None]
+    count = len(others)
+    spread = np.array(others) - np.mean(others, axis=0)
+    error = np.sqrt((spread**2).sum(axis=0) * (count - 1) / count)
+    noise = _attenuation(total, value)
+    value = value + noise / 2.0
+    half = stdtrit(count - 1, 0.975) * np.hypot(error, noise / np.sqrt(12.0))
+    resistance, back_emf, drop = (
+        Interval(estimate=float(f"{v:.6g}"), low=float(f"{v - h:.6g}"), high=float(f"{v + h:.6g}"))
+        for v, h in zip(value, half, strict=True)
+    )
+    if resistance.low <= 0.0 or back_emf.low <= 0.0:
+        return None
+    return Identified(resistance, back_emf, drop, len(own))
+
+
+def _attenuation(gram: Array, value: Array) -> Array:
+    """Return the largest bias of the coefficients, reached if the whole residual is current noise."""
+    left_over = float(gram[-1, -1] - value @ gram[:-1, -1])
+    most: Array = left_over / value[0] * np.linalg.inv(gram[:-1, :-1])[:, 0]
+    return most
+
+
+def _solved(gram: Array) -> Array | None:
+    normal, right = gram[:-1, :-1], gram[:-1, -1]
+    scale = np.sqrt(np.diag(normal))
+    if not (scale > 0.0).all():
+        return None
+    alike = normal / np.outer(scale, scale)
+    if np.abs(np.triu(alike, 1)).max() > _MOST_ALIKE:
+        return None
+    solved: Array = np.linalg.solve(alike, right / scale) / scale
+    return solved

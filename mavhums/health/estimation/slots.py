@@ -1,0 +1,236 @@
+"""Division of an actuator's samples into slots of equal length, independent of block boundaries.
+
+A sample belongs to the slot in which it is confirmed, that is, in which the sample after the first one
+that is at least :data:`GUARD_S` later arrives. The speeds of its neighbours are then known, also where they
+are differences of angles, and the content of a slot depends only on the samples and their order, not on
+the division of the log into blocks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.quantities import KEYS, column
+
+BUS, SHAFT, SENSED, APART, AIRSPEED, TURNED = (len(KEYS) + k for k in range(6))
+MAGNITUDES = slice(len(KEYS) + 6, len(KEYS) + 9)
+COLUMNS = len(KEYS) + 9
+GUARD_S = 0.06
+_ABSURD = 1e9
+_V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
+WINDOW_SLOTS = 10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slots:
+    """The samples of several slots, with neighbours on either side.
+
+    Attributes
+    ----------
+    index
+        Slot k covers flight times from ``index[k]`` to ``index[k] + 1`` slot lengths; increasing,
+        shape (k,). Slots without confirmed samples are omitted.
+    start
+        Index of each slot's first judged sample, shape (k,).
+    judged
+        Mask of the samples that belong to the slots; the others are neighbours.
+    time_s, values
+        Shapes (n,) and (n, ``COLUMNS``), increasing in time; the columns are those of :func:`widen`.
+    """
+
+    index: Integers
+    start: Integers
+    judged: slice
+    time_s: Array
+    values: Array
+
+    def sums(self, columns: Array) -> Array:
+        """Return the sum over each slot of columns (n, m) of judged samples, shape (k, m)."""
+        total: Array = np.add.reduceat(columns, self.start, axis=0)
+        return total
+
+    def count(self) -> Integers:
+        """Return the number of judged samples of each slot, shape (k,)."""
+        return np.diff(self.start, append=self.judged.stop - self.judged.start)
+
+
+def widen(
+    values: Array,
+    measured: Flags | None = None,
+    bus_v: Array | None = None,
+    airspeed: Array | None = None,
+    magnitudes: Array | None = None,
+) -> Array:
+    """Return V1…V12 with the additional columns of some detectors, shape (n, ``COLUMNS``).
+
+    Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle if it does not
+    depend on a derived sign; ``SENSED`` is 1 where a sensor measured that angle, as opposed to the rotor's;
+    ``APART`` is 1 where separate sensors measured V2 and V3; ``AIRSPEED`` is the aircraft's, m/s;
+    ``TURNED`` is 1 where the rotor's speed follows from the measured one of the output shaft;
+    ``MAGNITUDES`` are those of V4, V5 and V7 from a source that does not measure their signs.
+    Values that are not finite or not plausible are NaN.
+
+    Parameters
+    ----------
+    values
+        Shape (n, 12).
+    measured
+        Mask of the measured values, as opposed to derived ones, shape (n, 12); all if omitted.
+    bus_v, airspeed
+        Shape (n,); NaN if omitted.
+    magnitudes
+        Shape (n, 3); NaN if omitted.
+    """
+    wide = np.full((len(values), COLUMNS), np.nan)
+    wide[:, : len(KEYS)] = values
+    wide[:, SHAFT] = values[:, _V3]
+    wide[:, [SENSED, APART]] = 1.0
+    wide[:, TURNED] = 0.0
+    if bus_v is not None:
+        wide[:, BUS] = bus_v
+    if airspeed is not None:
+        wide[:, AIRSPEED] = airspeed
+    if magnitudes is not None:
+        wide[:, MAGNITUDES] = magnitudes
+    if measured is not None:
+        wide[:, SENSED] = measured[:, _V3]
+        wide[:, APART] = measured[:, _V2] & measured[:, _V3]
+        wide[:, TURNED] = measured[:, _V10] & ~measured[:, _V7]
+        wide[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan
+    wide[~(np.abs(wide) < _ABSURD)] = np.nan
+    return wide
+
+
+class SlotCutter:
+    """Collects samples and returns slots that are complete.
+
+    Parameters
+    ----------
+    slot_s
+        Length of a slot, s.
+
+    Attributes
+    ----------
+    late
+        Number of samples that arrived after their slot was closed; they are ignored.
+    latest_s
+        Flight time of the latest sample; minus infinity before the first.
+    """
+
+    def __init__(self, slot_s: float = 1.0) -> None:
+        self.late = 0
+        self.latest_s = -np.inf
+        self._slot_s = slot_s
+        self._times: list[Array] = []
+        self._values: list[Array] = []
+        self._closed = -np.inf
+        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, COLUMNS))
+        self._pending: tuple[Array, Array] = self._before
+
+    def completes(self, latest_s: float) -> bool:
+        """Return whether a sample at this time would complete a slot."""
+        return bool(np.floor(latest_s / self._slot_s) * self._slot_s > self._closed)
+
+    def feed(self, time_s: Array, values: Array) -> Slots | None:
+        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, ``COLUMNS``)."""
+        if time_s.size == 0:
+            return None
+        latest = np.maximum(np.maximum.accumulate(time_s), self.latest_s)
+        in_time = time_s >= self._begin(latest)
+        self.late += int(np.count_nonzero(~in_time))
+        self._times.append(time_s[in_time])
+        self._values.append(values[in_time])
+        self.latest_s = float(latest[-1])
+        horizon = float(self._begin(latest[-1:])[0])
+        if horizon <= self._closed:
+            return None
+        self._closed = horizon
+        return self._close(horizon)
+
+    def finish(self) -> Slots | None:
+        """Return the remaining slots; the last one may be incomplete."""
+        return self._close(np.inf)
+
+    def _begin(self, time_s: Array) -> Array:
+        """Return the start of the slot of each flight time."""
+        begin: Array = np.floor(time_s / self._slot_s) * self._slot_s
+        return begin
+
+    def _close(self, horizon: float) -> Slots | None:
+        if not self._times:
+            return None
+        time_s, values = _joined(self._times), _joined(self._values)
+        if not (time_s[1:] > time_s[:-1]).all():
+            time_s, first = np.unique(time_s, return_index=True)
+            values = values[first]
+        done = int(np.searchsorted(time_s, horizon))
+        self._times, self._values = [time_s[done:]], [values[done:]]
+        lead = self._before[0].size
+        whole_t = np.concatenate([self._before[0], self._pending[0], time_s[:done]])
+        whole_v = np.concatenate([self._before[1], self._pending[1], values[:done]])
+        time_s, values = whole_t[lead:], whole_v[lead:]
+        confirmed_by = np.searchsorted(time_s, time_s + GUARD_S) + 1
+        ready = int(np.searchsorted(confirmed_by, time_s.size))
+        self._pending = time_s[ready:], values[ready:]
+        if not ready:
+            return None
+        slots = np.floor(time_s[confirmed_by[:ready]] / self._slot_s).astype(np.int64)
+        start = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
+        next_s = time_s[ready] if ready < time_s.size else np.inf
+        keep = int(np.searchsorted(whole_t, next_s - GUARD_S, side="right")) - 1
+        keep = max(min(keep, lead + ready - 1) - 1, 0)
+        self._before = whole_t[keep : lead + ready], whole_v[keep : lead + ready]
+        return Slots(slots[start], start, slice(lead, lead + ready), whole_t, whole_v)
+
+
+def _joined(parts: list[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+class Windows:
+    """Buffers the sums of the last slots.
+
+    Parameters
+    ----------
+    columns
+        Number m of sums of a slot.
+    slots
+        Number of slots in a window, S.
+    empty
+        Value of the sums of a slot without samples.
+    """
+
+    def __init__(self, columns: int, slots: int = WINDOW_SLOTS, empty: float = 0.0) -> None:
+        self._slots = slots
+        self._columns = columns
+        self._empty = empty
+        self._last: int | None = None
+        self._kept = np.full((slots, columns), empty)
+
+    def feed(self, index: Integers, sums: Array) -> Array:
+        """Return the windows that end with each of these slots.
+
+        Parameters
+        ----------
+        index, sums
+            Increasing slot numbers, shape (k,), and their sums, shape (k, m); omitted slots are empty.
+
+        Returns
+        -------
+        NDArray
+            Shape (k, S, m), the oldest slot first.
+        """
+        last = int(index[0]) - 1 if self._last is None else self._last
+        steps = index - np.concatenate([[last], index[:-1]])
+        ahead = np.minimum(steps, self._slots + 1).cumsum()  # a jump of the clock must not allocate memory
+        dense = np.full((self._slots + int(ahead[-1]), self._columns), self._empty)
+        dense[: self._slots] = self._kept
+        dense[self._slots + ahead - 1] = sums
+        self._kept = dense[-self._slots :]
+        self._last = int(index[-1])
+        rows = ahead[:, None] + np.arange(self._slots)
+        windows: Array = dense[rows]
+        return windows

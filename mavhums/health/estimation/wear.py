@@ -1,0 +1,305 @@
+"""Learns an individual's nuisances from its own flights, and estimates its wear with these fixed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mavhums.core.arrays import Array
+from mavhums.health.estimation.equations.own_scale import POWER
+from mavhums.health.estimation.flight_sums import KEPT, LINEAR, POWER_COLUMNS, QUADRATIC, WEAR
+from mavhums.health.estimation.grams import eliminated, unpacked
+from mavhums.report.assessment import OwnRecord
+
+_SIGN, _LEFT = KEPT.index("sign"), KEPT.index("left")
+_SPEED, _ACCELERATION = KEPT.index("speed"), KEPT.index("acceleration")
+_LOAD, _ANGLE = KEPT.index("load"), KEPT.index("angle")
+_LEAST_GROUPS = 4
+_LEAST_INFORMATION = 40.0  # samples, as many to either side
+_C, _D, _E = QUADRATIC.index(9), QUADRATIC.index(11), QUADRATIC.index(12)
+_POWER = POWER_COLUMNS - 1
+_LEAST_SAMPLES = 80.0
+_ROUNDS = 4
+_SURE = 5.0  # standard errors by which the load must show in the power
+
+
+@dataclass(frozen=True, slots=True)
+class Nuisances:
+    """Fixed coefficients of the individual, and the columns that are free in each flight.
+
+    Attributes
+    ----------
+    held
+        Coefficients by column of :data:`~mavhums.health.estimation.flight_sums.KEPT`.
+    free
+        Free columns: the load's, if the airspeed is not known.
+    """
+
+    held: dict[int, float]
+    free: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wear:
+    """A flight's wear coefficient, its standard error, and the degrees of freedom of the error."""
+
+    value: float
+    error: float
+    freedom: float
+
+
+def grams_of(record: OwnRecord) -> tuple[Array, Array]:
+    """Return a record's numbers of samples, shape (g,), and Gram matrices, shape (g, 6, 6)."""
+    rows = np.array(record.groups, dtype=np.float64)
+    return rows[:, 0], np.array([unpacked(row[1:], len(KEPT)) for row in rows])
+
+
+def _columns(record: OwnRecord) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the fixed and the free columns."""
+    if record.setup.endswith("no airspeed"):
+        return (_SPEED, _ACCELERATION), (_ANGLE,)
+    return (_SPEED, _ACCELERATION, _LOAD), ()
+
+
+def _shows_linear(record: OwnRecord) -> bool:
+    """Return whether a flight has enough motion in both directions to determine the wear."""
+    return information(record) >= _LEAST_INFORMATION and len(record.groups) >= _LEAST_GROUPS
+
+
+def information(record: OwnRecord) -> float:
+    """Return the number of samples in a flight that determine its wear, as many to either side."""
+    return sum(row[1 + _SIGN] for row in record.groups)
+
+
+def _learned_linear(records: Sequence[OwnRecord]) -> Nuisances | None:
+    """Return the joint nuisances of flights with the same set-up; None if they do not determine them.
+
+    Each flight has a wear of its own. It counts by the inverse variance of its residuals, for gusts disturb
+    the balance.
+    """
+    held, free = _columns(records[0])
+    total = np.zeros((len(KEPT), len(KEPT)))
+    for record in records:
+        counts, grams = grams_of(record)
+        gram = eliminated(grams.sum(axis=0), [_SIGN, *free])
+        left = eliminated(gram, held)[_LEFT, _LEFT]
+        freedom = counts.sum() - len(counts) - len(held) - 1
+        if freedom > 0 and left > 0.0:
+            total += gram * freedom / left
+    normal = total[np.ix_(held, held)]
+    scale = np.sqrt(np.diag(normal))
+    if not (scale > 0.0).all():
+        return None
+    scaled = normal / np.outer(scale, scale)
+    coefficients = np.linalg.lstsq(scaled, total[list(held), _LEFT] / scale)[0] / scale
+    return Nuisances(dict(zip(held, coefficients.tolist(), strict=True)), free)
+
+
+def _linear_wear(record: OwnRecord, nuisances: Nuisances | None) -> Wear | None:
+    """Return a flight's wear with fixed nuisances, or free ones if None; None if it is not determined."""
+    counts, grams = grams_of(record)
+    held, free = _columns(record)
+    grams = grams.copy()
+    if nuisances is None:
+        free = (*held, *free)
+    else:
+        for column, coefficient in nuisances.held.items():
+            grams[:, _LEFT, :] -= coefficient * grams[:, column, :]
+            grams[:, :, _LEFT] -= coefficient * grams[:, :, column]
+    if not _shows_linear(record):
+        return None
+    total = grams.sum(axis=0)
+    whole = eliminated(total, free)
+    information = whole[_SIGN, _SIGN]
+    value = whole[_SIGN, _LEFT] / information
+    without = [eliminated(total - gram, free) for gram in grams]
+    if min(rest[_SIGN, _SIGN] for rest in without) <= 1e-9 * total[_SIGN, _SIGN]:
+        return None
+    others = np.array([rest[_SIGN, _LEFT] / rest[_SIGN, _SIGN] for rest in without])
+    shares = grams[:, _SIGN, _SIGN]
+    effective = float(shares.sum() ** 2 / (shares**2).sum())
+    jackknife = float(((others - others.mean()) ** 2).sum()) * (len(grams) - 1) / len(grams)
+    residual = max(float(whole[_LEFT, _LEFT] - value**2 * information), 0.0)
+    independent = residual / max(float(counts.sum()) - len(counts) - 1.0, 1.0) / information
+    return Wear(float(value), max(jackknife, independent) ** 0.5, max(effective - 1.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Law:
+    """The law of an individual's power.
+
+    Attributes
+    ----------
+    quadratic
+        Coefficients of the columns :data:`~mavhums.health.estimation.flight_sums.QUADRATIC`.
+    friction
+        Median friction of the flights.
+    """
+
+    quadratic: Array
+    friction: float
+
+    @property
+    def left(self) -> Array:
+        """Return the power without the quadratic terms, as weights of the columns."""
+        weights = np.zeros(POWER_COLUMNS)
+        weights[list(QUADRATIC)], weights[_POWER] = -self.quadratic, 1.0
+        return weights
+
+    @property
+    def per_friction(self) -> Array:
+        """Return the derivative of the power with respect to friction, as weights of the columns."""
+        weights = np.zeros(POWER_COLUMNS)
+        weights[list(WEAR)] = 1.0, self._ratio(_D), 2.0 * self._ratio(_E)
+        return weights
+
+    def per_offset(self, friction: float) -> Array:
+        """Return the derivative of the power with respect to c, as weights of the columns."""
+        weights = np.zeros(POWER_COLUMNS)
+        slope = 2.0 * self._ratio(_E) / self.quadratic[_C]
+        weights[list(LINEAR)] = slope * friction, 1.0, self._ratio(_D), 2.0 * self._ratio(_E)
+        return weights
+
+    def _ratio(self, term: int) -> float:
+        return float(self.quadratic[term] / self.quadratic[_C])
+
+
+def _shows_power(record: OwnRecord) -> bool:
+    """Return whether a flight has enough motion to determine its friction."""
+    return len(record.groups) >= _LEAST_GROUPS and sum(row[0] for row in record.groups) >= _LEAST_SAMPLES
+
+
+def _learned_power(records: Sequence[OwnRecord]) -> Law | None:
+    """Return the law that flights with the same set-up share; None if they do not determine it.
+
+    Each flight has a friction of its own, and counts by the inverse variance of its residuals.
+    """
+    flights = [_power_grams(record) for record in records if _shows_power(record)]
+    if not flights:
+        return None
+    total = np.zeros((POWER_COLUMNS, POWER_COLUMNS))
+    for counts, grams in flights:
+        own = sum(eliminated(gram, LINEAR) for gram in grams)
+        own = eliminated(np.asarray(own), WEAR)
+        left = eliminated(own, QUADRATIC)[_POWER, _POWER]
+        total += own * counts.sum() / left if left > 0.0 else 0.0
+    law = _law(total, 0.0)
+    for _ in range(_ROUNDS):
+        if law is None:
+            return None
+        frictions = [_friction(counts, grams, law) for counts, grams in flights]
+        total = np.zeros((POWER_COLUMNS, POWER_COLUMNS))
+        for (_, grams), fit in zip(flights, frictions, strict=True):
+            if fit is not None:
+                rest = _without_offset(grams, law, fit.value)
+                whole = np.einsum("k,kij->ij", fit.weights, rest)
+                total += _along(whole[np.newaxis], law.per_friction)[0]
+        known = [fit.value for fit in frictions if fit is not None]
+        law = _law(total, float(np.median(known))) if known else None
+    return law
+
+
+def _power_wear(record: OwnRecord, law: Law | None) -> Wear | None:
+    """Return a flight's friction with a fixed law, or its own if None; None if it is not determined.
+
+    Its error is that of the delete-one jackknife over the parts of the flight.
+    """
+    if not _shows_power(record) or (law := _learned_power([record]) if law is None else law) is None:
+        return None
+    counts, grams = _power_grams(record)
+    fit = _friction(counts, grams, law)
+    if fit is None:
+        return None
+    information, pull = fit.weights * fit.information, fit.weights * fit.pull
+    rest = information.sum() - information
+    if rest.min() <= 1e-9 * information.sum():
+        return None
+    others = (pull.sum() - pull) / rest
+    jackknife = float(((others - others.mean()) ** 2).sum()) * (len(counts) - 1) / len(counts)
+    freedom = max(float(counts.sum()) - 2.0 * len(counts) - 1.0, 1.0)
+    independent = float(counts.sum()) / freedom / float(information.sum())
+    effective = float(information.sum() ** 2 / (information**2).sum())
+    return Wear(fit.value, max(jackknife, independent) ** 0.5, max(effective - 1.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _PowerFit:
+    """A flight's friction, and by part: its weight, its information, and friction times information."""
+
+    value: float
+    weights: Array
+    information: Array
+    pull: Array
+
+
+def _friction(counts: Array, grams: Array, law: Law) -> _PowerFit | None:
+    """Return the friction; parts count by the inverse variance of their residuals, for gusts disturb them."""
+    column, left, value, weights = law.per_friction, law.left, law.friction, np.ones(len(counts))
+    for _ in range(_ROUNDS):
+        rest = _without_offset(grams, law, value)
+        information = np.einsum("i,kij,j->k", column, rest, column)
+        pull = np.einsum("i,kij,j->k", column, rest, left)
+        squares = np.einsum("i,kij,j->k", left, rest, left)
+        if not float(weights @ information) > 0.0:
+            return None
+        value = float(weights @ pull) / float(weights @ information)
+        residual = squares - 2.0 * value * pull + value**2 * information
+        weights = counts / np.maximum(residual, 1e-9 * squares.max() + 1e-300)
+    value = float(weights @ pull) / float(weights @ information)
+    return _PowerFit(value, weights, information, pull) if np.isfinite(value) else None
+
+
+def _law(total: Array, friction: float) -> Law | None:
+    """Return the least-squares law of a sum of Gram matrices; None if the load does not show in it."""
+    terms = list(QUADRATIC)
+    normal = total[np.ix_(terms, terms)]
+    scale = np.sqrt(np.diag(normal))
+    if not (np.isfinite(scale).all() and (scale > 0.0).all()):
+        return None
+    alike = normal / np.outer(scale, scale)
+    quadratic: Array = np.linalg.lstsq(alike, total[terms, _POWER] / scale, rcond=1e-9)[0] / scale
+    load_alone = 1.0 / float(np.linalg.pinv(alike, rcond=1e-9)[_C, _C]) ** 0.5 * float(scale[_C])
+    sure = abs(float(quadratic[_C])) * load_alone > _SURE
+    return Law(quadratic, friction) if sure else None
+
+
+def _power_grams(record: OwnRecord) -> tuple[Array, Array]:
+    rows = np.array(record.groups, dtype=np.float64)
+    return rows[:, 0], np.array([unpacked(row[1:], POWER_COLUMNS) for row in rows])
+
+
+def _without_offset(grams: Array, law: Law, friction: float) -> Array:
+    return _along(grams, law.per_offset(friction))
+
+
+def _along(grams: Array, direction: Array) -> Array:
+    """Return Gram matrices, shape (k, 14, 14), after a regression on one combination of columns."""
+    product = grams @ direction
+    size = product @ direction
+    small = size <= 1e-9 * np.abs(direction**2 @ np.diagonal(grams, axis1=1, axis2=2).T)
+    share = np.where(small, 0.0, 1.0 / np.where(small, 1.0, size))
+    rest: Array = grams - share[:, None, None] * product[:, :, None] * product[:, None, :]
+    return rest
+
+
+Individual = Nuisances | Law
+"""Coefficients of the individual."""
+
+
+def shows(record: OwnRecord) -> bool:
+    """Return whether a flight has enough motion in both directions to determine the wear."""
+    return _shows_power(record) if record.equation == POWER.name else _shows_linear(record)
+
+
+def learned(records: Sequence[OwnRecord]) -> Individual | None:
+    """Return the individual's coefficients from flights with the same set-up; None if undetermined."""
+    return _learned_power(records) if records[0].equation == POWER.name else _learned_linear(records)
+
+
+def wear(record: OwnRecord, individual: Individual | None) -> Wear | None:
+    """Return a flight's wear with the individual's coefficients fixed, or free if None."""
+    if record.equation == POWER.name:
+        return _power_wear(record, individual if isinstance(individual, Law) else None)
+    return _linear_wear(record, individual if isinstance(individual, Nuisances) else None)

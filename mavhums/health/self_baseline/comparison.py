@@ -1,0 +1,295 @@
+"""Compares a flight with the earlier flights: a pure function of their stored sums."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from mavhums.core.arrays import Array
+from mavhums.core.conditions import Condition
+from mavhums.health.decision.limits import FALSE_ALARMS, tail_of
+from mavhums.health.estimation.equations.interface import OwnEquation
+from mavhums.health.estimation.flight_sums import KEPT
+from mavhums.health.estimation.random_effects import Population, population
+from mavhums.health.estimation.wear import Individual, Wear, grams_of, information, learned, wear
+from mavhums.health.self_baseline.past import PastRecord, compared
+from mavhums.report.assessment import Interval, OwnRecord
+
+_WINDOW_S = 10.0
+_MOST_TAIL = 0.01
+_TRAILING = 100
+_LEAST_FLIGHTS = 4
+_BLURRED = 3.0  # times the baseline's largest error, by information; of healthy flights at most 2.4
+_WARMTH_K = 5.0  # temperature difference among the flights from which the slope can be determined
+_BEYOND_K = 3.0
+_ACTIVITY = 0.2  # of the logarithm: a fifth
+_ACCELERATION = KEPT.index("acceleration")
+_Of = Callable[[OwnRecord], float | None]
+
+
+class Onset(NamedTuple):
+    """The first of the consecutive flights that show a change: its number, from 1, and its date."""
+
+    flight: int
+    date: str
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """The comparison of a flight with the earlier flights.
+
+    Attributes
+    ----------
+    condition
+        ``unchanged``, ``changed``, ``learning``, or ``undecided``.
+    value, baseline
+        The quantity in this flight, and its 95 % prediction from the earlier flights; None if this flight
+        does not determine it, and if there is no baseline yet.
+    flights, needed
+        Number of flights in the baseline, or so far, and the number that it needs.
+    change
+        Relative to the baseline, with its 95 % interval.
+    least_rise
+        Relative rise that would be detected with 95 % probability.
+    since
+        First flight with the change; None if it is this flight, or if there is no change.
+    why
+        Reason of ``undecided``.
+    """
+
+    condition: Condition
+    value: Interval | None
+    flights: int
+    needed: int
+    baseline: Interval | None = None
+    change: Interval | None = None
+    least_rise: float | None = None
+    since: Onset | None = None
+    why: str = ""
+
+
+def compare(
+    equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS
+) -> Comparison:
+    """Return the comparison of a flight with the earlier flights.
+
+    Parameters
+    ----------
+    equation
+        Equation whose wear is compared.
+    own
+        Record of the flight.
+    past
+        All earlier flights, in time order.
+    false_alarms
+        Allowed false alarms per 100 hours of the actuator.
+    """
+    needed = equation.min_flights
+    reference, after = compared(equation, own, past)
+    records = tuple(record for _, _, record in reference)
+    healthy = (
+        _Healthy.of(equation, records, own.temperature_c is not None) if len(records) >= needed else None
+    )
+    if healthy is None or healthy.shown < needed:
+        flights = sum(wear(record, None) is not None for record in records)
+        alone = wear(own, None)
+        if alone is None:
+            return _still(equation, flights)
+        return Comparison("learning", _interval(alone), min(flights + 1, needed), needed)
+    held = wear(own, healthy.nuisances)
+    if held is None:
+        return _still(equation, healthy.shown)
+    if healthy.beyond(own):
+        why = f"its flight was {healthy.beyond(own)} than any of its baseline"
+        return Comparison("undecided", _interval(held), healthy.shown, needed, why=why)
+    rise, bound, found = healthy.rise(held, own, false_alarms)
+    trailing = after[-_TRAILING:]
+    return Comparison(
+        condition="changed" if rise > bound else "unchanged",
+        value=_interval(held),
+        flights=healthy.shown,
+        needed=equation.min_flights,
+        baseline=healthy.prediction(own),
+        change=healthy.relative(held, own),
+        least_rise=found / abs(healthy.mean(own)),
+        since=healthy.since(trailing, false_alarms) if rise > bound else None,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Healthy:
+    """The reference flights: their population, and their known differences.
+
+    ``noise`` is the largest error of a flight with one sample of information; infinite if a flight's own
+    error counts however large it is.
+    """
+
+    nuisances: Individual
+    flights: Population
+    differences: tuple[Difference, ...]
+    sign: float
+    shown: int
+    noise: float
+
+    @classmethod
+    @lru_cache(maxsize=1024)
+    def of(cls, equation: OwnEquation, records: tuple[OwnRecord, ...], warm: bool) -> _Healthy | None:
+        """Learn from reference flights; ``warm`` is True if the flight's temperature is known."""
+        nuisances = learned(records)
+        shown = [(w, r) for r in records if (w := wear(r, nuisances))]
+        if nuisances is None or len(shown) < _LEAST_FLIGHTS:
+            return None
+        values = np.array([w.value for w, _ in shown])
+        errors = np.array([w.error for w, _ in shown])
+        known = tuple(differences(equation, [r for _, r in shown], warm=warm))
+        flights = population(np.array([_row(known, r) for _, r in shown]), values, errors)
+        noise = max(w.error * information(r) ** 0.5 for w, r in shown) if equation.blurs else np.inf
+        sign = float(np.sign(flights.coefficients[0])) or 1.0
+        return cls(nuisances, flights, known, sign, len(shown), _BLURRED * noise)
+
+    def _row(self, record: OwnRecord) -> Array:
+        return _row(self.differences, record)
+
+    def beyond(self, record: OwnRecord) -> str:
+        """Return the comparative of a flight to which the reference flights would be extrapolated."""
+        return next((word for known in self.differences if (word := known.beyond(record))), "")
+
+    def mean(self, record: OwnRecord) -> float:
+        """Return the expected value of a flight."""
+        return float(self._row(record) @ self.flights.coefficients)
+
+    def rise(self, held: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
+        """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
+        variance = self.flights.variance_at(self._row(record))
+        own = min(held.error, self.noise / information(record) ** 0.5) ** 2
+        freedom = (variance + own) ** 2 / (variance**2 / self.flights.freedom + own**2 / held.freedom)
+        tail = min(tail_of(false_alarms) * max(record.duration_s / _WINDOW_S, 1.0), _MOST_TAIL)
+        error = (variance + own) ** 0.5
+        bound = float(stdtrit(freedom, 1.0 - tail)) * error
+        return self.sign * (held.value - self.mean(record)), bound, bound + 1.645 * error
+
+    def relative(self, held: Wear, record: OwnRecord) -> Interval:
+        """Return the relative change with its 95 % interval."""
+        mean = self.mean(record)
+        change = held.value / mean - 1.0
+        error = (held.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
+        half = float(stdtrit(min(held.freedom, self.flights.freedom), 0.975)) * error
+        return Interval(estimate=change, low=change - half, high=change + half)
+
+    def prediction(self, record: OwnRecord) -> Interval:
+        """Return the 95 % interval of a healthy flight's value."""
+        mean, row = self.mean(record), self._row(record)
+        half = float(stdtrit(self.flights.freedom, 0.975)) * self.flights.variance_at(row) ** 0.5
+        return Interval(estimate=mean, low=mean - half, high=mean + half)
+
+    def since(self, after: list[tuple[int, str, OwnRecord]], false_alarms: float) -> Onset | None:
+        """Return the first of the latest consecutive flights that also show the change."""
+        first = None
+        for number, date, record in reversed(after):
+            held = wear(record, self.nuisances)
+            if held is None or self.beyond(record):
+                continue
+            rise, bound, _ = self.rise(held, record, false_alarms)
+            if rise <= bound:
+                break
+            first = Onset(number, date)
+        return first
+
+
+def _row(known: Sequence[Difference], record: OwnRecord) -> Array:
+    return np.array([1.0, *(one.at(record) for one in known)])
+
+
+def _still(equation: OwnEquation, flights: int) -> Comparison:
+    why = f"the servo moved too little both ways to show its {equation.quantity}"
+    return Comparison("undecided", None, flights, equation.min_flights, why=why)
+
+
+def _interval(of: Wear) -> Interval:
+    half = float(stdtrit(of.freedom, 0.975)) * of.error
+    return Interval(estimate=of.value, low=of.value - half, high=of.value + half)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A number by flight on which the quantity depends linearly, within the range of the reference flights.
+
+    Attributes
+    ----------
+    of
+        Returns the number of a flight.
+    mean, low, high
+        Mean and range over the reference flights.
+    margin
+        Extrapolation that is allowed.
+    below, above
+        Comparative of a flight below and above that range.
+    """
+
+    of: _Of
+    mean: float
+    low: float
+    high: float
+    margin: float
+    below: str
+    above: str
+
+    def at(self, record: OwnRecord) -> float:
+        """Return a flight's difference from the mean; zero if it is not known."""
+        value = self.of(record)
+        return 0.0 if value is None else value - self.mean
+
+    def beyond(self, record: OwnRecord) -> str:
+        """Return the comparative of a flight that would be extrapolated; empty if none."""
+        value = self.of(record)
+        if value is None or self.low - self.margin <= value <= self.high + self.margin:
+            return ""
+        return self.below if value < self.low else self.above
+
+
+def differences(equation: OwnEquation, records: Sequence[OwnRecord], *, warm: bool) -> list[Difference]:
+    """Return the differences that the reference flights determine.
+
+    Parameters
+    ----------
+    equation
+        The equation of the records.
+    records
+        Records of the reference flights.
+    warm
+        Whether the temperature of the judged flight is known.
+    """
+    found = []
+    warmth = _difference(_temperature, records, _BEYOND_K, "colder", "warmer")
+    if warm and warmth is not None and warmth.high - warmth.low >= _WARMTH_K:
+        found.append(warmth)
+    if equation.by_activity:
+        activity = _difference(_activity, records, _ACTIVITY, "calmer", "rougher")
+        if activity is not None and activity.high > activity.low:
+            found.append(activity)
+    return found
+
+
+def _difference(
+    of: _Of, records: Sequence[OwnRecord], margin: float, below: str, above: str
+) -> Difference | None:
+    told = [value for record in records if (value := of(record)) is not None]
+    if len(told) < len(records):
+        return None
+    return Difference(of, float(np.mean(told)), min(told), max(told), margin, below, above)
+
+
+def _temperature(record: OwnRecord) -> float | None:
+    return record.temperature_c
+
+
+def _activity(record: OwnRecord) -> float:
+    """Return the logarithm of the root mean square acceleration in motion."""
+    counts, grams = grams_of(record)
+    mean = float(grams[:, _ACCELERATION, _ACCELERATION].sum() / counts.sum())
+    return 0.5 * float(np.log(max(mean, 1e-12)))

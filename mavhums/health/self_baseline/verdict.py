@@ -1,0 +1,189 @@
+"""Compares a verdict with the earlier flights: a pure function of the data stored in verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mavhums.core.conditions import Condition
+from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations.interface import OwnEquation
+from mavhums.health.estimation.equations.own_scale import CURRENT
+from mavhums.health.self_baseline.comparison import Comparison, compare
+from mavhums.health.self_baseline.motor import (
+    MOTOR_FAULTS,
+    STALL_SHARES,
+    constant_lost,
+    motor_indicators,
+    motor_of,
+    stall_indicators,
+)
+from mavhums.health.self_baseline.past import PastRecord, record_of
+from mavhums.report.assessment import (
+    Evidence,
+    Indicator,
+    Interval,
+    OwnRecord,
+    Suspect,
+    Verdict,
+)
+
+_OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
+_SURE = 0.999
+_CONSTANT = "torque_constant"
+_OF_THE_MOTOR = (*MOTOR_FAULTS, *STALL_SHARES)
+_MAGNETS = "inspect the motor's magnets, which age and suffer from heat"
+_KEEP = "keep its flights in one folder: mavhums analyse LOG --history DIR --keep"
+_NO_LIMIT = "no absolute limit known"
+
+
+def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS) -> Verdict:
+    """Return the verdict after the comparison with the actuator's own earlier flights.
+
+    It is unchanged if a limit or a jam decides, and if it has no own-scale record. A verdict that was
+    already compared with other flights is judged again.
+
+    Parameters
+    ----------
+    verdict
+        Verdict on a flight.
+    past
+        All earlier flights of the same actuator, in time order.
+    false_alarms
+        Allowed false alarms per 100 hours of the actuator.
+    """
+    told_by = _deciding(verdict)
+    if told_by is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
+        return verdict
+    equation, record = told_by
+    found = compare(equation, record, past, false_alarms)
+    lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
+    fault = equation.fault if lost is None else _CONSTANT
+    text = told(equation, found) if lost is None else told_of_constant(equation, found, lost)
+    replaced = (equation.fault, *_OF_THE_MOTOR)
+    indicators = [shown for shown in verdict.indicators if shown.fault not in replaced]
+    evidence = [known for known in verdict.evidence if known.kind != _kind(equation)]
+    suspects = [suspect for suspect in verdict.suspects if suspect.fault not in (equation.fault, _CONSTANT)]
+    if found.value is not None:
+        indicators.append(_indicator(equation, record, found, found.value))
+        evidence.append(_evidence(equation, record, found, found.value, text))
+    current = found.value if equation == CURRENT else None
+    indicators.extend(motor_indicators(verdict.own, past))
+    indicators.extend(stall_indicators(verdict.own, motor_of(verdict.own), current))
+    if found.condition == "changed":
+        suspects.append(Suspect(fault=fault, confidence=_SURE))
+    return verdict.model_copy(
+        update={
+            "condition": found.condition,
+            "worst": found.condition,
+            "suspects": tuple(suspects),
+            "evidence": tuple(evidence),
+            "indicators": tuple(indicators),
+            "reason": text,
+            "remedy": remedy_of(equation, found) if lost is None else _MAGNETS,
+        }
+    )
+
+
+def without_own(verdict: Verdict) -> Verdict:
+    """Return a verdict without the indicators and the evidence of own-scale equations."""
+    faults = {*(equation.fault for equation in OWN_EQUATIONS), *_OF_THE_MOTOR}
+    kinds = {_kind(equation) for equation in OWN_EQUATIONS}
+    return verdict.model_copy(
+        update={
+            "indicators": tuple(shown for shown in verdict.indicators if shown.fault not in faults),
+            "evidence": tuple(known for known in verdict.evidence if known.kind not in kinds),
+        }
+    )
+
+
+def _deciding(verdict: Verdict) -> tuple[OwnEquation, OwnRecord] | None:
+    """Return the most informative equation for this flight."""
+    for equation in OWN_EQUATIONS:
+        record = record_of(verdict.own, equation.name)
+        if record is not None:
+            return equation, record
+    return None
+
+
+def _kind(equation: OwnEquation) -> str:
+    return f"{equation.fault}_own"
+
+
+def _indicator(equation: OwnEquation, record: OwnRecord, found: Comparison, value: Interval) -> Indicator:
+    windows = len(record.groups)
+    error = (value.high - value.low) / 4.0
+    return Indicator(
+        fault=equation.fault,
+        quantity=equation.quantity,
+        unit=equation.unit,
+        value=_rounded(value),
+        windows=windows,
+        scatter=float(f"{error * windows**0.5:.4g}"),
+        baseline=found.baseline and _rounded(found.baseline),
+        baseline_flights=found.flights,
+        needed_flights=found.needed,
+        least_rise=None if found.least_rise is None else round(found.least_rise, 4),
+    )
+
+
+def _evidence(
+    equation: OwnEquation, record: OwnRecord, found: Comparison, value: Interval, text: str
+) -> Evidence:
+    return Evidence(
+        kind=_kind(equation),
+        start_s=0.0,
+        end_s=record.duration_s,
+        value=float(f"{value.estimate:.5g}"),
+        limit=None if found.baseline is None else float(f"{found.baseline.estimate:.5g}"),
+        rule=f"{found.condition}: {text}",
+    )
+
+
+def _rounded(interval: Interval) -> Interval:
+    return Interval(**{name: float(f"{number:.5g}") for name, number in interval})
+
+
+def told(equation: OwnEquation, found: Comparison) -> str:
+    """Return the result of a comparison as text.
+
+    Examples
+    --------
+    >>> from mavhums.health.estimation.equations import OWN_EQUATIONS
+    >>> told(OWN_EQUATIONS[0], Comparison("learning", None, 6, 10))
+    'flight 6 of the 10 that its baseline takes; no absolute limit known'
+    """
+    if found.condition == "learning":
+        return f"flight {found.flights} of the {found.needed} that its baseline takes; {_NO_LIMIT}"
+    if found.condition == "undecided" or found.change is None or found.least_rise is None:
+        return found.why
+    if found.condition == "unchanged":
+        half = max(found.change.high - found.change.estimate, 0.0)
+        return (
+            f"{equation.quantity} within ±{half:.0%} of its first {found.flights} flights "
+            f"(a rise of {found.least_rise:.0%} would have been found); {_NO_LIMIT}"
+        )
+    since = f" since flight {found.since.flight} ({found.since.date[:10]})" if found.since else ""
+    return f"{equation.quantity} {_change(found.change)}{since}: {equation.cause}; {_NO_LIMIT}"
+
+
+def told_of_constant(equation: OwnEquation, found: Comparison, lost: float) -> str:
+    """Return the text for a change that a loss of the torque constant explains."""
+    rise = "" if found.change is None else f" {found.change.estimate:+.0%}"
+    return f"torque constant {-lost:+.0%}; the {equation.quantity}{rise} follows from it; {_NO_LIMIT}"
+
+
+def remedy_of(equation: OwnEquation, found: Comparison) -> str | None:
+    """Return the remedy; None if there is none."""
+    if found.condition == "changed":
+        return f"inspect {equation.inspect}"
+    if found.condition == "learning":
+        return _KEEP
+    if found.condition == "undecided":
+        return "analyse a flight in which the surface works in the air of the flights before"
+    return None
+
+
+def _change(change: Interval) -> str:
+    half = (change.high - change.low) / 2
+    return f"{change.estimate:+.0%} ± {half:.0%}"

@@ -1,0 +1,1 @@
+"""Verdicts: findings in words, with the reason and the remedy where nothing can be said."""

@@ -1,0 +1,352 @@
+"""Conversion of an actuator's findings to a verdict, or to a reason and a remedy if there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime, timedelta
+from types import MappingProxyType
+from typing import NamedTuple
+
+from mavhums.actuator.profile import FILL_IN, Actuator
+from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
+from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
+from mavhums.core.conditions import Condition
+from mavhums.health.actuator.monitor import WINDOW_S, Findings
+from mavhums.health.verdict.obstacles import WEAR_UNSEEN, obstacle
+from mavhums.report.assessment import (
+    ALL,
+    Coverage,
+    Evidence,
+    Indicator,
+    Interval,
+    NetworkAnswer,
+    Since,
+    Suspect,
+    Verdict,
+)
+from mavhums.vehicle.identity import Identity
+from mavhums.vehicle.surfaces import Surfaces
+
+_MOSTLY = 0.1
+
+
+class Held(NamedTuple):
+    """Findings about an actuator in comparison with its own baseline, unrounded.
+
+    ``baselines`` are by fault; ``decidable`` is the number of windows that show what left its baseline. The
+    other fields are those of :class:`mavhums.health.actuator.monitor.Findings`.
+    """
+
+    condition: Condition
+    worst: Condition
+    since_s: float | None
+    suspects: tuple[Suspect, ...]
+    evidence: tuple[Evidence, ...]
+    baselines: Mapping[str, Interval]
+    last_s: float
+    decidable: int
+
+
+def judged(
+    vehicle: int,
+    actuator: Actuator,
+    findings: Findings,
+    *,
+    start_utc: datetime,
+    end_s: float,
+    late: int,
+    implausible: Mapping[str, tuple[int, int]],
+    provenance: dict[str, str],
+    tier: Tier,
+    network: NetworkAnswer | None = None,
+) -> Verdict:
+    """Return the verdict on an actuator with telemetry.
+
+    If its telemetry ended more than a window before the log's end ``end_s``, its condition is undecided:
+    silence is never normal. Earlier findings remain. ``implausible`` is, by quantity, the number of
+    implausible values and the number of all values.
+    """
+    silent = _is_silent(findings.last_s, end_s)
+    condition: Condition = "undecided" if silent else findings.condition
+    reason, remedy = None, None
+    if findings.condition == "undecided":
+        reason, remedy = _absurd(implausible) or _why_undecided(actuator, findings, provenance)
+    elif silent:
+        reason, remedy = _silence(findings.last_s, end_s, findings.condition)
+    return Verdict(
+        vehicle=vehicle,
+        actuator=actuator.name,
+        condition=condition,
+        worst=findings.worst,
+        network=network,
+        friction_nm=_rounded(findings.friction),
+        suspects=_rounded_suspects(findings.suspects),
+        since=_since(None if silent else findings.since_s, start_utc),
+        coverage=Coverage(
+            moving_fraction=round(findings.coverage.moving_fraction, 4),
+            windows=findings.coverage.windows,
+            decidable=findings.coverage.decidable,
+            late=findings.coverage.late + late,
+            implausible={key: refused for key, (refused, _) in implausible.items()},
+        ),
+        tier=tier.name,
+        provenance=provenance,
+        evidence=tuple(_rounded_evidence(evidence) for evidence in findings.evidence),
+        indicators=tuple(_rounded_indicator(indicator) for indicator in findings.indicators),
+        own=() if silent else findings.own,
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_s: float) -> Verdict:
+    """Return a verdict on a flight alone, updated by the comparison with the actuator's own baseline.
+
+    ``end_s`` is the end of the log, in flight time.
+    """
+    silent = _is_silent(found.last_s, end_s)
+    decidable = max(verdict.coverage.decidable, found.decidable)
+    reason, remedy = verdict.reason, verdict.remedy
+    if found.condition != "undecided":
+        reason, remedy = _silence(found.last_s, end_s, found.condition) if silent else (None, None)
+    return verdict.model_copy(
+        update={
+            "condition": "undecided" if silent else found.condition,
+            "worst": found.worst,
+            "suspects": _rounded_suspects(found.suspects),
+            "coverage": verdict.coverage.model_copy(update={"decidable": decidable}),
+            "since": _since(None if silent else found.since_s, start_utc),
+            "evidence": tuple(_rounded_evidence(evidence) for evidence in found.evidence),
+            "indicators": tuple(
+                _rounded_indicator(one.model_copy(update={"baseline": found.baselines.get(one.fault)}))
+                for one in verdict.indicators
+            ),
+            "reason": reason,
+            "remedy": remedy,
+        }
+    )
+
+
+def unjudged_actuator(
+    vehicle: int,
+    actuator: Actuator,
+    tier: Tier | None,
+    provenance: dict[str, str],
+    own_gap: str | None = None,
+) -> Verdict:
+    """Return the verdict on an actuator for which the log or the profile has insufficient data.
+
+    An actuator without feedback is unmonitored, regardless of its profile. ``own_gap`` is the reason why it
+    cannot be compared with its own earlier flights either.
+    """
+    if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
+        unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
+        if actuator.travel_deg is not None or "V1" in actuator.fields:
+            return unmonitored
+        reason = f"{unmonitored.reason}; without travel_deg in the profile its command is no angle"
+        return unmonitored.model_copy(update={"reason": reason})
+    reasons, remedies = [], []
+    if own_gap:
+        reasons.append(own_gap)
+        remedies.append("record its telemetry faster, or a flight in which the surface works")
+    if actuator.blanks:
+        no_command = actuator.travel_deg is None and "V1" not in actuator.fields
+        travel = ("travel_deg",) if no_command else ()
+        reasons.append(f"the profile has no {', no '.join((*actuator.blanks, *travel))}")
+        remedies.append(FILL_IN)
+    if not (actuator.blanks and tier and tier.judged and provenance):
+        reasons.append(_telemetry_gap(actuator, tier))
+        remedies.append(TO_BE_JUDGED)
+    return Verdict(
+        vehicle=vehicle,
+        actuator=actuator.name,
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        provenance=provenance,
+        reason="; ".join(reasons),
+        remedy="; ".join(remedies),
+    )
+
+
+def contradicted_actuator(
+    vehicle: int, name: str, why: tuple[str, str], tier: Tier | None, provenance: dict[str, str]
+) -> Verdict:
+    """Return the verdict on an actuator whose output moves something else; ``why`` is reason and remedy."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=name,
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        provenance=provenance,
+        reason=why[0],
+        remedy=why[1],
+    )
+
+
+def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
+    if tier is None:
+        return f"the log carries no telemetry of servo {actuator.servo}"
+    if tier.from_esc and actuator.esc is None:
+        return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
+    return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
+
+
+def unjudged_vehicle(
+    vehicle: int | None,
+    tier: Tier | None,
+    identity: Identity | None = None,
+    *,
+    surfaces: Surfaces | None = None,
+    rotors: Mapping[int, str] = MappingProxyType({}),
+) -> Iterator[Verdict]:
+    """Yield the verdicts on the actuators of a vehicle without a profile, or on a log without a vehicle.
+
+    If the servos give no feedback, each servo that is known to move a surface, or a helicopter's rotor, is
+    unmonitored.
+    """
+    names = [f"{what} (servo {servo})" for servo, what in rotors.items()]
+    if surfaces is not None and (tier is None or not tier.judged):
+        names = names or [surfaces.named(moved) for moved in surfaces.moved]
+    if vehicle is not None and names:
+        yield from (_unmonitored(vehicle, name, tier, {}) for name in names)
+        return
+    if vehicle is None:
+        reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"
+    else:
+        reason, remedy = obstacle(tier, identity)
+    silent = vehicle is not None and (tier is None or not tier.judged)
+    condition: Condition = "unmonitored" if silent else "undecided"
+    yield Verdict(
+        vehicle=vehicle,
+        actuator=ALL,
+        condition=condition,
+        worst=condition,
+        tier=tier.name if tier else None,
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[str, str]) -> Verdict:
+    """Return the verdict on an actuator without feedback: neither an alarm nor a normal condition."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=name,
+        condition="unmonitored",
+        worst="unmonitored",
+        tier=tier.name if tier else None,
+        provenance=provenance,
+        reason=WEAR_UNSEEN,
+        remedy=TO_BE_JUDGED,
+    )
+
+
+def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
+    """Return reason and remedy if most values of a quantity are implausible for this actuator."""
+    shares = {key: refused / told for key, (refused, told) in implausible.items()}
+    worst = [key for key, share in shares.items() if share > _MOSTLY]
+    if not worst:
+        return None
+    share = f"{100 * max(shares.values()):.0f} %"
+    return (
+        f"up to {share} of the values of {', '.join(worst)} are beyond what the profile's actuator can do",
+        "check the unit and scale of these fields, and the profile's constants, travel and voltage",
+    )
+
+
+def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
+    """Return the verdict on a vehicle beyond the maximum number of judged vehicles."""
+    return Verdict(
+        vehicle=vehicle,
+        actuator=ALL,
+        condition="undecided",
+        worst="undecided",
+        tier=tier.name if tier else None,
+        reason=f"more than {most} vehicles speak; this one came after them",
+        remedy="record each vehicle's link on its own; on a link, accept only signed frames (--key)",
+    )
+
+
+def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
+    missing = [] if "V7" in provenance else ["V7"]
+    if not {"V5", "V8"} & provenance.keys():
+        missing.append("V5 or V8")
+    if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
+        return (
+            "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",
+            "measure at the motor's terminals, or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA",
+        )
+    if missing:
+        return f"{', '.join(missing)} not measured, so the torque balance cannot be formed", TO_BE_JUDGED
+    coverage = findings.coverage
+    if coverage.windows == 0:
+        return f"less than {WINDOW_S:g} s of telemetry", "record the whole flight"
+    if findings.no_friction:
+        return findings.no_friction
+    if actuator.blanks:
+        return f"the profile has no {', no '.join(actuator.blanks)}", FILL_IN
+    if coverage.decidable == 0 and provenance.get("V5", "").endswith(SIGNED_BY_VOLTAGE):
+        share = f"{100 * coverage.moving_fraction:.0f} %"
+        return (
+            f"the actuator moves in {share} of the samples, too slowly to show friction: in slow motion the "
+            "magnitudes that the ESC sends do not tell a driving current from a braking one",
+            "analyse a flight in which the surface moves faster, or send signed values (ESC_STATUS)",
+        )
+    return (
+        f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",
+        "analyse a longer flight",
+    )
+
+
+def _is_silent(last_s: float, end_s: float) -> bool:
+    return last_s < end_s - WINDOW_S
+
+
+def _silence(last_s: float, end_s: float, condition: Condition) -> tuple[str, str]:
+    ended = f"its telemetry ends at {last_s:.0f} s of {end_s:.0f} s"
+    return f"{ended}, when it was {condition}", "check why it is silent: sensor, wiring or link"
+
+
+def _rounded_suspects(suspects: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
+    return tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in suspects)
+
+
+def _since(since_s: float | None, start_utc: datetime) -> Since | None:
+    if since_s is None:
+        return None
+    utc = start_utc + timedelta(seconds=since_s)
+    return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())
+
+
+def _rounded(interval: Interval | None) -> Interval | None:
+    if interval is None:
+        return None
+    return Interval(
+        estimate=round(interval.estimate, 4), low=round(interval.low, 4), high=round(interval.high, 4)
+    )
+
+
+def _rounded_indicator(indicator: Indicator) -> Indicator:
+    return indicator.model_copy(
+        update={
+            "value": _significant(indicator.value),
+            "scatter": None if indicator.scatter is None else float(f"{indicator.scatter:.4g}"),
+            "baseline": None if indicator.baseline is None else _significant(indicator.baseline),
+        }
+    )
+
+
+def _significant(interval: Interval) -> Interval:
+    return Interval(**{name: float(f"{number:.5g}") for name, number in interval})
+
+
+def _rounded_evidence(evidence: Evidence) -> Evidence:
+    return evidence.model_copy(
+        update={
+            "start_s": round(evidence.start_s, 3),
+            "end_s": round(evidence.end_s, 3),
+            "value": round(evidence.value, 4),
+        }
+    )

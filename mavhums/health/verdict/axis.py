@@ -1,0 +1,154 @@
+"""Converts an axis's findings to a verdict, or to a reason and a remedy if there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime, timedelta
+from types import MappingProxyType
+from typing import Final
+
+from mavhums.core.conditions import SEVERITY
+from mavhums.health.axis.monitor import AxisFindings
+from mavhums.health.axis.past import LEAST_FLIGHTS
+from mavhums.health.axis.reference import REFERENCE_S, Reference
+from mavhums.health.verdict.obstacles import why_undecided
+from mavhums.report.assessment import Indicator, Interval, Since, Suspect, Verdict
+from mavhums.vehicle.flight import Flight
+from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.order import Received
+from mavhums.vehicle.surfaces import Surfaces
+
+_BEGINS_IN_FLIGHT: Final = (
+    "the log begins in flight: normal is what it was then, and nothing tells whether that was healthy",
+    "record from before take-off, or compare with earlier flights (--history)",
+)
+_NORMAL_95: Final = 1.96
+_GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m")}
+_CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
+_WINDOW_S: Final = 10.0
+_WINDOW_ERROR: Final = 0.10  # relative deviation of the gain of ten seconds
+_LAG_ERROR_S: Final = 0.03  # candidates are 0.05 s apart
+
+
+def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
+    """Return the single verdict on all axes of a vehicle if none can be judged."""
+    return Verdict(
+        subject="axis",
+        vehicle=vehicle,
+        actuator="axes",
+        condition="undecided",
+        worst="undecided",
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def judged_axis(
+    vehicle: int,
+    findings: AxisFindings,
+    surfaces: Surfaces | None,
+    flight: Flight,
+    start_utc: datetime,
+    received: Mapping[str, Received] = MappingProxyType({}),
+) -> Verdict:
+    """Return the verdict on one axis of a vehicle that flew, with the numbers of samples by message."""
+    reason, remedy = None, None
+    if findings.condition == "undecided":
+        reason, remedy = why_undecided(findings, surfaces, flight, received)
+    elif findings.condition == "normal" and not findings.from_take_off:
+        reason, remedy = _BEGINS_IN_FLIGHT
+    axis = findings.axis
+    refused = surfaces is not None and axis in surfaces.contradicted
+    origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}
+    coverage = findings.coverage
+    late = sum(counts.late for counts in received.values())
+    rounded = coverage.model_copy(
+        update={"moving_fraction": round(coverage.moving_fraction, 4), "late": late}
+    )
+    return Verdict(
+        subject="axis",
+        vehicle=vehicle,
+        actuator=findings.axis,
+        surfaces=surfaces.names(findings.axis) if surfaces else (),
+        condition=findings.condition,
+        worst=findings.worst,
+        since=_since(findings.since_s, start_utc),
+        coverage=rounded,
+        suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
+        evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
+        effectiveness=_to_thousandths(findings.effectiveness),
+        limits=findings.limits,
+        # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
+        indicators=tuple(indicators(findings))
+        if surfaces and surfaces.origin != "inferred" and not refused
+        else (),
+        provenance=origin,
+        reason=reason,
+        remedy=remedy,
+    )
+
+
+def _origin(surfaces: Surfaces, axis: str) -> str:
+    words = {"parameters": "the log's parameters", "profile": "the airframe profile"}
+    if axis in surfaces.by_log:
+        contradicts = axis in surfaces.contradicted
+        return f"{words['parameters']}{', which contradict the airframe profile' if contradicts else ''}"
+    return words.get(surfaces.origin, "inference from the flight's beginning")
+
+
+def _since(since_s: float | None, start_utc: datetime) -> Since | None:
+    if since_s is None:
+        return None
+    utc = start_utc + timedelta(seconds=since_s)
+    return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())
+
+
+def _to_thousandths(interval: Interval | None) -> Interval | None:
+    if interval is None:
+        return None
+    return Interval(**{name: round(number, 3) for name, number in interval})
+
+
+def indicators(findings: AxisFindings) -> Iterator[Indicator]:
+    """Yield the quantities that the reference determined; the gain is that of the present condition."""
+    reference = findings.reference
+    if reference is None:
+        return
+    power, unit = _GAIN[findings.axis]
+    share, error = _share(findings, reference)
+    scale = abs(reference.gain) / reference.speed**power
+    yield _indicator("effectiveness", "control gain", unit, scale * share, scale * error)
+    lag_s = reference.shape.delay_rows / RATE_HZ + reference.shape.tau_s
+    yield _indicator("slow", "lag", "s", lag_s, _LAG_ERROR_S)
+    for fault, (value, known) in reference.constants.items():
+        yield _indicator(fault, *_CONSTANTS[fault], value, known)
+
+
+def _share(findings: AxisFindings, reference: Reference) -> tuple[float, float]:
+    """Return the gain of the flight as a share of the reference's, and its standard error.
+
+    Of a fault it is that of the present condition, else the mean of the reference and the windows after it.
+    """
+    k = findings.effectiveness
+    if k is None:
+        return 1.0, reference.error
+    if SEVERITY[findings.condition] > SEVERITY["normal"]:
+        return k.estimate, (k.high - k.low) / 2 / _NORMAL_95
+    own, after = REFERENCE_S / _WINDOW_S, float(findings.windows)
+    share = (own + after * k.estimate) / (own + after)
+    error = ((own * reference.error) ** 2 + after * _WINDOW_ERROR**2) ** 0.5 / (own + after)
+    return share, error
+
+
+def _indicator(fault: str, quantity: str, unit: str, value: float, error: float) -> Indicator:
+    half = _NORMAL_95 * error
+    numbers = {"estimate": value, "low": value - half, "high": value + half}
+    return Indicator(
+        fault=fault,
+        quantity=quantity,
+        unit=unit,
+        value=Interval(**{name: float(f"{number:.5g}") for name, number in numbers.items()}),
+        windows=REFERENCE_S,
+        scatter=float(f"{error * REFERENCE_S**0.5:.4g}"),
+        needed_flights=LEAST_FLIGHTS,
+    )

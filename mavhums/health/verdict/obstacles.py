@@ -1,0 +1,319 @@
+"""The first reason why a vehicle without a profile has no verdict, and its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
+from mavhums.health.axis.monitor import NORMAL_S, AxisFindings
+from mavhums.health.axis.reference import REFERENCE_S
+from mavhums.vehicle.flight import LEAST_SPEED, Flight
+from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
+from mavhums.vehicle.order import Received
+from mavhums.vehicle.surfaces import Surfaces
+
+NO_WINGS = "its servos can be judged if they report current or speed: name a profile with --airframe"
+"""Remedy for a vehicle that no control surface turns in flight."""
+PROPELLERS_ONLY = "if it moves a surface by a servo after all, name its profile with --airframe"
+"""Remedy for a vehicle that flies by its propellers alone."""
+WEAR_UNSEEN = "no servo current or speed in the log, so wear cannot be seen"
+"""Reason for a servo without telemetry."""
+_DRAFT = (
+    "name one with --airframe: `mavhums profile new LOG -o mine.toml` drafts it from the log's parameters"
+)
+_DOUBTED_S: Final = 10
+_JUDGED_S: Final = REFERENCE_S + NORMAL_S
+_WINGED: Final = ("fixed wing", "VTOL", "quadplane", "tiltrotor", "tailsitter")
+_WINGED_TYPES: Final = {1, *range(19, 26)}
+_FIXED_WINGS_ONLY: Final = "control effectiveness is judged for fixed-wing aircraft in forward flight only"
+_LONGER: Final = f"choose a log with {_JUDGED_S} s or more of forward flight"
+_IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
+_MUCH: Final = 0.2  # of a stream: below, its verdicts hardly change
+_PX4: Final = 12  # MAV_AUTOPILOT_PX4
+_OUTPUTS: Final = ("SERVO_OUTPUT_RAW", "RCOU", "actuator_outputs")
+_NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
+_ACCELEROMETER: Final = ("pitch", "yaw")
+_NAMES: Final = {"roll": "aileron_left", "pitch": "elevator", "yaw": "rudder"}
+_STOPPED: Final = {
+    "vtol": "its VTOL state was not forward flight",
+    "mode": "it was in a hovering mode",
+    "ground": "it reported to be on the ground",
+    "slow": "its ground speed was below 5 m/s",
+    "lift": "the lift motors carried it",
+}
+_CORRECT: Final = (
+    "correct these outputs in the profile, draft one from the log's parameters "
+    "(`mavhums profile new LOG -o mine.toml`), or leave out --airframe"
+)
+
+
+def obstacle(tier: Tier | None, identity: Identity | None = None) -> tuple[str, str]:
+    """Return reason and remedy for a vehicle without a profile.
+
+    The remedy asks for a profile only if the log carries telemetry that could be judged with one, and never
+    for a packaged one: those are of other aircraft, and a log that is of one names it.
+
+    Examples
+    --------
+    >>> obstacle(None, Identity(1, "quadrotor", multirotor=True))[0]
+    'quadrotor: a multirotor has no control surfaces whose servos could be judged'
+    """
+    who = f"{identity}: " if identity is not None and str(identity) else ""
+    if identity is not None and identity.multirotor:
+        reason = "a multirotor has no control surfaces whose servos could be judged"
+        if tier is not None and tier.from_esc:
+            reason += "; its ESC telemetry is that of the propellers"
+        return who + reason, PROPELLERS_ONLY
+    if tier is None:
+        return f"{who}the log carries nothing of the actuators", TO_BE_JUDGED
+    if not tier.judged:
+        return f"{who}{WEAR_UNSEEN}", TO_BE_JUDGED
+    reason = "no airframe profile: one actuator's limits say nothing about another's"
+    if tier.from_esc:
+        reason += ", and an ESC may drive a propeller: only a profile tells which drives a servo"
+    return who + reason, _DRAFT
+
+
+class Obstacle(NamedTuple):
+    """A requirement that is not met, and what to do about it."""
+
+    reason: str
+    remedy: str
+
+
+def why_not_at_all(
+    flight: Flight, kind: str | None = None, received: Mapping[str, Received] = MappingProxyType({})
+) -> Obstacle | None:
+    """Return the reason why no axis of a vehicle can be judged, and the remedy; None if some may be.
+
+    ``kind`` is the type of vehicle in words, if something other than its flight tells it; ``received`` the
+    numbers of samples by message.
+
+    Examples
+    --------
+    >>> from mavhums.vehicle.flight import Flight
+    >>> why_not_at_all(Flight(None))[0]
+    'nothing in the log tells what kind of vehicle this is'
+    >>> why_not_at_all(Flight(None), "multirotor")[0].partition(":")[0]
+    'multirotor'
+    """
+    kinds = flight.kinds - PERIPHERALS.keys() or flight.kinds
+    if kind and not kind.startswith(_WINGED) and not kinds & _WINGED_TYPES:
+        kinds = set() if not kinds or kind == "helicopter" else kinds
+        if not kinds:
+            return Obstacle(f"{kind}: {_FIXED_WINGS_ONLY}", NO_WINGS)
+    if not kinds:
+        reason = "nothing in the log tells what kind of vehicle this is"
+        return Obstacle(reason, "record the autopilot's heartbeats as well; a .BIN or .ulg from its start")
+    if not kinds & _WINGED_TYPES:
+        return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
+    missing = [name for name in _NEEDED if name not in flight.heard]
+    told = " and ".join(_NEEDED[name] for name in missing)
+    if missing and (late := disorder(received)):
+        return Obstacle(f"{told} came too late to be used: {late}", _IN_ORDER)
+    silent = next((name for name in _OUTPUTS if name in received and received[name].kept), None)
+    if missing == ["outputs"] and silent:
+        reason = f"the servo outputs are recorded ({received[silent].kept:,} {silent}) and carry no pulses"
+        return Obstacle(
+            f"{reason}: the safety switch is on, or another device drives the servos",
+            "release the safety switch and arm; nothing more needs to be recorded",
+        )
+    if missing:
+        return Obstacle(f"the log lacks {told}", f"record {_streams(flight, received)} at 10 Hz or more")
+    if flight.flown_s == 0:
+        return _on_ground(flight)
+    return None
+
+
+def _on_ground(flight: Flight) -> Obstacle:
+    """Return why a flight has no second of forward flight."""
+    fast_s, longest = flight.lasted_s("fast"), "no stretch of the rest lasted 3 s"
+    if not flight.lasted_s("armed"):
+        return Obstacle("it never flew forward: it was never armed", _LONGER)
+    if not flight.heard & {"airspeed", "groundspeed", "velocity"}:
+        return Obstacle(
+            "whether it flew forward is not known: the log tells no speed", "record airspeed or GPS as well"
+        )
+    if not fast_s:
+        reason = f"its highest speed while armed was {flight.fastest:.0f} m/s, {LEAST_SPEED:.0f} are needed"
+        return Obstacle(f"it never flew forward: {reason}", _LONGER)
+    stops = sorted(_STOPPED, key=flight.lasted_s, reverse=True)
+    lasted = [
+        f"in {flight.lasted_s(why):.0f} s {_STOPPED[why]}" for why in stops if flight.lasted_s(why) >= 1
+    ]
+    above = f"of {fast_s:.0f} s above {LEAST_SPEED:.0f} m/s (fastest {flight.fastest:.0f} m/s)"
+    return Obstacle(f"it never flew forward: {above}, {', '.join(lasted or [longest])}", _LONGER)
+
+
+def disorder(received: Mapping[str, Received]) -> str:
+    """Return which messages lost much of their samples because they came too late; empty if none did.
+
+    Examples
+    --------
+    >>> disorder({"ATTITUDE": Received(2, 500, 0), "RAW_IMU": Received(500, 2, 0)})
+    'of ATTITUDE 2 of 502 samples came in time'
+    """
+    return ", ".join(
+        f"of {message} {kept} of {kept + late} samples came in time"
+        for message, (kept, late, _) in received.items()
+        if late > _MUCH * (kept + late)
+    )
+
+
+def why_undecided(
+    findings: AxisFindings, surfaces: Surfaces | None, flight: Flight, received: Mapping[str, Received]
+) -> Obstacle:
+    """Return all requirements on an axis that are not met as one reason, the binding one first.
+
+    Parameters
+    ----------
+    findings
+        About an axis that is undecided.
+    surfaces
+        The outputs in use; None if they are not known.
+    flight
+        The flight, with at least one second of forward flight.
+    received
+        Numbers of samples by message.
+    """
+    found = [*_obstacles(findings, surfaces, flight, received)]
+    if late := disorder(received):
+        found.append(Obstacle(late, _IN_ORDER))
+    reasons = "; ".join(dict.fromkeys(one.reason for one in found))
+    return Obstacle(reasons, "; ".join(dict.fromkeys(one.remedy for one in found)))
+
+
+def _obstacles(
+    findings: AxisFindings, surfaces: Surfaces | None, flight: Flight, received: Mapping[str, Received]
+) -> Iterator[Obstacle]:
+    axis = findings.axis
+    outputs = surfaces.of_axis(axis) if surfaces else ()
+    if findings.reference is None:
+        yield from _unmeasured(findings, flight, received)
+    usable_s = findings.usable_s if outputs else flight.flown_s
+    if findings.reference is None and usable_s < REFERENCE_S:
+        which = " with known outputs" if outputs and usable_s < flight.flown_s else ""
+        reason = f"{usable_s} s of forward flight{which}, {REFERENCE_S} are needed for a reference"
+        yield Obstacle(f"{reason} and {NORMAL_S} to judge", _LONGER)
+    against = (
+        surfaces.contradicted.get(axis) or (axis == "yaw" and surfaces.contradicted.get("roll"))
+        if surfaces
+        else None
+    )
+    late = findings.reference is None and findings.usable_s < REFERENCE_S
+    if against and (late or not outputs):
+        yield Obstacle(against, _CORRECT)
+    elif not outputs:
+        yield _unnamed(axis, surfaces, flight)
+    if flight.doubted_s >= _DOUBTED_S:
+        reason = f"for {flight.doubted_s} s the airspeed sensor contradicts ground speed and wind"
+        yield Obstacle(f"{reason}, so that the rest is too little", "inspect the pitot tube, then fly again")
+    if findings.reference is not None:
+        yield _unclear(findings)
+    elif outputs and usable_s >= REFERENCE_S and not _slow(findings, flight):
+        yield from _no_reference(findings)
+
+
+def _unmeasured(
+    findings: AxisFindings, flight: Flight, received: Mapping[str, Received]
+) -> Iterator[Obstacle]:
+    """Yield what no flight as it was recorded can tell: streams that are too slow or absent."""
+    axis, needed_hz = findings.axis, 10 if findings.axis == "pitch" else 3
+    slow = _slow(findings, flight)
+    if slow:
+        yield Obstacle(
+            f"{' and '.join(slow)} times a second, {needed_hz} are needed to judge {axis}",
+            f"record {_streams(flight, received)} at 10 Hz or more",
+        )
+    if axis in _ACCELEROMETER and "force" not in flight.heard:
+        yield Obstacle(
+            f"the log lacks the accelerometer, which {axis} needs",
+            f"record {_streams(flight, received, accelerometer=True)}",
+        )
+
+
+def _slow(findings: AxisFindings, flight: Flight) -> list[str]:
+    """Return which streams come too rarely for an axis, and how often a second."""
+    rates = {"the servo outputs": flight.rate_hz("outputs"), "the rates": flight.rate_hz("rates")}
+    longest_s = findings.needs.spacing_s
+    slow = [
+        f"{stream} come {hz:.1f}" for stream, hz in rates.items() if hz is not None and 1.0 / hz > longest_s
+    ]
+    if not slow and findings.spacing_s > longest_s:
+        return [f"the servo outputs or the rates come {1 / findings.spacing_s:.1f}"]
+    return slow
+
+
+def _unnamed(axis: str, surfaces: Surfaces | None, flight: Flight) -> Obstacle:
+    name = f'[[actuators]] with name = "{_NAMES[axis]}", its servo and its pwm_us'
+    remedy = f"download the parameters while recording, or name the outputs in an airframe file: {name}"
+    if surfaces is not None and surfaces.origin == "parameters":
+        reason = f"by its parameters no output of this vehicle moves it in {axis}"
+        return Obstacle(reason, f"if one does, name it in an airframe file: {name}")
+    if surfaces is not None:
+        return Obstacle(f"no output of this vehicle is known to move it in {axis}", remedy)
+    why = "the flight's beginning does not tell it clearly"
+    if flight.flown_s < REFERENCE_S:
+        why = f"{flight.flown_s} s of forward flight are too short to learn it"
+    reason = "which outputs move the surfaces is told neither by parameters nor by a profile"
+    return Obstacle(f"{reason}, and {why}", remedy)
+
+
+def _unclear(findings: AxisFindings) -> Obstacle:
+    """Return why an axis with a reference is neither normal nor faulty."""
+    coverage, found = findings.coverage, findings.effectiveness
+    if coverage.decidable >= NORMAL_S and found is not None:
+        kept = f"{100 * found.estimate:.0f} % ({100 * found.low:.0f}–{100 * found.high:.0f})"
+        reason = f"control left {kept} is neither certainly above 60 % nor certainly a loss"
+    else:
+        reason = (
+            f"{coverage.decidable} of {coverage.windows} seconds since the reference were excited enough, "
+            f"{NORMAL_S} are needed"
+        )
+    return Obstacle(reason, "choose a longer log, or one with more turns and climbs")
+
+
+def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
+    """Yield why enough seconds with known outputs make no reference."""
+    axis, best, needs = findings.axis, findings.best, findings.needs
+    if best is None:
+        reason = (
+            f"no {REFERENCE_S} s within two minutes were flown within 60° of bank, 34° of pitch and 85 % of "
+            f"the usual speed, with the surfaces of {axis} in motion"
+        )
+        yield Obstacle(reason, "fly straight legs and gentle turns in the first three minutes")
+        return
+    remedy = "fly more turns and climbs in the first three minutes"
+    if best.explained < needs.explained:
+        what = f"its surfaces explain {100 * best.explained:.0f} % of how it moves in {axis}"
+        if axis == "yaw":
+            what = (
+                "rudder and aileron cannot be told apart: the rudder explains "
+                f"{100 * best.explained:.0f} % of the side force that the ailerons leave"
+            )
+            remedy = "pulse the rudder alone for a few seconds early in the flight"
+        yield Obstacle(f"{what}, {100 * needs.explained:.0f} % are needed", remedy)
+    if best.error > needs.error:
+        reason = f"the effect of its surfaces is known to {100 * best.error:.0f} %"
+        yield Obstacle(f"{reason}, {100 * needs.error:.0f} % are needed", remedy)
+
+
+def _streams(flight: Flight, received: Mapping[str, Received], *, accelerometer: bool = False) -> str:
+    """Return the messages of the log's own format that are needed, and the parameter that sets them."""
+    if received.keys() & {"RCOU", "ATT", "IMU", "STAT"}:
+        if accelerometer:
+            return "IMU (LOG_BITMASK bit 7)"
+        return "RCOU, ATT and IMU (LOG_BITMASK bits 13, 0 and 7; LOG_FILE_RATEMAX 0)"
+    if received.keys() & {"actuator_outputs", "vehicle_attitude", "vehicle_status", "sensor_combined"}:
+        if accelerometer:
+            return "sensor_combined (SDLOG_PROFILE bit 0)"
+        return "actuator_outputs, sensor_combined and vehicle_attitude (SDLOG_PROFILE bits 0 and 4)"
+    if _PX4 in flight.autopilots:
+        if accelerometer:
+            return "HIGHRES_IMU (MAV_x_MODE, MAV_x_RATE)"
+        return "SERVO_OUTPUT_RAW, HIGHRES_IMU and ATTITUDE (MAV_x_MODE, MAV_x_RATE)"
+    if accelerometer:
+        return "RAW_IMU (SRx_RAW_SENS = 10)"
+    return "SERVO_OUTPUT_RAW, RAW_IMU and ATTITUDE (SRx_RC_CHAN, SRx_RAW_SENS, SRx_EXTRA1 = 10)"

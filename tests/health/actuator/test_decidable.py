@@ -1,0 +1,152 @@
+"""A condition rests on a decidable window, of any telemetry, in flight, at its end and against a baseline."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from functools import cache
+
+import numpy as np
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.actuator.align import Aligned
+from mavhums.actuator.derive import Deriver
+from mavhums.actuator.profile import Actuator
+from mavhums.actuator.tiers import tier_named
+from mavhums.core.quantities import KEYS, column
+from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.replay import replay
+from mavhums.health.verdict.actuator import judged
+from mavhums.report.assessment import Coverage
+from mavhums_sim.conditions import Condition
+from mavhums_sim.sensors import EscSide
+from tests.health.flown import Telemetry, actuator_of, flown, telemetry
+
+TIERS = ("instrumented", "esc-signed", "esc-unsigned", "esc at the bus", "angles")
+FAULTS = {"none": 0.0, "friction": 0.7, "backlash": 0.3, "resistance": 0.3, "jam": 10.0}
+START = datetime(2026, 1, 1, tzinfo=UTC)
+_SENSED = {"instrumented": KEYS, "angles": ("V1", "V3")}
+_ESC = ("V1", "V4", "V5", "V7")
+
+BASELINES = {
+    fault: Baseline(mean, error=0.001, flights=20, between=0.001, spread=0.002)
+    for fault, mean in (("friction", 0.15), ("winding_resistance", 21.0), ("torque_constant", -0.1))
+}
+"""Of an actuator that was better in every flight before."""
+
+
+CASES = st.tuples(
+    st.sampled_from(TIERS),
+    st.sampled_from(sorted(FAULTS)),
+    st.sampled_from(["cruise", "turns", "preflight"]),
+    st.sampled_from([10.0, 25.0]),
+)
+WHOLE = [(0.0, 60.0)]
+
+
+@cache
+def sent(
+    tier: str, fault: str, cyclogram: str, rate_hz: float
+) -> tuple[Actuator, Telemetry, tuple[bool, ...]]:
+    """Return the actuator, V1…V12 by a tier of telemetry over 60 s, and which of them are measured."""
+    worn = () if fault == "none" else (Condition.constant(fault, FAULTS[fault]),)
+    side: EscSide = "bus" if tier == "esc at the bus" else "motor"
+    record = flown(*worn, rate_hz=rate_hz, seconds=60.0, cyclogram=cyclogram, seed=931, esc_side=side)
+    seen, actuator = telemetry(record), actuator_of(esc_side=side)
+    keys = _SENSED.get(tier, _ESC)
+    measured = np.isin(KEYS, keys)
+    values = np.where(measured, seen.values, np.nan)
+    if tier.startswith("esc"):
+        rate = np.gradient(values[:, column("V1")], seen.time_s)
+        signed = tier != "esc-unsigned"
+        if not signed:
+            for key, step in (("V4", 0.01), ("V5", 0.01), ("V7", 1.0)):
+                values[:, column(key)] = np.abs(np.rint(values[:, column(key)] / step) * step)
+                measured[column(key)] = False
+        times = np.rint(seen.time_s * 1e6).astype(np.int64)
+        origin = np.zeros(values.shape, dtype=np.int8)
+        name = "esc-signed" if signed else tier
+        values = Deriver(actuator).complete(Aligned(times, values, origin, rate, name, signed))
+    return actuator, Telemetry(seen.time_s, values, seen.bus_v), tuple(measured.tolist())
+
+
+def shown(seen: Telemetry, spans: list[tuple[float, float]]) -> NDArray[np.bool_]:
+    """Return the samples in spans, each given by its start and length, s."""
+    there = np.zeros(seen.time_s.size, dtype=np.bool_)
+    for start_s, length_s in spans:
+        there |= (seen.time_s >= start_s) & (seen.time_s < start_s + length_s)
+    return there
+
+
+@given(
+    flight=CASES,
+    spans=st.lists(st.tuples(st.floats(0, 60), st.floats(0.1, 15)), min_size=1, max_size=12),
+    against=st.booleans(),
+)
+@example(flight=("instrumented", "friction", "cruise", 10.0), spans=WHOLE, against=False)
+@example(flight=("instrumented", "none", "cruise", 10.0), spans=WHOLE, against=False)
+@example(flight=("esc-signed", "friction", "cruise", 10.0), spans=WHOLE, against=False)
+@example(flight=("esc-unsigned", "friction", "cruise", 10.0), spans=WHOLE, against=False)
+@example(flight=("esc-signed", "resistance", "cruise", 10.0), spans=WHOLE, against=True)
+@example(flight=("angles", "jam", "turns", 25.0), spans=WHOLE, against=False)
+@settings(max_examples=60, deadline=None)
+def test_where_no_window_is_decidable_nothing_is_decided(
+    flight: tuple[str, str, str, float], spans: list[tuple[float, float]], against: bool
+) -> None:
+    """The speed is known in some spans; elsewhere it is missing, as where its sign is unknown."""
+    actuator, seen, measured = sent(*flight)
+    values = seen.values.copy()
+    values[~shown(seen, spans), column("V7")] = np.nan
+    gave = np.tile(measured, (seen.time_s.size, 1))
+    monitor = Monitor(1, actuator, baselines=BASELINES if against else None)
+    alone = Monitor(1, actuator, recorded=True)
+    for block in np.array_split(np.arange(seen.time_s.size), 13):
+        bus_v = None if seen.bus_v is None else seen.bus_v[block]
+        for one in (monitor, alone):
+            list(one.feed(seen.time_s[block], values[block], gave[block], bus_v))
+        agrees(monitor)
+    for one in (monitor, alone):
+        list(one.finish())
+    agrees(monitor)
+    findings, end_s = alone.findings(), float(seen.time_s[-1])
+    verdict = judged(
+        1,
+        actuator,
+        findings,
+        start_utc=START,
+        end_s=end_s,
+        late=0,
+        implausible={},
+        provenance=dict.fromkeys(KEYS, "measured"),
+        tier=tier_named("named"),
+    )
+    if against:
+        verdict = replay(verdict, alone.record(), BASELINES, start_utc=START, end_s=end_s)
+    now = monitor.findings()
+    assert (verdict.condition, verdict.worst) == (now.condition, now.worst)
+    assert verdict.coverage.decidable == now.coverage.decidable
+    assert (verdict.reason is not None) == (verdict.condition == "undecided")
+
+
+def agrees(monitor: Monitor) -> None:
+    findings = monitor.findings()
+    rests_on: Coverage = findings.coverage
+    assert rests_on.decidable <= rests_on.windows
+    if rests_on.decidable == 0:
+        assert (findings.condition, findings.worst) == ("undecided", "undecided")
+        assert (findings.friction, findings.suspects, findings.evidence) == (None, (), ())
+
+
+def test_the_spans_reach_both_ends() -> None:
+    """Some flights like those above are decided and some are not, with telemetry of every kind."""
+    for tier in TIERS[:3]:
+        found = set()
+        for cyclogram, rate_hz in (("turns", 25.0), ("cruise", 10.0)):
+            actuator, seen, measured = sent(tier, "friction", cyclogram, rate_hz)
+            monitor = Monitor(1, actuator)
+            list(monitor.feed(seen.time_s, seen.values, np.tile(measured, (seen.time_s.size, 1))))
+            list(monitor.finish())
+            found.add(monitor.findings().condition)
+        assert found == {"undecided", "emergency"}

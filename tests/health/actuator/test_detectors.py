@@ -1,0 +1,301 @@
+"""The battery of checks that every detector passes; a new detector is found and tested by itself.
+
+It needs one line from its author: the flight in :data:`CLEAR` that it must find.
+"""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import mavhums
+from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import KEYS, column
+from mavhums.engine.events import Indication
+from mavhums.health.actuator.detector import Detector, DetectorInput
+from mavhums.health.actuator.detectors import detectors_for
+from mavhums.health.estimation.fits import Estimates, Fits
+from mavhums.health.estimation.motion import motion
+from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.report.assessment import Assessment
+from mavhums_sim.conditions import Condition
+from mavhums_sim.sensors import EscSide
+from tests.conftest import real_logs
+from tests.health.flown import SURFACES, Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
+from tests.strategies import cuts
+
+Array = NDArray[np.float64]
+CSRV = Path(__file__).parents[3] / "examples" / "profiles" / "csrv.toml"
+BUS = actuator_of(esc_side="bus")
+DETECTORS = {detector.fault: detector for detector in detectors_for(BUS)}
+
+
+@dataclass(frozen=True, slots=True)
+class Clear:
+    """A condition that a detector must find, and the estimate that it must come to."""
+
+    condition: Condition
+    value: float
+    within: float
+    esc_side: EscSide = "motor"
+
+
+CLEAR = {
+    "backlash": Clear(Condition.constant("backlash", 0.3), 0.38, 0.05),
+    "following": Clear(Condition.constant("supply_sag", 25.0), 8.0, 3.0),
+    "friction": Clear(Condition.constant("friction", 0.6), 0.82, 0.06),
+    "jam": Clear(Condition.constant("jam", 10.0), 1.0, 0.05),
+    "sensor_bias": Clear(Condition.constant("sensor_bias", 0.8), 0.8, 0.05),
+    "supply_sag": Clear(Condition.constant("supply_sag", 6.0), 6.0, 0.3, "bus"),
+    "torque_constant": Clear(Condition.constant("torque_constant", 0.15), 0.19, 0.05),
+    "winding_resistance": Clear(Condition.constant("resistance", 0.25), 1.25 * 22.6457, 0.5),
+}
+
+HEALTHY = [
+    ("gusts", 100.0, "motor", 1),
+    ("takeoff", 25.0, "motor", 2),
+    ("turns", 100.0, "bus", 3),
+    ("landing", 25.0, "bus", 4),
+    ("cruise", 25.0, "motor", 5),
+    ("preflight", 100.0, "motor", 6),
+]
+
+
+def clear(fault: str) -> Clear:
+    if fault not in CLEAR:
+        pytest.fail(
+            f"the detector of {fault!r} has no flight that it must find: add one to CLEAR in {__file__}, "
+            "as Clear(Condition.constant(FAULT, SEVERITY), ESTIMATE, TOLERANCE)"
+        )
+    return CLEAR[fault]
+
+
+def estimates(detector: Detector, seen: Telemetry, places: list[int] | None = None) -> list[Estimates]:
+    """What a detector alone makes of samples, block by block."""
+    actuator = BUS
+    cutter, fits, found = SlotCutter(), Fits(actuator, detector.equations), []
+    bounds = [0, *(places or []), seen.time_s.size]
+    values = widen(seen.values, bus_v=seen.bus_v)
+    for a, b in itertools.pairwise(bounds):
+        slots = cutter.feed(seen.time_s[a:b], values[a:b])
+        if slots is not None:
+            moved = motion(actuator, slots)
+            found.append(detector.feed(DetectorInput(slots, moved, *fits.feed(slots, moved))))
+            assert len(found[-1].value) == slots.index.size
+    return found
+
+
+@pytest.mark.parametrize("fault", DETECTORS)
+class TestEvery:
+    """What is asked of each detector by itself."""
+
+    def test_says_what_it_looks_for(self, fault: str) -> None:
+        detector = DETECTORS[fault]
+        assert detector.quantity
+        assert detector.inspect
+        assert detector.unit
+        assert fault == type(detector).__module__.rpartition(".")[2]
+        normal, emergency = detector.levels
+        assert normal is None or normal > 0
+        assert emergency is None or (normal is not None and emergency >= normal)
+        assert detector.suits(BUS)
+
+    def test_finds_the_clear_fault_and_names_it_alone(self, fault: str) -> None:
+        case = clear(fault)
+        for rate_hz in (100.0, 25.0):
+            record = flown(case.condition, rate_hz=rate_hz, esc_side=case.esc_side)
+            events, findings = watch(telemetry(record), actuator_of(esc_side=case.esc_side))
+            assert [suspect.fault for suspect in findings.suspects] == [fault]
+            assert findings.suspects[0].confidence > 0.99
+            assert findings.condition in ("degraded", "emergency")
+            assert any(e.kind == fault and e.value > 0 for e in findings.evidence)
+            shown = [e for e in events if isinstance(e, Indication) and e.fault == fault]
+            values = np.concatenate([np.abs(e.value) for e in shown])
+            assert np.median(values) == pytest.approx(case.value, abs=case.within)
+
+    def test_is_silent_before_the_fault_and_speaks_after_it(self, fault: str) -> None:
+        case = clear(fault)
+        step = Condition.step(case.condition.fault, case.condition.start, 40.0)
+        record = flown(step, rate_hz=25.0, seconds=80.0, esc_side=case.esc_side)
+        _, findings = watch(telemetry(record), actuator_of(esc_side=case.esc_side))
+        grave = [e for e in findings.evidence if e.kind == fault and not e.rule.startswith("normal")]
+        assert grave[0].start_s == pytest.approx(40.0, abs=10.0)
+        assert fault in [suspect.fault for suspect in findings.suspects]
+
+    def test_does_not_depend_on_the_blocks(self, fault: str) -> None:
+        case = clear(fault)
+        seen = telemetry(flown(case.condition, rate_hz=25.0, esc_side=case.esc_side))
+        whole = estimates(type(DETECTORS[fault])(BUS), seen)
+        for places in ([1], [100, 101, 102, 500], list(range(7, 1000, 37))):
+            parts = estimates(type(DETECTORS[fault])(BUS), seen, places)
+            for name in ("value", "error", "freedom"):
+                found = np.concatenate([getattr(part, name) for part in parts])
+                assert found == pytest.approx(
+                    np.concatenate([getattr(part, name) for part in whole]), rel=1e-9, nan_ok=True
+                )
+
+    def test_shows_nothing_without_data(self, fault: str) -> None:
+        time_s = np.arange(0.0, 30.0, 0.04)
+        for value in (np.nan, 0.0):
+            seen = Telemetry(time_s, np.full((time_s.size, 12), value), np.full(time_s.size, np.nan))
+            found = estimates(type(DETECTORS[fault])(BUS), seen)
+            normal = DETECTORS[fault].levels.normal or np.inf
+            for part in found:
+                assert not (np.abs(part.value) > normal).any()
+
+
+@pytest.mark.parametrize(("cyclogram", "rate_hz", "side", "seed"), HEALTHY)
+@pytest.mark.parametrize("esc", [False, True], ids=["instrumented", "esc-signed"])
+def test_healthy_individuals_alarm_no_detector(
+    cyclogram: str, rate_hz: float, side: EscSide, seed: int, esc: bool
+) -> None:
+    record = flown(
+        cyclogram=cyclogram, rate_hz=rate_hz, seconds=100.0, seed=seed, individuals=500 + seed, esc_side=side
+    )
+    decided = 0
+    for surface in SURFACES:
+        seen = telemetry(record, surface, esc=esc)
+        _, findings = watch(seen, actuator_of(surface, esc_side=side))
+        assert findings.suspects == ()
+        assert findings.worst in ("normal", "undecided")
+        decided += findings.condition == "normal"
+    assert decided >= (0 if cyclogram == "cruise" else 3)
+
+
+ABSURD = st.sampled_from([np.nan, np.inf, -np.inf, 1e308, -1e308, 1e12, 1e9, 9.9e8, -9.9e8, 1e-308, 0.0])
+
+
+@given(
+    kinds=st.lists(
+        st.tuples(st.integers(0, 12), ABSURD, st.integers(0, 999), st.integers(1, 1000)), max_size=12
+    ),
+    places=cuts(1000),
+)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.differing_executors])
+def test_absurd_numbers_raise_nothing(kinds: list[tuple[int, float, int, int]], places: list[int]) -> None:
+    """A log may hold any number; detectors neither raise nor warn, and all they say is finite."""
+    seen = telemetry(flown(rate_hz=25.0, esc_side="bus"))
+    assert seen.bus_v is not None
+    values, bus_v = seen.values.copy(), seen.bus_v.copy()
+    for place, number, first, count in kinds:
+        target = bus_v if place == 12 else values[:, place]
+        target[first : first + count] = number
+    blocks = [
+        Telemetry(seen.time_s[a:b], values[a:b], bus_v[a:b])
+        for a, b in zip([0, *places], [*places, 1000], strict=True)
+    ]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        events, findings = watch_blocks(blocks, BUS)
+    for event in events:
+        if isinstance(event, Indication):
+            assert np.isfinite([event.value, event.low, event.high]).all()
+    for suspect in findings.suspects:
+        assert 0 <= suspect.confidence <= 1
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf, 0.0, 1e308, 1e12])
+def test_nothing_comes_of_nothing(number: float) -> None:
+    time_s = np.arange(0.0, 40.0, 0.04)
+    constant = np.full(time_s.size, number)
+    _, findings = watch(
+        Telemetry(time_s, np.full((time_s.size, 12), number), np.full_like(constant, np.nan)), BUS
+    )
+    assert findings.condition == findings.worst == "undecided"
+    assert findings.suspects == ()
+    assert findings.evidence == ()
+
+
+def test_a_gear_is_judged_only_by_angles_that_sensors_gave() -> None:
+    """A rotor angle that was integrated, or an output angle that was divided, shows no play and no bias."""
+    seen = telemetry(flown(Condition.constant("backlash", 0.3), rate_hz=25.0))
+    for missing in (1, 2):
+        measured = np.ones(12, dtype=bool)
+        measured[missing] = False
+        _, findings = watch(seen, measured=measured)
+        assert findings.suspects == ()
+        assert not {"backlash", "sensor_bias"} & {indicator.fault for indicator in findings.indicators}
+
+
+def test_an_angle_of_guessed_sign_shows_no_jam() -> None:
+    seen = telemetry(flown(Condition.constant("jam", 10.0), rate_hz=25.0))
+    measured = np.ones(12, dtype=bool)
+    measured[[1, 2]] = False
+    assert [s.fault for s in watch(seen, measured=measured)[1].suspects] == ["jam"]
+    measured[6] = False
+    seen.values[:, [column("V5"), column("V8")]] = np.nan  # the current at stall is evidence of its own
+    assert watch(seen, measured=measured)[1].suspects == ()
+
+
+def test_a_jam_shows_in_light_air() -> None:
+    """Where three seconds command too little travel, ten command enough."""
+    record = flown(Condition.constant("jam", 10.0), rate_hz=25.0, seconds=100.0, cyclogram="cruise")
+    _, findings = watch(telemetry(record))
+    assert [suspect.fault for suspect in findings.suspects] == ["jam"]
+
+
+@pytest.mark.parametrize(("flown_deg", "jammed"), [(0.7, True), (1.6, False), (3.0, False)])
+def test_a_rotor_that_winds_up_its_gear_moves_no_surface(flown_deg: float, jammed: bool) -> None:
+    """An angle divided from the rotor's shows what the gear gives, too; a sensor's at the shaft does not."""
+    time_s = np.arange(0.0, 30.0, 0.04)
+    values = np.full((time_s.size, 12), np.nan)
+    values[:, column("V1")] = 3.0 * np.sin(2.0 * time_s)
+    values[:, column("V3")] = np.clip(values[:, column("V1")], -flown_deg, flown_deg)
+    values[:, column("V7")] = np.gradient(values[:, column("V3")], time_s) * 50.0
+    rotors, sensors = np.isin(KEYS, ["V1", "V7"]), np.isin(KEYS, ["V1", "V3", "V7"])
+    found = [watch(Telemetry(time_s, values), measured=measured)[1] for measured in (rotors, sensors)]
+    assert [bool(findings.suspects) for findings in found] == [jammed, False]
+
+
+def test_a_jam_leaves_the_friction_undecided() -> None:
+    _, findings = watch(telemetry(flown(Condition.constant("jam", 10.0), rate_hz=100.0)))
+    assert findings.friction is None
+    assert findings.coverage.decidable > 0
+    assert findings.condition == "emergency"
+
+
+def test_a_profile_that_says_little_leaves_the_jam_alone() -> None:
+    bare: Actuator = actuator_of().model_copy(update={"ema": None, "limits": None})
+    assert [detector.fault for detector in detectors_for(bare)] == ["jam"]
+    open_limits = actuator_of().model_copy(update={"limits": None})
+    faults = [detector.fault for detector in detectors_for(open_limits)]
+    assert "friction" not in faults
+    assert {"jam", "torque_constant"} <= set(faults)
+    assert "supply_sag" not in [detector.fault for detector in detectors_for(actuator_of())]
+
+
+REAL = [path for path in real_logs() if path.suffix == ".tlog"]
+
+
+@pytest.fixture(scope="module")
+def servo_jam() -> Assessment:
+    """The jam that an aircraft's own servos reported; tests/test_engine.py holds all real logs."""
+    if not REAL:
+        pytest.skip("the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+    path = next(path for path in REAL if path.name == "plane_lua_csrv.link1.tlog")
+    return mavhums.analyse(path, mavhums.Options(airframe=CSRV))
+
+
+def test_a_real_jam_is_found_when_it_was(servo_jam: Assessment) -> None:
+    aileron = next(v for v in servo_jam.verdicts if v.actuator == "aileron_1")
+    assert aileron.worst == "emergency"
+    assert (aileron.condition, aileron.since) == ("undecided", None)
+    (jam,) = [e for e in aileron.evidence if not e.rule.startswith("normal")]
+    assert jam.kind == "jam"
+    assert jam.start_s == pytest.approx(90.0, abs=3.0)
+    assert jam.end_s == pytest.approx(127.0, abs=5.0)
+
+
+def test_nothing_but_the_real_jam_is_found(servo_jam: Assessment) -> None:
+    for verdict in (v for v in servo_jam.verdicts if v.subject == "actuator"):
+        assert verdict.condition == "undecided"
+        if verdict.actuator != "aileron_1":
+            assert (verdict.worst, verdict.evidence, verdict.suspects) == ("undecided", (), ())

@@ -1,0 +1,219 @@
+"""The torque balance against motions whose friction is known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import stats
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import column
+from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.actuator.detectors.friction import FrictionDetector
+from mavhums.health.estimation.fits import Estimates, Fits
+from mavhums.health.estimation.motion import Motion, motion
+from mavhums.health.estimation.slots import BUS, COLUMNS, SlotCutter, Slots
+from tests.health.flown import actuator_of
+
+Array = NDArray[np.float64]
+PAPER = actuator_of()
+EMA = PAPER.known_ema()
+KNOWN = PAPER.model_copy(update={"ema": EMA.model_copy(update={"torque_uncertainty": 0.0})})
+SECONDS = 12
+
+
+def synthetic(
+    friction: float, *, noise: float = 0.0, seed: int = 0, rate_hz: float = 100.0, v11: bool = True
+) -> tuple[Array, Array]:
+    """Times and V1…V12 for which the torque balance holds exactly, plus white noise in the torque."""
+    rng = np.random.default_rng(seed)
+    t: Array = (np.arange(round(rate_hz * SECONDS), dtype=np.float64) + 0.5) / rate_hz
+    angle = 0.3 * np.sin(2.1 * t) + 0.1 * np.sin(5.3 * t)
+    speed = 0.63 * np.cos(2.1 * t) + 0.53 * np.cos(5.3 * t)
+    acceleration = -1.323 * np.sin(2.1 * t) - 2.809 * np.sin(5.3 * t)
+    load = 4.0 * angle + 0.2
+    torque = (
+        friction * np.sign(speed) + PAPER.inertia_output * acceleration + EMA.viscous * speed + load
+    ) + noise * rng.standard_normal(t.size)
+    values = np.full((t.size, COLUMNS), np.nan)
+    values[:, column("V3")] = np.degrees(angle)
+    values[:, column("V7")] = speed / PAPER.rad_s(1.0)
+    values[:, column("V8")] = torque / EMA.gear_ratio
+    values[:, column("V4")] = (
+        EMA.resistance * torque / EMA.gear_ratio / EMA.torque_constant
+        + EMA.gear_ratio * EMA.torque_constant * speed
+    )
+    if v11:
+        values[:, column("V11")] = load
+    return t, values
+
+
+def slots_of(time_s: Array, values: Array) -> Slots:
+    slots = SlotCutter().feed(time_s, values)
+    assert slots is not None
+    return slots
+
+
+def estimate(time_s: Array, values: Array, actuator: Actuator = KNOWN) -> Estimates:
+    """The friction in the last window of ten whole seconds."""
+    slots = slots_of(time_s, values)
+    moved = motion(actuator, slots)
+    windows, flight = Fits(actuator, FrictionDetector.equations).feed(slots, moved)
+    estimates = FrictionDetector(actuator).feed(DetectorInput(slots, moved, windows, flight))
+    last = np.zeros(slots.index.size, dtype=bool)
+    last[-1] = True
+    return estimates.at(last)
+
+
+def friction_of(time_s: Array, values: Array, actuator: Actuator = KNOWN) -> float:
+    return float(estimate(time_s, values, actuator).value[0])
+
+
+@given(st.floats(0.05, 2.0), st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_exact_data_give_the_exact_friction(friction: float, v11: bool) -> None:
+    assert friction_of(*synthetic(friction, v11=v11)) == pytest.approx(friction, rel=2e-3)
+
+
+def test_the_current_serves_where_the_rotor_torque_is_not_measured() -> None:
+    time_s, values = synthetic(0.4)
+    values[:, column("V5")] = values[:, column("V8")] / EMA.torque_constant
+    values[:, column("V8")] = np.nan
+    assert friction_of(time_s, values) == pytest.approx(0.4, rel=2e-3)
+
+
+def test_the_command_serves_where_the_angle_is_not_measured() -> None:
+    time_s, values = synthetic(0.4, v11=False)
+    values[:, column("V1")] = values[:, column("V3")]
+    values[:, column("V3")] = np.nan
+    assert friction_of(time_s, values) == pytest.approx(0.4, rel=2e-3)
+
+
+@pytest.mark.parametrize("v11", [True, False])
+def test_the_interval_covers_the_truth_as_often_as_it_says(v11: bool) -> None:
+    found = [estimate(*synthetic(0.4, noise=0.3, seed=s, rate_hz=25.0, v11=v11)) for s in range(300)]
+    shown = [f for f in found if np.isfinite(f.value[0])]
+    inside = [abs(f.value[0] - 0.4) <= stats.t.ppf(0.975, f.freedom[0]) * f.error[0] for f in shown]
+    assert len(shown) > 200
+    assert 0.92 <= np.mean(inside) <= 0.995
+
+
+def test_a_torque_constant_of_its_own_is_seen_in_the_back_emf() -> None:
+    """The motor's k_t is 5 % below the data sheet's: V8 = k_t·V5 says too much, and V4 tells."""
+    time_s, values = synthetic(0.4)
+    torque = values[:, column("V8")] * EMA.gear_ratio
+    speed = values[:, column("V7")] * PAPER.rad_s(1.0)
+    own = 0.95 * EMA.torque_constant
+    current = torque / EMA.gear_ratio / own
+    values[:, column("V5")] = current
+    values[:, column("V8")] = EMA.torque_constant * current
+    values[:, column("V4")] = EMA.resistance * current + EMA.gear_ratio * own * speed
+    assert friction_of(time_s, values, PAPER) == pytest.approx(0.4, abs=0.006)
+    values[:, column("V4")] = np.nan
+    blind = estimate(time_s, values, PAPER)
+    assert blind.value[0] == pytest.approx(0.4 / 0.95, abs=0.006)
+    assert blind.error[0] >= 0.4 / 0.95 * EMA.torque_uncertainty / 2 * 0.99
+
+
+def test_what_cannot_show_friction_is_not_estimated() -> None:
+    time_s, moving = synthetic(0.4)
+    assert np.isfinite(friction_of(time_s, moving))
+    one_way, standing, half, blind = (moving.copy() for _ in range(4))
+    one_way[:, column("V7")] = np.abs(one_way[:, column("V7")]) + 100.0
+    standing[:, column("V7")] = 0.0
+    half[time_s > 3.0, column("V8")] = np.nan
+    blind[:, column("V8")] = np.nan
+    for values in (one_way, standing, half, blind):
+        assert np.isnan(friction_of(time_s, values))
+
+
+def test_an_estimate_below_zero_contradicts_the_balance() -> None:
+    assert np.isnan(friction_of(*synthetic(-0.5)))
+
+
+def test_few_samples_are_too_few() -> None:
+    assert np.isnan(friction_of(*synthetic(0.4, rate_hz=3.0)))
+
+
+def moving(time_s: list[float], rev_min: list[float]) -> tuple[list[bool], Motion]:
+    values = np.full((len(time_s), COLUMNS), np.nan)
+    values[:, column("V7")] = rev_min
+    values[:, BUS] = 27.0
+    slots = Slots(np.array([0]), np.array([0]), slice(0, len(time_s)), np.array(time_s), values)
+    seen = motion(PAPER, slots)
+    return seen.moving.tolist(), seen
+
+
+def test_motion_lasts_before_and_after() -> None:
+    """Six hundredths of a second to either side: a sample at a reversal is no evidence."""
+    at = [round(0.05 * k, 2) for k in range(10)]
+    there, seen = moving(at, [100.0] * 5 + [-100.0] * 5)
+    assert there == [False, False, True, False, False, False, False, True, False, False]
+    assert seen.acceleration[2] == pytest.approx(0.0)
+    assert seen.acceleration[5] == pytest.approx(-200.0 * PAPER.rad_s(1.0) / 0.1)
+    assert seen.bus_v.tolist() == [27.0] * 10
+    slow, _ = moving(at, [40.0] * 10)
+    assert not any(slow)
+
+
+def test_a_gap_interrupts_motion() -> None:
+    at = [0.0, 0.1, 0.2, 0.3, 1.0, 1.1, 1.2, 1.3]
+    there, _ = moving(at, [100.0] * 8)
+    assert there == [False, True, True, False, False, True, True, False]
+
+
+def corrections(friction: float, *, v11: bool = True) -> tuple[Array, Array]:
+    """An autopilot's small corrections at 10 Hz: steps to and fro, each over within a tenth of a second."""
+    rng = np.random.default_rng(5)
+    t: Array = (np.arange(1000) + rng.uniform(0.3, 0.7, 1000)) / 10.0
+    step, phase = np.floor(t / 0.3), np.mod(t, 0.3)
+    way = np.where(np.isin(np.mod(step, 6), [0, 3, 4]), 1.0, -1.0)
+    speed = way * np.where(phase < 0.1, 0.2 * (1.0 - phase / 0.1), 0.0)
+    angle = np.cumsum(np.append(0.0, np.diff(t)) * speed)
+    load = 4.0 * angle + 0.2
+    torque = friction * np.sign(speed) + EMA.viscous * speed + load
+    values = np.full((t.size, COLUMNS), np.nan)
+    values[:, column("V3")] = np.degrees(angle)
+    values[:, column("V7")] = speed / PAPER.rad_s(1.0)
+    values[:, column("V8")] = torque / EMA.gear_ratio
+    if v11:
+        values[:, column("V11")] = load
+    return t, values
+
+
+def concluded(time_s: Array, values: Array) -> tuple[Estimates, Estimates | None]:
+    """The friction over a whole flight: from lasting motion, and the one that it is judged by."""
+    slots = slots_of(time_s, values)
+    fits = Fits(KNOWN, FrictionDetector.equations)
+    fits.feed(slots, motion(KNOWN, slots))
+    detector = FrictionDetector(KNOWN)
+    return detector.overall(fits.whole()), detector.conclusion(fits.whole())
+
+
+@pytest.mark.parametrize("v11", [True, False])
+@pytest.mark.parametrize("friction", [0.225, 0.975])
+def test_motion_that_is_over_at_once_shows_the_friction_of_a_flight(friction: float, v11: bool) -> None:
+    lasting, brief = concluded(*corrections(friction, v11=v11))
+    assert np.isnan(lasting.value[0])
+    assert brief is not None
+    assert brief.value[0] == pytest.approx(friction, abs=0.01)
+    assert brief.error[0] >= 0.05 * friction
+
+
+def test_a_balance_that_does_not_hold_shows_no_friction() -> None:
+    """A rotor that winds up the gear of a jammed shaft."""
+    time_s, values = corrections(0.225)
+    wound_up = 400.0 * np.radians(values[:, column("V3")] - values[:, column("V3")].mean())
+    values[:, column("V8")] += wound_up / EMA.gear_ratio
+    brief = concluded(time_s, values)[1]
+    assert brief is not None
+    assert np.isnan(brief.value[0])
+
+
+def test_a_flight_is_judged_by_the_motion_that_shows_more_of_it() -> None:
+    lasting, judged_by = concluded(*synthetic(0.4))
+    assert judged_by is not None
+    assert judged_by.value[0] == lasting.value[0]

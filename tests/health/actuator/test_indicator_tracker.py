@@ -1,0 +1,378 @@
+"""One detector followed through a flight: what it decides, reports, suspects, and sums up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from mavhums.core.conditions import Condition
+from mavhums.health.actuator.detector import Detector
+from mavhums.health.actuator.indicator_tracker import IndicatorTracker, evidence_of, indicator_of, suspect_of
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.conditions import Change
+from mavhums.health.decision.limits import FALSE_ALARMS, Levels, Panel
+from mavhums.health.estimation.fits import Estimates
+from mavhums.health.estimation.least_squares import Fit
+
+NOTHING: Mapping[str, Fit] = {}
+BASELINE = Baseline(mean=0.2, error=0.001, flights=10, between=0.002, spread=0.003)
+ERROR = 0.01
+
+
+class Wear:
+    """A detector that shows what it is told to; the quantity is normal up to 0.5."""
+
+    fault = "wear"
+    quantity = "wear"
+    unit = "mm"
+    inspect = "everything"
+    equations = ()
+    two_sided = False
+    span_s = None
+
+    def __init__(self, levels: Levels | None = None, whole: Estimates | None = None) -> None:
+        self.levels = levels or Levels(0.5, 1.0)
+        self._whole = whole
+
+    @staticmethod
+    def suits(actuator: object) -> bool:
+        return True
+
+    def feed(self, seen: object) -> Estimates:
+        raise NotImplementedError
+
+    def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        return self._whole
+
+    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        return self.overall(flight)
+
+
+class Bias(Wear):
+    """The same, of a quantity that is normal near zero."""
+
+    two_sided = True
+
+
+class Friction(Wear):
+    """Of friction the normal episodes are told, too."""
+
+    fault = "friction"
+
+
+def one(value: float, error: float = ERROR, freedom: float = 9.0) -> Estimates:
+    return Estimates(np.array([value]), np.array([error]), np.array([freedom]))
+
+
+class Followed(IndicatorTracker):
+    """A tracker with a panel of its own."""
+
+    def __init__(self, detector: Detector, baseline: Baseline | None, false_alarms: float) -> None:
+        super().__init__(detector, baseline, window_s=10.0, false_alarms=false_alarms)
+        self.panel = Panel([detector.levels], [detector.two_sided], false_alarms)
+
+
+def tracker(
+    detector: Wear | None = None, baseline: Baseline | None = None, false_alarms: float = FALSE_ALARMS
+) -> Followed:
+    made: Detector = detector or Wear()  # type: ignore[assignment]
+    return Followed(made, baseline, false_alarms)
+
+
+def follow(
+    followed: Followed, values: Sequence[float], start_s: float = 0.0, error: float = ERROR
+) -> list[Change]:
+    """Feed windows of 10 s that end a second after one another; return the changes."""
+    array = np.array(values, dtype=float)
+    end_s = start_s + 10.0 + np.arange(array.size, dtype=np.float64)
+    estimates = Estimates(array, np.full(array.size, error), np.full(array.size, 9.0))
+    (look,) = followed.panel.feed([estimates], np.ones(array.size, dtype=bool))
+    return followed.feed(look, end_s)
+
+
+def changed(changes: Sequence[Change]) -> list[tuple[int, Condition, float]]:
+    return [(change.window, change.condition, change.since_s) for change in changes]
+
+
+def test_a_tracker_decides_and_says_from_which_window_on_and_since_when() -> None:
+    followed = tracker()
+    changes = follow(followed, [0.2] * 30 + [0.7] * 20 + [1.2] * 20)
+    assert changed(changes) == [(4, "normal", 0.0), (34, "degraded", 35.0), (54, "emergency", 55.0)]
+    assert changes[1].rule == "degraded: wear reliably above 0.5 mm, with ≤ 1 false alarm per 100 h"
+    assert changes[2].rule == "emergency: interval of wear reaches 1 mm, with ≤ 1 false alarm per 100 h"
+    assert (followed.condition, followed.since_s) == ("emergency", 55.0)
+
+
+def test_windows_that_show_nothing_change_nothing() -> None:
+    followed = tracker()
+    assert changed(follow(followed, [np.nan, 0.2] * 10)) == [(9, "normal", 1.0)]
+    assert follow(followed, [np.nan] * 100, 20.0) == []
+    assert followed.condition == "normal"
+    assert suspect_of(followed) is None
+
+
+def test_less_sure_windows_take_longer() -> None:
+    """Twenty in a row, two windows' worth, where the interval of five would hold the limit."""
+    freedom = 45.0  # of many windows' errors together
+    error = 0.12 / stats.t.isf(1 / 36_000, freedom)
+    for value, windows in ((0.5 + 0.13, 5), (0.5 + 0.11, 20)):
+        followed = tracker()
+        follow(followed, [0.2] * 100, error=error)
+        assert changed(follow(followed, [value] * 60, 100.0, error))[0][0] == windows - 1
+
+
+def test_a_tracker_reports_its_episodes_with_their_peaks_and_limits() -> None:
+    followed = tracker(Friction())
+    follow(followed, [0.2] * 30 + [0.7] * 10 + [0.8] + [0.7] * 9 + [1.2] * 20)
+    normal, degraded, emergency = evidence_of(followed)
+    assert [(e.kind, e.start_s) for e in (normal, degraded, emergency)] == [
+        ("friction", 0.0),
+        ("friction", 35.0),
+        ("friction", 55.0),
+    ]
+    assert (normal.end_s, degraded.end_s, emergency.end_s) == (35.0, 55.0, 79.0)
+    assert (normal.limit, degraded.limit, emergency.limit) == (0.5, 0.5, 1.0)
+    assert emergency.value == pytest.approx(1.2)
+    assert [e.rule.partition(":")[0] for e in (normal, degraded, emergency)] == [
+        "normal",
+        "degraded",
+        "emergency",
+    ]
+
+
+def test_of_other_faults_only_what_is_wrong_is_reported() -> None:
+    followed = tracker()
+    follow(followed, [0.2] * 30 + [0.7] * 10 + [0.8] + [0.7] * 19 + [0.2] * 30)
+    (found,) = evidence_of(followed)
+    assert found.value == pytest.approx(0.8)
+    assert (found.kind, found.start_s, found.end_s, found.limit) == ("wear", 35.0, 65.0, 0.5)
+    assert found.rule.startswith("degraded")
+    assert followed.condition == "normal"
+
+
+def test_of_very_many_episodes_the_first_and_the_latest_fifty_are_reported() -> None:
+    followed = tracker(Friction())
+    for turn in range(130):
+        follow(followed, [0.2 if turn % 2 == 0 else 0.7] * 30, 30.0 * turn)
+    found = evidence_of(followed)
+    assert len(found) == 100
+    begun = [0.0, *(30.0 * turn + 5.0 for turn in range(1, 130))]
+    assert [e.start_s for e in found] == begun[:50] + begun[-50:]
+
+
+def test_a_hundred_episodes_are_all_reported() -> None:
+    followed = tracker(Friction())
+    for turn in range(100):
+        follow(followed, [0.2 if turn % 2 == 0 else 0.7] * 30, 30.0 * turn)
+    assert [e.start_s for e in evidence_of(followed)] == [0.0, *(30.0 * k + 5.0 for k in range(1, 100))]
+
+
+def test_a_fault_ends_only_where_the_estimate_itself_is_normal() -> None:
+    """An interval that reaches down to the limit shows no fault, but no health either."""
+    followed = tracker()
+    follow(followed, [0.7] * 20)
+    doubtful, wide = 0.55, 0.1
+    assert follow(followed, [doubtful] * 60, 20.0, wide) == []
+    assert followed.condition == "degraded"
+    assert [change.condition for change in follow(followed, [0.45] * 60, 80.0, wide)] == ["normal"]
+    fresh = tracker()
+    assert [change.condition for change in follow(fresh, [doubtful] * 60, 0.0, wide)] == ["normal"]
+
+
+def test_two_sides_count_alike() -> None:
+    for sign in (1.0, -1.0):
+        followed = tracker(Bias())
+        changes = follow(followed, [0.1 * sign] * 30 + [0.7 * sign] * 30)
+        assert [change.condition for change in changes] == ["normal", "degraded"]
+        suspect = suspect_of(followed)
+        assert suspect is not None
+        assert suspect.confidence > 0.99
+        assert evidence_of(followed)[0].value == pytest.approx(0.7)
+    below = tracker(Wear())
+    assert [change.condition for change in follow(below, [-0.7] * 30)] == ["normal"]
+
+
+def test_the_confidence_is_the_probability_to_lie_beyond_the_limit() -> None:
+    followed = tracker()
+    follow(followed, [0.7] * 20)
+    follow(followed, [0.52], 20.0)
+    suspect = suspect_of(followed)
+    assert suspect is not None
+    assert suspect.fault == "wear"
+    assert suspect.confidence == pytest.approx(stats.t.cdf(2.0, 9.0))
+
+
+def test_a_quantity_without_error_is_certain() -> None:
+    followed = tracker()
+    follow(followed, [0.7] * 20, error=0.0)
+    suspect = suspect_of(followed)
+    assert suspect is not None
+    assert suspect.confidence == 1.0
+
+
+def test_a_drift_degrades_what_the_limits_call_normal() -> None:
+    followed = tracker(baseline=BASELINE)
+    assert changed(follow(followed, [0.2] * 40)) == [(4, "normal", 0.0)]
+    (change,) = follow(followed, [0.3] * 60, 40.0)
+    assert change.condition == "degraded"
+    assert change.rule.startswith("degraded: wear +0.")
+    assert "from its own baseline of 0.2 mm over 10 flights" in change.rule
+    assert followed.since_s == change.since_s == 40.0  # start of the first window that shows it
+    (found,) = evidence_of(followed)
+    assert (found.kind, found.limit) == ("wear_drift", 0.2)
+    assert found.value == pytest.approx(0.3, abs=0.05)
+    assert found.start_s == change.since_s
+    assert 80.0 <= found.end_s <= 110.0
+    suspect = suspect_of(followed)
+    assert suspect is not None
+    assert suspect.confidence > 0.99
+
+
+def test_what_left_its_baseline_before_its_limit_has_been_degraded_since_then() -> None:
+    followed = tracker(baseline=BASELINE)
+    follow(followed, [0.2] * 40)
+    (drifted,) = follow(followed, [0.3] * 60, 40.0)
+    follow(followed, [0.7] * 60, 100.0)
+    assert (followed.condition, followed.since_s) == ("degraded", drifted.since_s)
+    assert {e.kind for e in evidence_of(followed)} == {"wear", "wear_drift"}
+    (worse,) = follow(followed, [1.2] * 60, 160.0)
+    assert (worse.condition, worse.since_s) == ("emergency", 165.0)
+
+
+def test_a_change_of_side_is_a_drift() -> None:
+    followed = tracker(Bias(), BASELINE)
+    follow(followed, [0.2] * 40 + [-0.2] * 40)
+    assert followed.condition == "degraded"
+    assert evidence_of(followed)[0].value == pytest.approx(-0.2, abs=0.05)
+    suspect = suspect_of(followed)
+    assert suspect is not None
+    assert suspect.confidence > 0.99
+
+
+def test_a_baseline_that_is_held_is_no_drift() -> None:
+    followed = tracker(baseline=BASELINE)
+    follow(followed, [0.2] * 400)
+    assert (followed.condition, evidence_of(followed), suspect_of(followed)) == ("normal", [], None)
+
+
+def test_each_second_is_counted_once_in_the_scatter() -> None:
+    """Windows that overlap are not as many windows: every tenth of them is a new one."""
+    rng = np.random.default_rng(5)
+    values = rng.normal(0.2, 0.05, 300)
+    followed = tracker(Wear(whole=one(0.21)))
+    assert indicator_of(followed, NOTHING) is None
+    for a in range(0, 300, 7):
+        follow(followed, values[a : a + 7].tolist(), float(a))
+    indicator = indicator_of(followed, NOTHING)
+    assert indicator is not None
+    assert indicator.windows == 30
+    assert indicator.scatter == pytest.approx(np.std(values[::10], ddof=1))
+
+
+def test_an_indicator_is_the_whole_flights_with_its_interval_limits_and_baseline() -> None:
+    followed = tracker(Wear(whole=one(0.21, 0.02, 20.0)), BASELINE)
+    follow(followed, [0.2] * 30)
+    indicator = indicator_of(followed, NOTHING)
+    assert indicator is not None
+    half = stats.t.ppf(0.975, 20.0) * 0.02
+    assert indicator.value.estimate == pytest.approx(0.21)
+    assert (indicator.value.low, indicator.value.high) == pytest.approx((0.21 - half, 0.21 + half))
+    assert (indicator.fault, indicator.quantity, indicator.unit) == ("wear", "wear", "mm")
+    assert (indicator.limit, indicator.emergency) == (0.5, 1.0)
+    assert indicator.baseline == BASELINE.prediction()
+    for whole in (None, one(np.nan)):
+        silent = tracker(Wear(whole=whole))
+        follow(silent, [0.2] * 30)
+        assert indicator_of(silent, NOTHING) is None
+
+
+@pytest.mark.parametrize(
+    ("value", "condition"), [(0.2, "normal"), (0.7, "degraded"), (1.2, "emergency"), (0.535, "normal")]
+)
+def test_what_no_window_shows_the_whole_flight_may(value: float, condition: Condition) -> None:
+    followed = tracker(Friction(whole=one(value)))
+    assert follow(followed, [np.nan] * 30) == []
+    change, interval = followed.conclude(NOTHING, 3.0, 90.0), followed.concluded
+    assert change is not None
+    assert interval is not None
+    assert (change.condition, change.since_s) == (condition, 3.0)
+    assert change.rule.endswith(", over the whole flight")
+    half = stats.t.ppf(0.975, 9.0) * ERROR
+    assert (interval.low, interval.estimate, interval.high) == pytest.approx(
+        (value - half, value, value + half)
+    )
+    (episode,) = evidence_of(followed)
+    assert (episode.start_s, episode.end_s, episode.value) == (3.0, 90.0, value)
+    assert (followed.condition, followed.since_s) == (condition, 3.0)
+    suspect = suspect_of(followed)
+    assert (suspect is None) == (condition == "normal")
+    assert suspect is None or suspect.confidence > 0.99
+
+
+def test_the_whole_flight_adds_a_fault_and_ends_none() -> None:
+    for windows, whole, condition in ((0.2, 1.2, "emergency"), (0.7, 0.2, "degraded"), (0.2, 0.2, "normal")):
+        followed = tracker(Friction(whole=one(whole)))
+        follow(followed, [windows] * 30)
+        change = followed.conclude(NOTHING, 0.0, 40.0)
+        assert (change is not None) == (condition == "emergency")
+        assert followed.condition == condition
+
+
+def test_the_whole_flight_may_say_nothing() -> None:
+    for whole in (None, one(np.nan), one(0.75, 0.3)):
+        unsure = tracker(Friction(whole=whole))
+        assert unsure.conclude(NOTHING, 0.0, 40.0) is None
+        assert (unsure.condition, evidence_of(unsure)) == ("undecided", [])
+
+
+def test_fewer_false_alarms_take_wider_intervals() -> None:
+    """A window that just shows a fault at one alarm per hour does not at one per million hours."""
+    for rate, condition in ((1000.0, "degraded"), (0.001, "normal")):
+        followed = tracker(false_alarms=rate)
+        follow(followed, [0.535] * 60)
+        assert followed.condition == condition
+
+
+def test_what_begins_the_next_episode_is_no_peak_of_the_one_before() -> None:
+    followed = tracker(Friction())
+    follow(followed, [0.2] * 30 + [0.7] * 30)
+    normal, degraded = evidence_of(followed)
+    assert normal.end_s == degraded.start_s
+    assert (normal.value, degraded.value) == (0.2, 0.7)
+
+
+def test_a_doubtful_window_counts_where_the_condition_stays() -> None:
+    followed = tracker(Friction())
+    follow(followed, [0.2] * 30 + [0.7] * 2 + [0.2] * 30)
+    (normal,) = evidence_of(followed)
+    assert normal.value == 0.7
+
+
+def test_what_the_whole_flight_shows_ends_no_episode_of_its_windows() -> None:
+    """The windows tell nothing for six seconds and are normal then; the whole flight is degraded."""
+    followed = tracker(Friction(whole=one(0.7)))
+    follow(followed, [np.nan] * 6 + [0.2] * 30)
+    followed.conclude(NOTHING, 0.0, 46.0)
+    spans = [(e.rule.partition(":")[0], e.start_s, e.end_s) for e in evidence_of(followed)]
+    assert spans == [("normal", 6.0, 45.0), ("degraded", 0.0, 46.0)]
+
+
+@given(
+    runs=st.lists(
+        st.tuples(st.sampled_from([np.nan, 0.2, 0.52, 0.7, 1.2]), st.integers(1, 40)), min_size=1, max_size=12
+    ),
+    whole=st.sampled_from([np.nan, 0.2, 0.7, 1.2]),
+    drifts=st.booleans(),
+)
+def test_no_evidence_ends_before_it_begins(runs: list[tuple[float, int]], whole: float, drifts: bool) -> None:
+    followed = tracker(Friction(whole=one(whole)), BASELINE if drifts else None)
+    values = [value for value, count in runs for _ in range(count)]
+    end_s = 10.0 + len(values)
+    follow(followed, values)
+    followed.conclude(NOTHING, 0.0, end_s)
+    assert all(0.0 <= e.start_s <= e.end_s <= end_s for e in evidence_of(followed))

@@ -1,0 +1,439 @@
+"""One actuator through a flight: windows, changes, the actuator's own baseline, and what is said of them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.core.quantities import column
+from mavhums.engine.events import ConditionChanged, Event, Indication, Window
+from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.limits import CONFIRM, LASTING
+from mavhums.learn import default_model, packaged_models
+from mavhums.report.assessment import Indicator
+from mavhums_sim import Flight, fly
+from mavhums_sim.conditions import Condition
+from tests.health.flown import Telemetry, actuator_of, flown, sensed, telemetry, watch, watch_blocks
+from tests.strategies import cuts
+
+Array = NDArray[np.float64]
+
+
+def data_sheet(friction: float, *, seconds: float = 30.0, rate_hz: float = 100.0) -> Telemetry:
+    """The elevator of the paper's single-mass model."""
+    flight = Flight(
+        seed=41, duration_s=seconds, rate_hz=rate_hz, friction_nm={"elevator": (friction, friction)}
+    )
+    return telemetry(sensed(fly(flight)))
+
+
+def windows_of(events: Iterable[Event]) -> list[Window]:
+    return [event for event in events if isinstance(event, Window)]
+
+
+def plain(events: Iterable[Event]) -> list[object]:
+    """Events that can be compared; indications in one list per fault."""
+    out: list[object] = [e for e in events if not isinstance(e, Indication)]
+    shown: dict[str, list[tuple[float, ...]]] = {}
+    for e in events:
+        if isinstance(e, Indication):
+            rows = np.stack([e.end_s, e.value, e.low, e.high], axis=1).round(9)
+            shown.setdefault(e.fault, []).extend(map(tuple, rows.tolist()))
+    return [*out, shown]
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 50.0, 25.0])
+def test_friction_is_found_at_any_rate(rate_hz: float) -> None:
+    events, findings = watch(data_sheet(0.3, rate_hz=rate_hz))
+    assert len(windows_of(events)) == 21
+    assert findings.condition == findings.worst == "normal"
+    assert findings.suspects == ()
+    assert findings.friction is not None
+    assert findings.friction.estimate == pytest.approx(0.3, abs=0.02)
+
+
+@given(data=st.data())
+@settings(max_examples=10, deadline=None)
+def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:
+    seen = telemetry(flown(Condition.step("friction", 0.4, 15.0), rate_hz=25.0, seconds=30.0))
+    places = data.draw(cuts(seen.time_s.size))
+    bounds = [0, *places, seen.time_s.size]
+    blocks = [seen.between(a, b) for a, b in itertools.pairwise(bounds)]
+    events, findings = watch_blocks(blocks)
+    expected, whole = watch(seen)
+    assert findings.condition == whole.condition
+    assert findings.since_s == whole.since_s
+    assert [(e.kind, e.start_s, e.end_s) for e in findings.evidence] == [
+        (e.kind, e.start_s, e.end_s) for e in whole.evidence
+    ]
+    assert [w.end_s for w in windows_of(events)] == [w.end_s for w in windows_of(expected)]
+    for one, other in zip(windows_of(events), windows_of(expected), strict=True):
+        assert one.condition == other.condition
+        assert (one.friction_nm is None) == (other.friction_nm is None)
+        if one.friction_nm and other.friction_nm:
+            assert one.friction_nm.estimate == pytest.approx(other.friction_nm.estimate, rel=1e-9)
+
+
+@given(data=st.data())
+@settings(max_examples=5, deadline=None)
+def test_the_networks_say_the_same_to_the_last_digit_wherever_blocks_end(data: st.DataObject) -> None:
+    seen = telemetry(flown(Condition.step("friction", 0.4, 15.0), rate_hz=25.0, seconds=30.0))
+    places = data.draw(cuts(seen.time_s.size))
+    bounds = [0, *places, seen.time_s.size]
+    blocks = [seen.between(a, b) for a, b in itertools.pairwise(bounds)]
+    expected, _ = watch(seen, networks=packaged_models())
+    events, _ = watch_blocks(blocks, networks=packaged_models())
+    said = [w.p_emergency for w in windows_of(events)]
+    assert said == [w.p_emergency for w in windows_of(expected)]
+    assert sum(p is not None for p in said) > 10
+
+
+def test_windows_of_a_second_slide_by_a_tenth() -> None:
+    events, findings = watch(
+        telemetry(flown(Condition.constant("friction", 1.0), rate_hz=100.0)), window_s=1.0
+    )
+    windows = windows_of(events)
+    assert len(windows) == pytest.approx(391, abs=2)
+    assert np.diff([w.end_s for w in windows]) == pytest.approx(0.1)
+    assert {round(w.end_s - w.start_s, 9) for w in windows} == {1.0}
+    assert findings.condition == "emergency"
+    assert findings.coverage.decidable > 200
+
+
+def test_what_is_found_is_held_through_standstill() -> None:
+    seen = data_sheet(1.0)
+    seen.values[seen.time_s > 18.0, 6] = 0.0
+    events, findings = watch(seen)
+    assert windows_of(events)[-1].friction_nm is None
+    assert windows_of(events)[-1].condition == "emergency"
+    assert findings.condition == "emergency"
+    assert findings.coverage.decidable < findings.coverage.windows
+    assert findings.friction is not None
+    first, last = windows_of(events)[0].moving_fraction, windows_of(events)[-1].moving_fraction
+    assert last == 0.0
+    assert 0.4 < first < 1.0
+    assert findings.coverage.moving_fraction == pytest.approx(18 / 30 * first, abs=0.1)
+
+
+def test_seconds_without_samples_end_no_window_twice() -> None:
+    seen = data_sheet(0.3)
+    there = (seen.time_s < 12.0) | (seen.time_s > 16.0)
+    events, findings = watch(Telemetry(seen.time_s[there], seen.values[there]))
+    ends = [window.end_s for window in windows_of(events)]
+    assert ends == sorted(set(ends))
+    assert findings.condition == "normal"
+
+
+def test_late_samples_are_counted() -> None:
+    seen = data_sheet(0.3)
+    late = Telemetry(seen.time_s[:10], seen.values[:10])
+    _, findings = watch_blocks([seen, late])
+    assert findings.coverage.late == 10
+
+
+def test_a_lone_sample_is_no_window() -> None:
+    _, findings = watch(Telemetry(np.array([0.5]), np.zeros((1, 12))))
+    assert findings.coverage.windows == 0
+    assert (findings.condition, findings.since_s) == ("undecided", None)
+    assert findings.last_s == 0.5
+
+
+def test_an_interval_wider_than_the_limits_are_apart_decides_nothing() -> None:
+    seen = data_sheet(0.3)
+    seen.values[:, 4] += np.random.default_rng(0).normal(0.0, 0.8, seen.time_s.size)
+    events, findings = watch(seen)
+    windows = windows_of(events)
+    assert findings.coverage.decidable < len(windows)
+    assert all(w.friction_nm is None or w.friction_nm.high - w.friction_nm.low <= 0.6 for w in windows)
+
+
+def test_a_change_says_what_changed_it_and_since_when() -> None:
+    record = flown(Condition.step("backlash", 0.3, 40.0), rate_hz=25.0, seconds=80.0)
+    events, findings = watch(telemetry(record))
+    first, last = [e for e in events if isinstance(e, ConditionChanged)]
+    assert (first.after, first.fault, first.since_s) == ("normal", "friction", 0.0)
+    assert (last.before, last.after, last.fault) == ("normal", "degraded", "backlash")
+    assert last.since_s == findings.since_s == pytest.approx(40.0, abs=10.0)
+    assert "backlash reliably above 0.15 °" in last.rule
+    assert "1 false alarm per 100 h" in last.rule
+    assert last.time_s >= 40.0
+
+
+def test_an_indication_is_a_95_percent_interval_of_every_window_that_shows_the_fault() -> None:
+    events, findings = watch(telemetry(flown(rate_hz=25.0)))
+    windows = [w for w in windows_of(events) if w.friction_nm]
+    shown = [e for e in events if isinstance(e, Indication) and e.fault == "friction"]
+    assert np.concatenate([e.end_s for e in shown]).tolist() == [w.end_s for w in windows]
+    low = np.concatenate([e.low for e in shown])
+    assert low.tolist() == [w.friction_nm.low for w in windows if w.friction_nm]
+    friction = next(i for i in findings.indicators if i.fault == "friction")
+    assert friction.value.low < friction.value.estimate < friction.value.high
+    assert friction.windows == 4
+    assert (friction.limit, friction.baseline) == (0.375, None)
+
+
+class Contrary:
+    """Says the contrary of the packaged network."""
+
+    def __init__(self) -> None:
+        self._network = default_model()
+        self.keys = self._network.keys
+        self.window_emergency = self._network.window_emergency
+
+    def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
+        probabilities, inside = self._network.classify_windows(features)
+        return 1 - probabilities, inside
+
+    def votes(self, values: Array) -> NDArray[np.int8]:
+        votes = self._network.votes(values)
+        return np.where(votes >= 0, 1 - votes, votes).astype(np.int8)
+
+    def probability(self, share: float) -> float:
+        return share
+
+
+@pytest.mark.parametrize(("friction", "condition"), [(0.225, "normal"), (1.0, "emergency")])
+@pytest.mark.parametrize("contrary", [False, True])
+def test_who_decides_decides_alone(friction: float, condition: str, contrary: bool) -> None:
+    judge = Contrary() if contrary else default_model()
+    other = {"normal": "emergency", "emergency": "normal"}[condition]
+    said = other if contrary else condition
+    events, findings = watch(data_sheet(friction), networks=[judge])
+    assert [e.after for e in events if isinstance(e, ConditionChanged)] == [condition]
+    assert findings.network is not None
+    assert (findings.by_network, findings.network.condition) == (False, said)
+    assert (findings.network.share_of_samples > 0.5) == (said == "emergency")
+    assert (findings.network.first_emergency_s is None) == (said == "normal")
+    assert "network" not in {item.kind for item in findings.evidence}
+    events, findings = watch(data_sheet(friction), networks=[judge], by_network=True)
+    assert [e.after for e in events if isinstance(e, ConditionChanged)] == [said]
+    assert (findings.condition, findings.by_network) == (said, True)
+    assert {item.kind for item in findings.evidence} == {"network"}
+    assert [suspect.fault for suspect in findings.suspects] == ["friction"] * (said == "emergency")
+
+
+def test_without_limits_the_network_decides_and_without_a_network_nobody() -> None:
+    bare = actuator_of().model_copy(update={"limits": None})
+    _, findings = watch(data_sheet(1.0), actuator=bare, networks=[default_model()])
+    assert (findings.condition, findings.by_network) == ("emergency", True)
+    _, findings = watch(data_sheet(1.0), actuator=bare)
+    assert (findings.condition, findings.by_network) == ("undecided", False)
+    _, findings = watch(data_sheet(1.0), by_network=True)  # no network is for this airframe
+    assert (findings.condition, findings.by_network) == ("emergency", False)
+
+
+def test_the_first_emergency_is_the_first_window_in_which_the_network_says_so() -> None:
+    """Its boundary, 0.625 N·m, is crossed at 30 s."""
+    flight = Flight(seed=41, duration_s=60.0, rate_hz=50.0, friction_nm={"elevator": (0.225, 1.025)})
+    growing = telemetry(sensed(fly(flight)))
+    events, findings = watch(growing, networks=[default_model()], by_network=True)
+    windows = [e for e in events if isinstance(e, Window) and (e.p_emergency or 0) > 0.5]
+    assert findings.network is not None
+    assert findings.network.first_emergency_s == windows[0].start_s + 5.0
+    assert 25.0 < findings.network.first_emergency_s < 35.0
+    told = [item for item in findings.evidence if item.kind == "network"]
+    assert [item.rule.split(":")[0] for item in told] == ["normal", "emergency"]
+    assert told[1].start_s == pytest.approx(findings.network.first_emergency_s, abs=3.0)
+
+
+def test_the_suspect_is_friction_with_its_probability() -> None:
+    _, findings = watch(data_sheet(0.6))
+    assert [suspect.fault for suspect in findings.suspects] == ["friction"]
+    assert findings.suspects[0].confidence > 0.99
+
+
+def history(seeds: Iterable[int]) -> Baseline:
+    """The friction of one aircraft's elevator over several healthy flights."""
+    found: list[Indicator] = []
+    for seed in seeds:
+        _, findings = watch(telemetry(flown(rate_hz=25.0, seconds=100.0, seed=seed)))
+        found += [indicator for indicator in findings.indicators if indicator.fault == "friction"]
+    baseline = Baseline.of(found)
+    assert baseline is not None
+    return baseline
+
+
+@pytest.fixture(scope="module")
+def own() -> dict[str, Baseline]:
+    return {"friction": history(range(300, 312))}
+
+
+@pytest.mark.slow
+def test_wear_far_below_the_limit_is_a_drift_from_the_own_baseline(own: dict[str, Baseline]) -> None:
+    worn = telemetry(flown(Condition.constant("friction", 0.08), rate_hz=25.0, seconds=100.0, seed=401))
+    assert watch(worn)[1].worst == "normal"
+    events, findings = watch(worn, baselines=own)
+    assert findings.condition == findings.worst == "degraded"
+    assert [suspect.fault for suspect in findings.suspects] == ["friction"]
+    assert findings.suspects[0].confidence > 0.99
+    drift = next(e for e in findings.evidence if e.kind == "friction_drift")
+    assert drift.limit == own["friction"].mean
+    assert drift.value - own["friction"].mean == pytest.approx(0.08, abs=0.02)
+    assert "from its own baseline" in drift.rule
+    assert "over 12 flights" in drift.rule
+    assert findings.since_s == drift.start_s
+    change = [e for e in events if isinstance(e, ConditionChanged)][-1]
+    assert (change.after, change.fault, change.rule) == ("degraded", "friction", drift.rule)
+    friction = next(i for i in findings.indicators if i.fault == "friction")
+    assert friction.baseline == own["friction"].prediction()
+
+
+@pytest.mark.slow
+def test_a_healthy_flight_stays_at_its_baseline(own: dict[str, Baseline]) -> None:
+    for seed in range(402, 406):
+        healthy = telemetry(flown(rate_hz=25.0, seconds=100.0, seed=seed))
+        _, findings = watch(healthy, actuator_of(), baselines=own)
+        assert findings.worst == "normal"
+        assert not [e for e in findings.evidence if e.kind.endswith("_drift")]
+
+
+def test_an_emergency_is_more_than_a_drift(own: dict[str, Baseline]) -> None:
+    bad = telemetry(flown(Condition.constant("friction", 1.0), rate_hz=25.0))
+    _, findings = watch(bad, baselines=own)
+    assert findings.condition == "emergency"
+    assert {"friction", "friction_drift"} <= {e.kind for e in findings.evidence}
+
+
+def test_a_condition_that_flaps_for_hours_fills_no_memory() -> None:
+    """Worn and sound by turns of 25 s: the first and the latest stays are told."""
+    turns = [data_sheet(friction, seconds=25.0, rate_hz=20.0) for friction in (0.225, 1.0)]
+    monitor = Monitor(1, actuator_of())
+    changes = 0
+    for k in range(130):
+        turn = turns[k % 2]
+        events = monitor.feed(turn.time_s + 25.0 * k, turn.values)
+        changes += sum(isinstance(event, ConditionChanged) for event in events)
+    stays = [evidence for evidence in monitor.findings().evidence if evidence.kind == "friction"]
+    assert changes > 120
+    assert len(stays) == 100
+    assert stays[0].start_s == 0.0
+    assert stays[-1].end_s > 25.0 * 129
+
+
+def test_what_was_worst_is_not_forgotten() -> None:
+    blocks = []
+    for start_s, friction in ((0.0, 1.0), (30.0, 0.225)):
+        seen = data_sheet(friction, rate_hz=25.0)
+        blocks.append(Telemetry(start_s + seen.time_s, seen.values))
+    events, findings = watch_blocks(blocks)
+    assert [e.after for e in events if isinstance(e, ConditionChanged)] == ["emergency", "normal"]
+    assert (findings.condition, findings.worst) == ("normal", "emergency")
+
+
+def test_a_flight_shorter_than_a_window_is_not_judged() -> None:
+    events, findings = watch(data_sheet(1.0, seconds=9.0))
+    assert [e for e in events if not isinstance(e, Indication)] == []
+    assert (findings.condition, findings.coverage.windows) == ("undecided", 0)
+
+
+def test_windows_too_poor_each_by_itself_are_judged_together() -> None:
+    """Light air: the autopilot's corrections move the surface for moments only."""
+    worn = Condition.constant("friction", 0.7)
+    still = telemetry(flown(worn, rate_hz=15.0, seconds=100.0, cyclogram="cruise"))
+    seen = Telemetry(still.time_s + 50.0, still.values)
+    events, findings = watch(seen)
+    assert findings.since_s == 50.0
+    decided = [event for event in events if isinstance(event, ConditionChanged)]
+    assert 0 < findings.coverage.decidable < LASTING
+    assert [(change.after, change.time_s) for change in decided] == [("emergency", findings.last_s)]
+    assert "over the whole flight" in decided[0].rule
+    assert findings.friction is not None
+    assert findings.friction.low < 0.925 < findings.friction.high
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.75])
+def test_motion_too_brief_for_any_window_decides_nothing(friction: float) -> None:
+    """At 10 Hz hardly a sample of light air has neighbours that move with it."""
+    worn = (Condition.constant("friction", friction),) if friction else ()
+    seen = telemetry(flown(*worn, rate_hz=10.0, seconds=100.0, cyclogram="cruise", seed=931))
+    events, findings = watch(seen)
+    assert findings.coverage.decidable == 0
+    assert not [event for event in events if isinstance(event, ConditionChanged)]
+    assert (findings.condition, findings.worst, findings.friction) == ("undecided", "undecided", None)
+
+
+@pytest.mark.parametrize(("friction", "expected"), [(0.0, "normal"), (0.75, "emergency")])
+def test_motion_too_brief_for_most_windows_decides_the_flight(friction: float, expected: str) -> None:
+    worn = (Condition.constant("friction", friction),) if friction else ()
+    seen = telemetry(flown(*worn, rate_hz=15.0, seconds=100.0, cyclogram="cruise", seed=933))
+    events, findings = watch(seen)
+    assert 0 < findings.coverage.decidable < CONFIRM
+    (change,) = [event for event in events if isinstance(event, ConditionChanged)]
+    assert (change.after, change.time_s) == (expected, findings.last_s)
+    assert findings.friction is not None
+    assert findings.friction.low < 0.23 + friction < findings.friction.high
+
+
+@pytest.mark.parametrize(
+    ("fault", "severity", "said", "seed"),
+    [("backlash", 0.3, "backlash reliably above", 902)],
+)
+def test_a_fault_that_no_run_of_windows_shows_is_an_alarm_at_the_finish(
+    fault: str, severity: float, said: str, seed: int
+) -> None:
+    """Light air presses the gear's other flank for moments only; over the flight often enough."""
+    for worn in ((), (Condition.constant(fault, severity),)):
+        seen = telemetry(flown(*worn, rate_hz=25.0, seconds=100.0, cyclogram="cruise", seed=seed))
+        events, findings = watch(seen)
+        alarms = [e for e in events if isinstance(e, ConditionChanged) and e.after == "degraded"]
+        assert [suspect.fault for suspect in findings.suspects] == [fault] * len(worn)
+        assert len(alarms) == len(worn)
+        for alarm in alarms:
+            assert (alarm.fault, alarm.time_s) == (fault, findings.last_s)
+            assert said in alarm.rule
+            assert alarm.rule.endswith(", over the whole flight")
+
+
+def test_a_bias_larger_than_the_play_is_told_in_flight_with_the_load_on_one_flank() -> None:
+    worn = Condition.constant("sensor_bias", 0.8)
+    seen = telemetry(flown(worn, rate_hz=25.0, seconds=100.0, cyclogram="cruise", seed=901))
+    events, findings = watch(seen)
+    (alarm,) = [e for e in events if isinstance(e, ConditionChanged) and e.after == "degraded"]
+    assert alarm.fault == "sensor_bias"
+    assert alarm.time_s < findings.last_s - 30.0
+
+
+def test_the_flight_as_a_whole_leaves_its_baseline(own: dict[str, Baseline]) -> None:
+    """Windows that scatter too much to show a change one by one show it together."""
+    sharp = replace(own["friction"], error=0.001, flights=40, between=0.001)
+    worn = telemetry(flown(Condition.constant("friction", 0.03), rate_hz=25.0, seconds=100.0, seed=401))
+    events, findings = watch(worn, baselines={"friction": sharp})
+    change = [event for event in events if isinstance(event, ConditionChanged)][-1]
+    assert (change.after, change.fault, change.time_s) == ("degraded", "friction", findings.last_s)
+    assert "from its own baseline" in change.rule
+    assert change.rule.endswith(", over the whole flight")
+    assert findings.suspects[0].confidence > 0.99
+
+
+def test_which_direction_is_called_positive_changes_no_verdict() -> None:
+    """A servo mounted the other way round: all that has a direction changes its sign."""
+    worn = telemetry(flown(Condition.constant("friction", 0.4), rate_hz=25.0))
+    turned = Telemetry(worn.time_s, worn.values.copy())
+    directed = ("V1", "V2", "V3", "V4", "V5", "V7", "V8", "V10", "V11")
+    turned.values[:, [column(key) for key in directed]] *= -1
+    one, other = watch(worn)[1], watch(turned)[1]
+    assert (other.condition, other.since_s) == (one.condition, one.since_s) == ("degraded", 0.0)
+    assert [i.fault for i in other.indicators] == [i.fault for i in one.indicators]
+    for mine, theirs in zip(one.indicators, other.indicators, strict=True):
+        sign = -1 if mine.fault == "sensor_bias" else 1
+        assert theirs.value.estimate == pytest.approx(sign * mine.value.estimate, rel=1e-6, abs=1e-9)
+        width = theirs.value.high - theirs.value.low
+        assert width == pytest.approx(mine.value.high - mine.value.low, rel=1e-6)
+
+
+def test_a_clock_that_went_back_fills_no_memory() -> None:
+    """What comes late is counted and left out though nothing newer comes."""
+    seen = telemetry(flown(rate_hz=25.0, seconds=20.0))
+    monitor = Monitor(1, actuator_of())
+    list(monitor.feed(seen.time_s, seen.values))
+    for _ in range(1000):
+        list(monitor.feed(seen.time_s[:1], seen.values[:1]))
+    assert monitor.findings().coverage.late >= 900

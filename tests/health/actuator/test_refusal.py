@@ -1,0 +1,110 @@
+"""The reasons why a flight shows no friction: each is forced by a flight of its own, and is the true one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mavhums.core.quantities import column
+from mavhums.health.actuator.monitor import Findings
+from mavhums_sim.conditions import Condition
+from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
+
+Array = NDArray[np.float64]
+EMA = actuator_of().known_ema()
+_V3, _V4, _V5, _V7, _V8, _V11 = (column(key) for key in ("V3", "V4", "V5", "V7", "V8", "V11"))
+
+
+def judged(time_s: Array, values: Array) -> Findings:
+    return watch(Telemetry(time_s, values))[1]
+
+
+def healthy(rate_hz: float = 50.0) -> tuple[Array, Array]:
+    seen = telemetry(flown(rate_hz=rate_hz))
+    return seen.time_s, seen.values
+
+
+def reason(findings: Findings) -> str:
+    assert findings.condition == "undecided"
+    assert findings.no_friction is not None
+    why, remedy = findings.no_friction
+    assert remedy
+    return why
+
+
+def test_a_flight_that_shows_friction_needs_no_reason() -> None:
+    assert judged(*healthy()).no_friction is None
+
+
+def test_it_stands() -> None:
+    time_s, values = healthy()
+    values[:, _V7] = 0.0
+    assert reason(judged(time_s, values)) == (
+        "the actuator moves in 0 % of the samples, too little to show friction"
+    )
+
+
+def test_its_telemetry_is_slow() -> None:
+    time_s, values = healthy()
+    few = judged(time_s[:800:40], values[:800:40])
+    assert "comes at 1.2 Hz, less than the profile's min_rate_hz of 5" in reason(few)
+
+
+def test_its_current_has_no_sign() -> None:
+    time_s, values = healthy()
+    values[:, [_V5, _V8]] = np.nan
+    values[::400, _V5] = 0.1
+    assert "a current of known sign" in reason(judged(time_s, values))
+
+
+def test_it_moves_one_way_only() -> None:
+    time_s, values = healthy()
+    values[:, _V7] = np.abs(values[:, _V7]) + 100.0
+    values[:, _V4] = np.nan
+    values[:, _V11] = np.nan
+    assert "moves one way only" in reason(judged(time_s, values))
+
+
+def test_its_constants_are_not_the_motors() -> None:
+    """Twice the back-EMF: another motor; a loss would be a verdict on the torque constant."""
+    time_s, values = healthy()
+    speed = values[:, _V7] * actuator_of().rad_s(1.0)
+    values[:, _V4] += EMA.gear_ratio * EMA.torque_constant * speed
+    assert "of the profile's torque constant, so the current does not tell the torque" in reason(
+        judged(time_s, values)
+    )
+
+
+def test_its_friction_is_below_zero() -> None:
+    time_s, values = healthy()
+    values[:, [_V5, _V8]] -= np.sign(values[:, _V7])[:, None] * 0.2 * [1.0, EMA.torque_constant]
+    values[:, _V4] = np.nan
+    assert "below zero" in reason(judged(time_s, values))
+
+
+def test_its_current_stands_still() -> None:
+    time_s, values = healthy()
+    values[:, [_V5, _V8, _V4, _V11]] = 0.0
+    values[:, _V4] = np.nan
+    assert "the current does not follow the motion" in reason(judged(time_s, values))
+
+
+def test_its_friction_is_too_uncertain() -> None:
+    time_s, values = healthy()
+    rng = np.random.default_rng(4)
+    values[:, _V5] += rng.normal(0.0, 4.0, time_s.size)
+    values[:, _V8] = np.nan
+    values[:, _V4] = np.nan
+    assert "moves too little both ways: its friction is known to ±" in reason(judged(time_s, values))
+
+
+@pytest.mark.parametrize("lost", [0.55, 0.7, 0.8, 0.9])
+@pytest.mark.parametrize("rate_hz", [25.0, 100.0])
+def test_a_lost_torque_constant_is_a_verdict_and_no_reason(lost: float, rate_hz: float) -> None:
+    """No current tells a torque any more, so the friction is unknown; the loss itself is not."""
+    _, findings = watch(telemetry(flown(Condition.constant("torque_constant", lost), rate_hz=rate_hz)))
+    assert findings.condition in ("degraded", "emergency")
+    assert "torque_constant" in [suspect.fault for suspect in findings.suspects]
+    (shown,) = [one for one in findings.indicators if one.fault == "torque_constant"]
+    assert shown.value.estimate == pytest.approx(lost, abs=0.06)

@@ -1,0 +1,197 @@
+"""The networks' votes: who is asked, who abstains, and what a window of votes amounts to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.core.quantities import column
+from mavhums.core.window_features import MOMENTS, SUMS, WINDOW_KEYS, products
+from mavhums.health.actuator.votes import Outcome, count_votes, outcome, window_outcomes
+
+RATIO = 300.0
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Calls an emergency where V5 exceeds one ampere; knows only positive currents."""
+
+    keys: tuple[str, ...] = ("V5",)
+    slope: float = 1.0
+
+    def votes(self, values: Array) -> NDArray[np.int8]:
+        current = values[:, 4]
+        return np.where(current > 0, current > 1.0, -1).astype(np.int8)
+
+    def probability(self, share: float) -> float:
+        return self.slope * share
+
+    @property
+    def window_emergency(self) -> int | None:
+        return None
+
+    def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
+        raise AssertionError("it has no network of windows")
+
+
+def samples(currents: list[float], speeds: list[float] | None = None) -> Array:
+    values = np.zeros((len(currents), 12))
+    values[:, 4] = currents
+    values[:, 6] = 1.0 if speeds is None else speeds
+    values[:, 1:3] = np.random.default_rng(0).normal(size=(len(currents), 2))
+    return values
+
+
+def row(network: int, moving: int, voters: tuple[int, int], emergency: tuple[int, int]) -> list[int]:
+    return [network, moving, *voters, *emergency]
+
+
+def test_samples_inside_the_envelope_vote_by_direction() -> None:
+    values = samples([2.0, 2.0, 0.5, -1.0, 2.0], [1.0, -1.0, 1.0, 1.0, -1.0])
+    assert count_votes([Threshold()], values, [0, 5], RATIO).tolist() == [row(0, 5, (2, 2), (2, 1))]
+
+
+def test_each_slot_is_counted_alone() -> None:
+    values = samples([2.0, 0.5, 2.0, 2.0])
+    assert count_votes([Threshold()], values, [0, 1, 1, 4], RATIO).tolist() == [
+        row(0, 1, (0, 1), (0, 1)),
+        row(-1, 0, (0, 0), (0, 0)),
+        row(0, 3, (0, 3), (0, 2)),
+    ]
+    assert count_votes([], values, [0, 4], RATIO).tolist() == [row(-1, 4, (0, 0), (0, 0))]
+    assert count_votes([Threshold()], values[:0], [0], RATIO).shape == (0, 6)
+
+
+@given(
+    st.lists(st.sampled_from([0.5, 2.0, -1.0, np.nan]), max_size=30),
+    st.lists(st.integers(0, 30), max_size=4),
+    st.data(),
+)
+def test_a_slot_does_not_depend_on_its_neighbours(
+    currents: list[float], cuts: list[int], data: st.DataObject
+) -> None:
+    speeds = data.draw(st.lists(st.sampled_from([-1.0, 1.0]), min_size=len(currents), max_size=len(currents)))
+    networks = [Threshold(("V5", "V11")), Threshold(("V4",))]
+    values = samples(currents, speeds)
+    values[::3, 10] = np.nan
+    bounds = [0, *sorted(min(cut, len(values)) for cut in cuts), len(values)]
+    together = count_votes(networks, values, bounds, RATIO)
+    for k in range(len(bounds) - 1):
+        own = values[bounds[k] : bounds[k + 1]]
+        np.testing.assert_array_equal(together[k], count_votes(networks, own, [0, len(own)], RATIO)[0])
+
+
+def test_the_first_network_whose_quantities_are_there_is_asked() -> None:
+    networks = [Threshold(("V5", "V11")), Threshold(("V3", "V5")), Threshold(("V5",))]
+
+    def asked(values: Array) -> int:
+        return int(count_votes(networks, values, [0, len(values)], RATIO)[0, 0])
+
+    values = samples([2.0] * 4)
+    assert asked(values) == 0
+    values[:2, column("V11")] = np.nan
+    assert asked(values) == 0
+    values[:3, column("V11")] = np.nan
+    assert asked(values) == 1
+    values[:, column("V3")] = values[:, column("V2")] / RATIO
+    assert asked(values) == 2
+    values[:, column("V5")] = np.nan
+    assert asked(values) == -1
+
+
+def test_what_lacks_a_quantity_does_not_vote() -> None:
+    values = samples([2.0] * 4)
+    values[0, 4] = np.nan
+    assert count_votes([Threshold()], values, [0, 4], RATIO).tolist() == [row(0, 4, (0, 3), (0, 3))]
+
+
+def window(*rows: list[int]) -> NDArray[np.int64]:
+    return np.array(rows, dtype=np.int64).reshape(-1, 6)
+
+
+def test_the_directions_count_alike_whatever_their_number() -> None:
+    votes = window(row(0, 50, (10, 40), (10, 0)), row(0, 50, (10, 40), (0, 0)))
+    assert outcome([Threshold(slope=0.5)], votes) == Outcome(0.125, 0)
+
+
+def test_the_networks_abstain_on_few_or_foreign_samples() -> None:
+    networks = [Threshold()]
+    assert outcome(networks, window()) is None
+    assert outcome([], window(row(-1, 100, (0, 0), (0, 0)))) is None
+    assert outcome(networks, window(row(0, 19, (9, 10), (9, 10)))) is None
+    assert outcome(networks, window(row(0, 100, (90, 4), (4, 4)))) is None
+    assert outcome(networks, window(row(0, 100, (95, 5), (95, 5)))) == Outcome(1.0, 0)
+    assert outcome(networks, window(row(0, 50, (10, 10), (9, 9)))) is None
+    assert outcome(networks, window(row(0, 40, (10, 10), (5, 10)))) == Outcome(0.75, 0)
+    assert outcome(networks, window(row(0, 20, (10, 10), (5, 10)), row(-1, 21, (0, 0), (0, 0)))) is None
+
+
+def test_where_the_telemetry_changes_the_network_with_most_votes_decides() -> None:
+    networks = [Threshold(), Threshold()]
+    few, many = row(0, 40, (20, 20), (20, 20)), row(1, 60, (30, 30), (0, 15))
+    assert outcome(networks, window(few, many)) == Outcome(0.25, 1)
+    assert outcome(networks, window(few, row(1, 40, (20, 20), (0, 0)))) == Outcome(1.0, 0)
+
+
+@pytest.mark.parametrize("bounds", [[0, 2], [0, 1, 2]])
+def test_standing_still_asks_nobody(bounds: list[int]) -> None:
+    counts = count_votes([Threshold()], samples([])[:0], [0] * len(bounds), RATIO)
+    assert (counts[:, 0] == -1).all()
+    assert outcome([Threshold()], counts) is None
+
+
+@dataclass(frozen=True)
+class ByWindow(Threshold):
+    """Answers from the current's half difference, and knows only windows below two amperes."""
+
+    needs: str = "V5 way"
+
+    @property
+    def window_emergency(self) -> int | None:
+        return 1
+
+    def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
+        seen = features[:, WINDOW_KEYS.index(self.needs)]
+        p = np.clip(seen, 0.0, 1.0)
+        return np.column_stack([1 - p, p]), seen < 2.0
+
+
+def slots(current: float, load: float = 0.5, moving: int = 20) -> Array:
+    """The sums of one window's only slot: a current with the motion, forward and backward in turn."""
+    way = np.resize([1.0, -1.0], moving)
+    moments = np.zeros((moving, len(MOMENTS)))
+    moments[:, MOMENTS.index("1")] = 1.0
+    for name, factor in {"way": 1.0, "V5": current, "V7": 1.0, "V11": load}.items():
+        moments[:, MOMENTS.index(name)] = factor * way
+    others = np.zeros(SUMS - products(moments).shape[1])
+    others[[0, 6]] = moving, moving if np.isfinite(load) else 0
+    return np.concatenate([products(moments).sum(axis=0), others])[None, None]
+
+
+def test_a_network_of_windows_answers_instead_of_votes() -> None:
+    ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
+    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [Outcome(0.25, 0)]
+    assert window_outcomes([Threshold()], ballots, slots(0.25)) == [Outcome(1.0, 0)]
+
+
+def test_a_network_of_windows_abstains_outside_its_range_and_where_nothing_moves() -> None:
+    ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
+    assert window_outcomes([ByWindow()], ballots, slots(3.0)) == [None]
+    assert window_outcomes([ByWindow()], ballots, slots(0.25, moving=18)) == [None]
+
+
+def test_a_network_of_windows_that_lacks_a_quantity_leaves_it_to_votes_and_to_other_networks() -> None:
+    ballots = window(row(0, 40, (20, 20), (10, 10)))[None]
+    without_load = slots(0.25, load=np.nan)
+    loaded = ByWindow(needs="V11 rms")
+    assert window_outcomes([loaded], ballots, without_load) == [Outcome(0.5, 0)]
+    assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [Outcome(0.5, 0)]
+    silent = window(row(-1, 40, (0, 0), (0, 0)))[None]
+    assert window_outcomes([loaded, ByWindow()], silent, without_load) == [Outcome(0.25, 1)]
+    assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [Outcome(0.5, 0)]

@@ -1,0 +1,227 @@
+"""The actuator's own baseline, and the drift from it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from mavhums.health.decision.baseline import Baseline, Drift, Shift
+from mavhums.report.assessment import Indicator, Interval
+
+BASELINE = Baseline(mean=0.22, error=0.001, flights=12, between=0.003, spread=0.004)
+ERROR = 0.008
+Array = NDArray[np.float64]
+
+
+def indicator(value: float, windows: int, scatter: float | None) -> Indicator:
+    interval = Interval(estimate=value, low=value - 0.01, high=value + 0.01)
+    return Indicator(
+        fault="friction",
+        quantity="Coulomb friction",
+        unit="N·m",
+        value=interval,
+        windows=windows,
+        scatter=scatter,
+    )
+
+
+def follow(
+    values: Array, baseline: Baseline = BASELINE, **options: bool | float
+) -> tuple[Drift, list[Shift]]:
+    drift = Drift(baseline, **options)  # type: ignore[arg-type]
+    return drift, [drift.feed(float(v), ERROR, 9.0, 10.0 * k) for k, v in enumerate(values)]
+
+
+def test_flights_known_alike_count_alike() -> None:
+    values = [0.20, 0.22, 0.27] * 4
+    baseline = Baseline.of([indicator(value, 11, 0.011) for value in values])
+    assert baseline is not None
+    assert baseline.mean == pytest.approx(0.23)
+    of_flight = 0.011**2 / 11 * 10 / 8
+    assert baseline.between == pytest.approx(np.sqrt(np.var(values, ddof=1) - of_flight))
+    assert baseline.error == pytest.approx(np.std(values, ddof=1) / np.sqrt(12))
+    assert baseline.flights == 12
+    assert baseline.flight_variance == pytest.approx(baseline.between**2 + baseline.error**2)
+
+
+def test_a_flight_that_tells_little_counts_little() -> None:
+    good = [indicator(value, 9, 0.003) for value in (0.218, 0.220, 0.222) * 4]
+    poor = [indicator(value, 9, 0.15) for value in (0.26, 0.18, 0.22) * 4]
+    alone, together = Baseline.of(good), Baseline.of([*good, *poor])
+    assert alone is not None
+    assert together is not None
+    assert together.mean == pytest.approx(alone.mean, abs=0.001)
+    assert together.flight_variance < 1.5 * alone.flight_variance
+    assert together.spread > 5 * alone.spread
+
+
+def test_fewer_than_ten_flights_that_show_their_scatter_are_no_baseline() -> None:
+    assert Baseline.of([]) is None
+    assert Baseline.of([indicator(0.2, 5, 0.01)] * 9) is None
+    assert Baseline.of([*[indicator(0.2, 5, 0.01)] * 9, indicator(0.2, 1, None)]) is None
+    assert Baseline.of([indicator(0.2, 5, 0.01)] * 10) is not None
+
+
+def test_the_prediction_is_a_students_interval() -> None:
+    interval = BASELINE.prediction()
+    half = stats.t.ppf(0.975, 11) * 0.004 * np.sqrt(1 + 1 / 12)
+    assert (interval.low, interval.estimate, interval.high) == pytest.approx((0.22 - half, 0.22, 0.22 + half))
+
+
+def test_a_prediction_holds_the_next_flight_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(1)
+    inside = 0
+    for _ in range(2000):
+        *past, following = rng.normal(0.22, 0.003, 13).tolist()
+        baseline = Baseline.of([indicator(value, 10, 0.008) for value in past])
+        assert baseline is not None
+        inside += baseline.prediction().low <= following <= baseline.prediction().high
+    assert 0.935 <= inside / 2000 <= 0.965
+
+
+def test_flights_without_any_scatter_make_a_baseline() -> None:
+    baseline = Baseline.of([indicator(0.2, 9, 0.0)] * 10)
+    assert baseline is not None
+    natural = 0.05 * 0.2 * np.sqrt(9 / 18)
+    assert (baseline.mean, baseline.between) == pytest.approx((0.2, natural))
+
+
+def test_the_baseline_itself_is_no_drift() -> None:
+    drift, shifts = follow(np.random.default_rng(2).normal(0.22, 0.008, 500))
+    assert drift.alarm is None
+    assert max(shift.ratio for shift in shifts) < 1.0
+
+
+def test_a_shift_alarms_once_with_its_size_and_its_beginning() -> None:
+    rng = np.random.default_rng(3)
+    values = np.concatenate([rng.normal(0.22, 0.008, 20), rng.normal(0.27, 0.008, 20)])
+    drift, shifts = follow(values)
+    assert drift.alarm is not None
+    first = next(shift for shift in shifts if shift.ratio >= 1.0)
+    assert drift.alarm == first
+    assert drift.alarm.value == pytest.approx(0.05, abs=0.02)
+    assert drift.alarm.since_s == pytest.approx(200.0, abs=20.0)
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_a_fall_alarms_only_where_both_sides_count(two_sided: bool) -> None:
+    drift, _ = follow(np.full(20, 0.17), two_sided=two_sided)
+    assert (drift.alarm is not None) == two_sided
+    if drift.alarm:
+        assert drift.alarm.value == pytest.approx(-0.05)
+
+
+WELL_KNOWN = Baseline(mean=0.22, error=0.0001, flights=200, between=0.0001, spread=0.0025)
+
+
+def test_a_small_shift_is_found_by_many_windows_together() -> None:
+    """One that the scatter of single windows hides, of about one standard deviation of theirs."""
+    values = np.concatenate([np.full(40, 0.22), np.full(40, 0.229)])
+    drift, shifts = follow(values, WELL_KNOWN)
+    assert drift.alarm is not None
+    assert 8 < next(k for k, shift in enumerate(shifts) if shift.ratio >= 1.0) - 40 < 34
+    assert drift.alarm.since_s == pytest.approx(400.0, abs=100.0)
+    assert follow(values[:45], WELL_KNOWN)[0].alarm is None
+
+
+def test_a_large_shift_is_found_by_one_window() -> None:
+    drift, _ = follow(np.array([0.22] * 40 + [0.32]), WELL_KNOWN)
+    assert drift.alarm is not None
+    assert drift.alarm.since_s == 400.0
+    assert drift.alarm.value == pytest.approx(0.1)
+
+
+def test_a_fall_begins_where_it_did() -> None:
+    drift, _ = follow(np.array([0.22] * 40 + [0.19] * 10), two_sided=True)
+    assert drift.alarm is not None
+    assert drift.alarm.since_s == pytest.approx(400.0, abs=30.0)
+    assert drift.alarm.value == pytest.approx(-0.03, abs=0.01)
+
+
+def test_two_sides_take_more_evidence_than_one() -> None:
+    one, both = (follow(np.full(5, 0.25), two_sided=two)[1][-1].ratio for two in (False, True))
+    assert 0.9 * one < both < one
+
+
+def test_a_window_that_doubts_itself_alarms_nobody() -> None:
+    drift = Drift(WELL_KNOWN)
+    for k in range(30):
+        drift.feed(0.22, ERROR, 9.0, 10.0 * k)
+    assert drift.feed(0.42, 0.2, 9.0, 300.0).ratio < 1.0
+    assert drift.feed(0.42, ERROR, 9.0, 310.0).ratio > 1.0
+
+
+def test_a_rarer_alarm_takes_more_evidence() -> None:
+    seldom = follow(np.full(5, 0.25), false_alarms=0.01)[1][-1].ratio
+    often = follow(np.full(5, 0.25), false_alarms=10.0)[1][-1].ratio
+    assert seldom < often
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+@pytest.mark.parametrize("unlike", [False, True])
+def test_false_alarms_are_as_rare_as_promised(heavy: bool, unlike: bool) -> None:
+    """Healthy flights of 100 s whose windows have Student's t4 or normal scatter; baselines of ten flights.
+
+    Where they are ``unlike``, some are ten times as noisy as others. The rate is asked for 1000 times as
+    high, so that it can be counted: 1000 alarms in 100 h, that is one in 36 windows.
+    """
+    rng = np.random.default_rng(4)
+    between, flights, rate = 0.011, 10, 1000.0
+    alarms = windows = 0
+    for _ in range(300):
+        within = 0.008 * 10 ** (rng.uniform(-0.5, 0.5, flights + 1) if unlike else np.zeros(flights + 1))
+        past = np.full((flights, 10), 0.22) + between * rng.standard_normal((flights, 1))
+        past += within[1:, None] * scatter(rng, (flights, 10), heavy)
+        known = Baseline.of([indicator(float(f.mean()), 10, float(f.std(ddof=1))) for f in past])
+        assert known is not None
+        now = 0.22 + between * rng.standard_normal() + within[0] * scatter(rng, (10,), heavy)
+        drift = Drift(known, false_alarms=rate)
+        for k, value in enumerate(now):
+            drift.feed(float(value), within[0], 9.0, 10.0 * k)
+        drift.conclude(float(now.mean()), within[0], 9.0, 0.0)
+        alarms += drift.alarm is not None
+        windows += 10
+    promised = rate / 36_000 * windows
+    assert alarms <= promised + 3 * np.sqrt(promised)
+    assert alarms >= 0.05 * promised
+
+
+def test_the_whole_flight_shows_what_no_run_of_windows_does() -> None:
+    values = np.full(20, 0.22 + 0.018)
+    drift, shifts = follow(values)
+    assert drift.alarm is None
+    known_worse = drift.conclude(0.238, 0.1, 30.0, 0.0)
+    assert known_worse.error < 0.01
+    assert drift.alarm == known_worse
+    assert drift.alarm.since_s == 0.0
+    assert max(shift.ratio for shift in shifts) < 1.0
+
+
+def test_the_whole_flight_counts_where_it_is_known_better_than_its_windows() -> None:
+    drift, _ = follow(np.full(2, 0.25))
+    assert drift.alarm is None
+    drift.conclude(0.25, 0.001, 30.0, 4.0)
+    assert drift.alarm is not None
+    assert (drift.alarm.value, drift.alarm.since_s) == pytest.approx((0.03, 4.0))
+
+
+def scatter(rng: np.random.Generator, shape: tuple[int, ...], heavy: bool) -> Array:
+    return rng.standard_t(4, shape) / np.sqrt(2.0) if heavy else rng.standard_normal(shape)
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_a_whole_flight_is_one_look_at_the_rate_allowed(two_sided: bool) -> None:
+    """With 3,600 alarms in the 36,000 windows of 100 h, half of them at the end, one flight in twenty."""
+    rng = np.random.default_rng(8)
+    alarms, count = 0, 4000
+    for _ in range(count):
+        flights = BASELINE.mean + 0.003 * rng.standard_normal(BASELINE.flights)
+        between = float(flights.std(ddof=1))
+        error = between / np.sqrt(BASELINE.flights)
+        own = Baseline(float(flights.mean()), error, BASELINE.flights, between, spread=between)
+        drift = Drift(own, two_sided=two_sided, false_alarms=3600.0)
+        drift.conclude(BASELINE.mean + 0.003 * rng.standard_normal(), 1e-6, 30.0, 0.0)
+        alarms += drift.alarm is not None
+    assert alarms / count == pytest.approx(0.05, abs=0.015)

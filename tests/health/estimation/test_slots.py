@@ -1,0 +1,106 @@
+"""Slots: every sample once, in the slot that confirms it, whatever the blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import example, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.health.estimation.slots import COLUMNS, GUARD_S, SlotCutter, Slots
+
+Array = NDArray[np.float64]
+
+
+def cut(times: Array, bounds: list[int], slot_s: float = 1.0) -> tuple[list[Slots], SlotCutter]:
+    cutter = SlotCutter(slot_s)
+    values = np.repeat(times[:, None], COLUMNS, axis=1)
+    ends = [min(bound, len(times)) for bound in bounds]
+    found = [cutter.feed(times[a:b], values[a:b]) for a, b in zip([0, *ends], [*ends, None], strict=True)]
+    return [slots for slots in [*found, cutter.finish()] if slots is not None], cutter
+
+
+def judged(parts: list[Slots]) -> list[tuple[int, float]]:
+    """Every judged sample, with the slot in which it counts."""
+    return [
+        (int(number), float(time_s))
+        for part in parts
+        for number, own in zip(
+            part.index, np.split(part.time_s[part.judged], part.start[1:].tolist()), strict=True
+        )
+        for time_s in own
+    ]
+
+
+def confirmed(at: Array, slot_s: float = 1.0) -> list[tuple[int, float]]:
+    """The rule, one sample after the other; the last ones are never confirmed."""
+    at = np.unique(at)
+    out = []
+    for time_s in at:
+        later = [other for other in at if other >= time_s + GUARD_S]
+        if len(later) > 1:
+            out.append((int(np.floor(later[1] / slot_s)), float(time_s)))
+    return out
+
+
+times = st.lists(st.integers(-2_000, 30_000), max_size=60).map(lambda ms: np.array(ms, dtype=float) / 1000)
+steps = st.lists(st.sampled_from([1, 10, 40, 100, 100, 100, 400, 3_000]), max_size=80)
+steady = steps.map(lambda ms: np.cumsum(np.array(ms, dtype=float)) / 1000)
+bounds = st.lists(st.integers(0, 80), max_size=6).map(sorted)
+
+
+@given(st.one_of(times, steady), bounds, st.sampled_from([0.1, 0.5, 1.0]))
+@example(np.arange(200) / 10.0, [3, 77, 78], 1.0)
+def test_where_blocks_end_does_not_matter(at: Array, cuts: list[int], slot_s: float) -> None:
+    expected, whole = cut(at, [], slot_s)
+    found, cutter = cut(at, cuts, slot_s)
+    assert cutter.late == whole.late
+    assert cutter.latest_s == whole.latest_s
+    assert judged(found) == judged(expected)
+
+
+@given(steady, bounds)
+def test_a_sample_counts_where_it_is_confirmed(at: Array, cuts: list[int]) -> None:
+    parts, cutter = cut(at, cuts)
+    assert cutter.late == 0
+    assert judged(parts) == confirmed(at)
+
+
+@given(st.one_of(times, steady), bounds)
+def test_every_judged_sample_has_its_own_values_and_its_neighbours(at: Array, cuts: list[int]) -> None:
+    parts, cutter = cut(at, cuts)
+    together = [time_s for _, time_s in judged(parts)]
+    assert together == sorted(set(together))
+    if not cutter.late:
+        assert len(together) == len(confirmed(at))
+    all_times = np.unique(at)
+    for part in parts:
+        assert np.array_equal(part.values[:, 0], part.time_s)
+        assert (np.diff(part.time_s) > 0).all()
+        assert int(part.count().sum()) == len(part.time_s[part.judged])
+        if cutter.late:
+            continue
+        first = part.time_s[part.judged][0]
+        near = all_times[(all_times > first - GUARD_S) & (all_times < first)]
+        before = all_times[all_times <= first - GUARD_S][-2:]
+        assert {*near, *before} <= set(part.time_s)
+
+
+def test_reordering_within_a_slot_is_mended() -> None:
+    parts, cutter = cut(np.array([0.1, 0.9, 0.5, 1.05, 1.3, 1.2, 2.5]), [1, 2, 3, 4, 5, 6])
+    assert cutter.late == 0
+    assert judged(parts) == [(0, 0.1), (1, 0.5), (1, 0.9), (1, 1.05), (2, 1.2)]
+
+
+def test_what_comes_after_its_slot_was_closed_is_counted() -> None:
+    parts, cutter = cut(np.array([0.1, 1.3, 0.2, 1.4, 0.3]), [])
+    assert cutter.late == 2
+    assert 0.2 not in [time_s for _, time_s in judged(parts)]
+
+
+def test_sums_are_over_each_slot() -> None:
+    (slots, _), _ = cut(np.array([0.1, 0.2, 0.3, 0.9, 1.0, 1.1, 2.0, 3.0]), [])
+    assert slots.index.tolist() == [0, 1, 2]
+    columns = np.array([[1.0], [2.0], [4.0], [8.0], [16.0]])
+    assert slots.sums(columns)[:, 0].tolist() == [3.0, 12.0, 16.0]
+    assert slots.count().tolist() == [2, 2, 1]

@@ -1,0 +1,94 @@
+"""A servo whose balance of currents is known exactly, and what a flight of it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import Actuator
+from mavhums.core.quantities import column
+from mavhums.health.estimation.equations.interface import OwnEquation
+from mavhums.health.estimation.equations.own_scale import CURRENT
+from mavhums.health.estimation.flight_sums import OwnSums
+from mavhums.health.estimation.motor_identification import VoltageSums
+from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.report.assessment import OwnRecord
+
+Array = NDArray[np.float64]
+EQUATION = CURRENT
+NOISE_V = 0.05
+
+
+def blank() -> Actuator:
+    """Return an actuator of which no constant is known."""
+    paper = load_airframe("paper").actuators[0]
+    return paper.model_copy(update={"ema": None, "limits": None, "travel_deg": None})
+
+
+@dataclass(frozen=True, slots=True)
+class Servo:
+    """Friction current and nuisances, and the motor's constants."""
+
+    friction_a: float = 0.05
+    drag: float = 2e-4
+    inertia: float = 6e-5
+    hinge: float = 2e-6
+    resistance: float = 20.0
+    back_emf: float = 0.015
+    drop_v: float = 0.3
+
+    def flown(
+        self, seed: int, *, noise_a: float = 0.002, seconds: float = 100.0, rate_hz: float = 50.0
+    ) -> tuple[Array, Array, Array]:
+        """Return times, V1…V12 (V1 is noise, V2 and V3 are not measured) and the airspeed."""
+        rng = np.random.default_rng(seed)
+        time_s = (
+            np.arange(int(seconds * rate_hz)) + rng.uniform(-0.2, 0.2, int(seconds * rate_hz))
+        ) / rate_hz
+        tones, phases = np.array([0.11, 0.23, 0.41, 0.67]), rng.uniform(0, 2 * np.pi, 4)
+        swing = 60.0 * rng.uniform(0.8, 1.2)
+        angle, speed, acceleration = np.zeros((3, time_s.size))
+        for tone, phase in zip(2 * np.pi * tones, phases, strict=True):
+            angle += swing / tone * np.sin(tone * time_s + phase)
+            speed += swing * np.cos(tone * time_s + phase)
+            acceleration -= swing * tone * np.sin(tone * time_s + phase)
+        airspeed = 25.0 + 3.0 * np.sin(0.05 * time_s + phases[0])
+        load = self.hinge * 0.5 * 1.225 * airspeed**2 * angle
+        current = self.friction_a * np.sign(speed) + self.drag * speed + self.inertia * acceleration + load
+        current += 0.02 + noise_a * rng.standard_normal(time_s.size)
+        values = np.full((time_s.size, 12), np.nan)
+        values[:, column("V1")] = rng.normal(0.0, 30.0, time_s.size)
+        values[:, column("V5")] = current
+        values[:, column("V7")] = speed * 30.0 / np.pi
+        values[:, column("V4")] = (
+            self.resistance * current + self.back_emf * speed + self.drop_v * np.sign(current)
+        )
+        return time_s, values, airspeed
+
+
+def collected(
+    collector: OwnSums | VoltageSums, flight: tuple[Array, Array, Array], cuts: tuple[int, ...] = ()
+) -> OwnRecord | None:
+    """Return what a flight leaves that comes in these pieces."""
+    time_s, values, airspeed = flight
+    wide = widen(values, np.isfinite(values), None, airspeed)
+    cutter, edges = SlotCutter(), (0, *sorted(cuts), time_s.size)
+    for a, b in pairwise(edges):
+        slots = cutter.feed(time_s[a:b], wide[a:b])
+        if slots is not None:
+            collector.feed(slots)
+    slots = cutter.finish()
+    if slots is not None:
+        collector.feed(slots)
+    return collector.record()
+
+
+def left(servo: Servo, seed: int, equation: OwnEquation = EQUATION, **flight: float) -> OwnRecord:
+    """Return what a flight of a servo leaves of an equation."""
+    record = collected(OwnSums(equation, blank()), servo.flown(seed, **flight))
+    assert record is not None
+    return record

@@ -1,0 +1,67 @@
+"""Known differences between flights: what they explain, and what lies beyond them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mavhums.health.estimation.flight_sums import KEPT
+from mavhums.health.estimation.grams import packed, unpacked
+from mavhums.health.self_baseline.comparison import compare, differences
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.report.assessment import OwnRecord
+from tests.health.self_baseline.servo import EQUATION, Servo, left
+
+BY_ACTIVITY = replace(EQUATION, by_activity=True)
+SLOPE = 1.5
+
+
+def lively(record: OwnRecord, times: float) -> OwnRecord:
+    """Return the record of the same flight with its accelerations multiplied."""
+    scale = np.ones(len(KEPT))
+    scale[KEPT.index("acceleration")] = times
+    grams = [(row[0], unpacked(row[1:], len(KEPT)) * np.outer(scale, scale)) for row in record.groups]
+    return record.model_copy(update={"groups": tuple((count, *packed(gram)) for count, gram in grams)})
+
+
+def flown(seed: int, friction_a: float = 0.05) -> OwnRecord:
+    """Return a flight whose friction current grows with its accelerations."""
+    times = float(np.exp(np.random.default_rng([seed, 3]).uniform(-0.4, 0.4)))
+    servo = Servo(inertia=0.0, friction_a=friction_a * (1.0 + SLOPE * float(np.log(times))))
+    return lively(left(servo, seed, seconds=60.0), times)
+
+
+RECORDS = [flown(seed) for seed in range(14)]
+PAST = [PastRecord((record,), "2026-03-01", True) for record in RECORDS]
+
+
+def test_what_the_activity_explains_is_no_scatter() -> None:
+    own = flown(20)
+    blind, seeing = compare(EQUATION, own, PAST), compare(BY_ACTIVITY, own, PAST)
+    assert blind.condition == seeing.condition == "unchanged"
+    assert blind.least_rise is not None
+    assert seeing.least_rise is not None
+    assert seeing.least_rise < 0.6 * blind.least_rise
+    assert (
+        compare(BY_ACTIVITY, flown(21, 0.05 * (1.0 + 1.3 * seeing.least_rise)), PAST).condition == "changed"
+    )
+
+
+def test_a_flight_beyond_the_activity_of_the_others_is_undecided() -> None:
+    rough, calm = lively(RECORDS[0], 5.0), lively(RECORDS[0], 0.2)
+    assert compare(BY_ACTIVITY, rough, PAST).why == "its flight was rougher than any of its baseline"
+    assert compare(BY_ACTIVITY, calm, PAST).why == "its flight was calmer than any of its baseline"
+    assert compare(EQUATION, rough, PAST).condition != "undecided"
+
+
+def test_temperatures_too_close_together_give_no_slope() -> None:
+    def at(*several: float) -> list[OwnRecord]:
+        return [RECORDS[0].model_copy(update={"temperature_c": warmth}) for warmth in several]
+
+    assert not differences(EQUATION, at(20.0, 24.0), warm=True)
+    assert not differences(EQUATION, at(20.0, 30.0), warm=False)
+    assert not differences(EQUATION, [*at(20.0, 30.0), RECORDS[1]], warm=True)
+    [warmth] = differences(EQUATION, at(20.0, 30.0), warm=True)
+    assert warmth.at(at(27.0)[0]) == 2.0
+    assert [warmth.beyond(record) for record in at(16.0, 18.0, 32.0, 34.0)] == ["colder", "", "", "warmer"]

@@ -1,0 +1,65 @@
+"""Resistance and back-EMF constant of a motor, followed from flight to flight."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mavhums.core.quantities import column
+from mavhums.health.estimation.motor_identification import VoltageSums
+from mavhums.health.self_baseline.motor import MOTOR_FAULTS, motor_indicators
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.self_baseline.verdict import held_against, without_own
+from mavhums.report.assessment import OwnRecord, Verdict
+from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
+
+
+def voltage(seed: int, servo: Servo | None = None) -> OwnRecord:
+    flight = (servo or Servo()).flown(seed, seconds=60.0)
+    flight[1][:, column("V4")] += NOISE_V * np.random.default_rng([seed, 4]).standard_normal(len(flight[0]))
+    record = collected(VoltageSums(blank()), flight)
+    assert record is not None
+    return record
+
+
+PAST = [PastRecord((voltage(seed),), "2026-03-01", True) for seed in range(10)]
+
+
+def test_a_motor_is_shown_beside_its_earlier_flights() -> None:
+    resistance, back_emf = motor_indicators([voltage(30, Servo(resistance=22.0))], PAST)
+    assert (resistance.fault, back_emf.fault) == MOTOR_FAULTS
+    assert resistance.value.estimate == pytest.approx(22.0, rel=0.02)
+    assert back_emf.value.estimate == pytest.approx(0.015, rel=0.02)
+    assert resistance.baseline is not None
+    assert back_emf.baseline is not None
+    assert resistance.baseline.estimate == pytest.approx(20.0, rel=0.02)
+    assert resistance.baseline.high < 22.0
+    assert back_emf.baseline.low < back_emf.value.estimate < back_emf.baseline.high
+    assert resistance.baseline_flights == resistance.needed_flights == 10
+
+
+def test_nine_flights_make_no_baseline_and_unsound_ones_do_not_count() -> None:
+    [resistance, _] = motor_indicators([voltage(31)], PAST[:9])
+    assert resistance.baseline is None
+    assert resistance.baseline_flights == 9
+    [again, _] = motor_indicators([voltage(31)], [*PAST[:9], PAST[9]._replace(healthy=False)])
+    assert again == resistance
+
+
+def test_without_voltage_there_is_no_motor() -> None:
+    assert motor_indicators([left(Servo(), 32, seconds=60.0)], PAST) == ()
+
+
+def test_a_verdict_carries_them_once_and_alone_it_has_none() -> None:
+    servo = Servo()
+    verdict = Verdict(
+        vehicle=1,
+        actuator="rudder",
+        condition="undecided",
+        worst="undecided",
+        own=(left(servo, 33, seconds=60.0), voltage(33)),
+    )
+    once = held_against(verdict, [])
+    assert [shown.fault for shown in once.indicators] == ["friction_current", *MOTOR_FAULTS]
+    assert held_against(once, []) == once
+    assert without_own(once).indicators == ()

@@ -1,0 +1,189 @@
+"""A flight held against the flights before: learning, unchanged, changed, and what they promise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mavhums.health.estimation.equations.own_scale import TRACKING
+from mavhums.health.estimation.motor_identification import VoltageSums
+from mavhums.health.estimation.random_effects import population
+from mavhums.health.self_baseline.comparison import compare
+from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.self_baseline.verdict import held_against, told
+from mavhums.report.assessment import OwnRecord, Verdict
+from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
+
+
+def past(*records: OwnRecord, healthy: bool = True) -> list[PastRecord]:
+    return [PastRecord((record,), f"2026-03-{k + 1:02d}", healthy) for k, record in enumerate(records)]
+
+
+def flight(seed: int, friction_a: float = 0.05, warmth: float | None = None) -> OwnRecord:
+    scattered = friction_a * (1.0 + 0.02 * np.random.default_rng([seed, 1]).standard_normal())
+    record = left(Servo(friction_a=scattered), seed, seconds=60.0)
+    return record.model_copy(update={"temperature_c": warmth})
+
+
+HEALTHY = past(*(flight(seed) for seed in range(12)))
+
+
+def test_fewer_than_ten_flights_are_learning() -> None:
+    for before in (0, 5, 9):
+        found = compare(EQUATION, flight(50), HEALTHY[:before])
+        assert (found.condition, found.flights, found.needed) == ("learning", before + 1, 10)
+        assert found.value is not None
+        assert found.value.estimate == pytest.approx(0.05, rel=0.1)
+    assert told(EQUATION, found) == "flight 10 of the 10 that its baseline takes; no absolute limit known"
+
+
+def test_a_flight_like_those_before_is_unchanged_and_says_what_it_would_have_seen() -> None:
+    found = compare(EQUATION, flight(51), HEALTHY)
+    assert found.condition == "unchanged"
+    assert found.least_rise is not None
+    assert found.baseline is not None
+    assert found.baseline.low < 0.05 < found.baseline.high
+    risen = flight(52, 0.05 * (1.0 + 1.3 * found.least_rise))
+    assert compare(EQUATION, risen, HEALTHY).condition == "changed"
+
+
+def test_a_fall_is_no_wear() -> None:
+    assert compare(EQUATION, flight(53, 0.03), HEALTHY).condition == "unchanged"
+
+
+def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row() -> None:
+    extra = [flight(60 + k) for k in range(REFERENCE_FLIGHTS - 12)]
+    worn = [flight(80, 0.08), flight(81), flight(82, 0.08), flight(83, 0.08)]
+    flights = past(*(p.records[0] for p in HEALTHY), *extra, *worn)
+    found = compare(EQUATION, flight(84, 0.08), flights)
+    assert found.condition == "changed"
+    assert found.change is not None
+    assert found.change.estimate == pytest.approx(0.6, abs=0.1)
+    assert found.since is not None
+    assert found.since.flight == REFERENCE_FLIGHTS + 3
+    text = told(EQUATION, found)
+    assert text.startswith("friction current +")
+    assert "since flight 23 (2026-03-23): friction" in text
+
+
+def test_a_fault_that_blurs_its_own_quantity_is_changed() -> None:
+    """Sometimes the servo follows and sometimes it is far behind: the mean is as uncertain as it is large."""
+    fair, grave = flight(85), flight(86, 0.5)
+    blurred = fair.model_copy(update={"groups": (*fair.groups[:4], *grave.groups[4:])})
+    assert compare(EQUATION, blurred, HEALTHY).condition == "unchanged"
+    tracking = replace(EQUATION, blurs=True)
+    assert compare(tracking, blurred, HEALTHY).condition == "changed"
+    assert compare(tracking, flight(87), HEALTHY).condition == "unchanged"
+    assert TRACKING.blurs
+
+
+def test_a_reversed_current_wears_as_well() -> None:
+    def turned(record: OwnRecord) -> OwnRecord:
+        groups = tuple(
+            tuple(-number if k in (6, 11, 15, 18, 20) else number for k, number in enumerate(group))
+            for group in record.groups
+        )
+        return record.model_copy(update={"groups": groups})
+
+    before = past(*(turned(p.records[0]) for p in HEALTHY))
+    assert compare(EQUATION, turned(flight(54, 0.09)), before).condition == "changed"
+    assert compare(EQUATION, turned(flight(55)), before).condition == "unchanged"
+
+
+def test_only_flights_measured_alike_are_compared() -> None:
+    other = [p._replace(records=(p.records[0].model_copy(update={"setup": "other"}),)) for p in HEALTHY]
+    assert compare(EQUATION, flight(56), other).condition == "learning"
+    faster = [p._replace(records=(p.records[0].model_copy(update={"rate_hz": 100.0}),)) for p in HEALTHY]
+    assert compare(EQUATION, flight(56), faster).condition == "learning"
+    sick = [p._replace(healthy=False) for p in HEALTHY]
+    assert compare(EQUATION, flight(56), sick).condition == "learning"
+
+
+def test_the_temperature_of_the_log_explains_what_it_can() -> None:
+    def at(seed: int, warmth: float) -> OwnRecord:
+        return flight(seed, 0.05 * (1.0 - 0.01 * (warmth - 20.0)), warmth)
+
+    warm = past(*(at(seed, 10.0 + 2.0 * seed) for seed in range(12)))
+    cold = at(90, 11.0)
+    assert compare(EQUATION, cold, warm).condition == "unchanged"
+    found = compare(EQUATION, at(91, -5.0), warm)
+    assert (found.condition, found.why) == ("undecided", "its flight was colder than any of its baseline")
+    known = compare(EQUATION, cold, warm).least_rise
+    blind = compare(EQUATION, cold, [p._replace(records=(_untold(p.records[0]),)) for p in warm]).least_rise
+    assert known is not None
+    assert blind is not None
+    assert known < blind
+
+
+def _untold(record: OwnRecord) -> OwnRecord:
+    return record.model_copy(update={"temperature_c": None})
+
+
+def test_tracking_takes_twenty_flights() -> None:
+    equation = replace(TRACKING, name=EQUATION.name)
+    assert compare(equation, flight(57), HEALTHY).condition == "learning"
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.03, 0.05])
+def test_natural_scatter_alarms_no_oftener_than_promised(scatter: float) -> None:
+    """One look a flight at one in 100; healthy flights that scatter by so much of their mean."""
+    rng = np.random.default_rng(7)
+    ones, errors = np.ones((10, 1)), np.full(10, 0.02)
+    from scipy.special import stdtrit
+
+    alarms = 0
+    for _ in range(1500):
+        values = 1.0 + np.hypot(scatter, 0.02) * rng.standard_normal(11)
+        known = population(ones, values[1:], errors)
+        variance = known.variance_at(np.ones(1)) + 0.02**2
+        alarms += values[0] - known.coefficients[0] > stdtrit(known.freedom, 0.99) * np.sqrt(variance)
+    assert alarms <= 15 + 3 * np.sqrt(15)
+
+
+def verdict(record: OwnRecord, **given: object) -> Verdict:
+    fields = {"vehicle": 1, "actuator": "rudder", "condition": "undecided", "worst": "undecided"}
+    return Verdict.model_validate({**fields, "own": (record,), **given})
+
+
+def test_a_verdict_is_replaced_where_no_limit_or_jam_decides() -> None:
+    worn = verdict(flight(58, 0.09))
+    found = held_against(worn, HEALTHY)
+    assert (found.condition, found.worst) == ("changed", "changed")
+    assert [suspect.fault for suspect in found.suspects] == ["friction_current"]
+    assert found.indicators[0].baseline_flights == 12
+    assert found.indicators[0].least_rise is not None
+    assert found.remedy == "inspect gearbox, bearings and hinge line"
+    assert held_against(found, HEALTHY) == found
+    assert held_against(found, HEALTHY[:3]).condition == "learning"
+    jammed = verdict(flight(58), condition="undecided", worst="emergency")
+    assert held_against(jammed, HEALTHY) is jammed
+    untold = worn.model_copy(update={"own": ()})
+    assert held_against(untold, HEALTHY) is untold
+
+
+def test_a_weaker_motor_is_told_from_friction() -> None:
+    """A torque constant that falls by 20 % raises every current by 25 %, and lowers the back-EMF."""
+
+    def records(seed: int, left_of_it: float, friction_a: float = 0.05) -> tuple[OwnRecord, OwnRecord]:
+        whole = Servo(friction_a=friction_a)
+        weak = replace(
+            whole,
+            friction_a=whole.friction_a / left_of_it,
+            drag=whole.drag / left_of_it,
+            inertia=whole.inertia / left_of_it,
+            hinge=whole.hinge / left_of_it,
+            back_emf=whole.back_emf * left_of_it,
+        )
+        voltage = collected(VoltageSums(blank()), weak.flown(seed, seconds=60.0))
+        assert voltage is not None
+        return left(weak, seed, seconds=60.0), voltage
+
+    before = [PastRecord(records(seed, 1.0), "2026-03-01", True) for seed in range(12)]
+    weak = held_against(verdict(flight(1)).model_copy(update={"own": records(70, 0.8)}), before)
+    assert weak.condition == "changed"
+    assert [suspect.fault for suspect in weak.suspects] == ["torque_constant"]
+    assert (weak.reason or "").startswith("torque constant -20%; the friction current +")
+    worn = held_against(verdict(flight(1)).model_copy(update={"own": records(71, 1.0, 0.08)}), before)
+    assert [suspect.fault for suspect in worn.suspects] == ["friction_current"]

@@ -1,0 +1,38 @@
+"""Detectors and equations stand in explicit lists; a module that no list names would never be asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from mavhums.health.actuator import detectors
+from mavhums.health.actuator.detectors import DETECTORS
+from mavhums.health.estimation import equations
+from mavhums.health.estimation.equations import EQUATIONS, OWN_EQUATIONS, interface
+
+
+def modules(package: ModuleType) -> set[str]:
+    """Return the names of a package's modules."""
+    assert package.__file__ is not None
+    return {path.stem for path in Path(package.__file__).parent.glob("*.py")} - {"__init__"}
+
+
+def test_the_list_of_detectors_is_the_folder() -> None:
+    assert [detector.__module__.rsplit(".", 1)[-1] for detector in DETECTORS] == sorted(modules(detectors))
+    assert [detector.fault for detector in DETECTORS] == sorted(modules(detectors))
+
+
+def test_every_module_of_equations_is_in_a_list() -> None:
+    listed = {one.prior.__module__ for one in EQUATIONS} | {one.left.__module__ for one in OWN_EQUATIONS}
+    assert {name.rsplit(".", 1)[-1] for name in listed} == modules(equations) - {"interface"}
+
+
+@pytest.mark.parametrize("module", sorted(modules(equations) - {"interface"}))
+def test_every_equation_of_a_module_is_in_a_list(module: str) -> None:
+    defined = vars(getattr(equations, module)).values()
+    found = [one for one in defined if isinstance(one, interface.Equation | interface.OwnEquation)]
+    assert found
+    listed = {one.name for one in EQUATIONS} | {one.name for one in OWN_EQUATIONS}
+    assert {one.name for one in found} <= listed
