@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from mavhums.core.packed import ArchiveError
     from mavhums.engine.engine import Engine
     from mavhums.engine.options import EngineOptions
-    from mavhums.flights.aircraft import UnnamedAircraftError
+    from mavhums.flights.aircraft import OtherAircraftError, UnnamedAircraftError
     from mavhums.flights.aircraft_table import AircraftTableError
-    from mavhums.flights.belonging import OtherAircraftError
     from mavhums.flights.history import UndatedError
     from mavhums.flights.trends import trend
     from mavhums.learn.model import ModelError, load_model, models
@@ -84,7 +83,7 @@ __getattr__, __dir__ = lazy_exports(
         "MissingExtraError": "core.errors",
         "ModelError": "learn.model",
         "Options": "app.options",
-        "OtherAircraftError": "flights.belonging",
+        "OtherAircraftError": "flights.aircraft",
         "PrecedentError": "learn.precedents",
         "ProfileError": "actuator.profile",
         "UndatedError": "flights.history",

@@ -11,11 +11,11 @@ from pathlib import Path
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.aircraft import Whose, hold_rule
-from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
-from mavhums.flights.history import FlightHistory, Since
-from mavhums.flights.store import is_store
-from mavhums.flights.stores.index import IndexedFolder
+from mavhums.flights.aircraft import AircraftResolver, check_aircraft_rule
+from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
+from mavhums.flights.history import FlightHistory
+from mavhums.flights.store import EarlierFlights, is_store
+from mavhums.flights.stores.folder import FlightFolder
 from mavhums.health.decision.limits import FALSE_ALARMS
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
@@ -23,8 +23,8 @@ from mavhums.report.assessment import Decide
 
 __all__ = ["History", "Options"]
 
-History = FlightHistory | IndexedFolder
-"""The earlier flights: all of them in memory, or a folder of which only the needed ones are read."""
+History = EarlierFlights
+"""The earlier flights: all of them in memory, or a folder of which only the new ones are read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +104,7 @@ class Options:
             vehicle_states=self.vehicle_states,
         )
 
-    def whose(self) -> Whose:
+    def whose(self) -> AircraftResolver:
         """Return the operator's knowledge of whose log it is.
 
         Raises
@@ -114,11 +114,12 @@ class Options:
         MavhumsError
             If the rule cannot identify an aircraft.
         """
-        hold_rule(self.aircraft)
+        check_aircraft_rule(self.aircraft)
         table = self.aircraft_table
         if table is None:
-            return Whose(self.aircraft)
-        return Whose(self.aircraft, table if isinstance(table, AircraftTable) else load_aircraft_table(table))
+            return AircraftResolver(self.aircraft)
+        read = table if isinstance(table, AircraftTable) else load_aircraft_table(table)
+        return AircraftResolver(self.aircraft, read)
 
     def models(self) -> Sequence[Model]:
         """Return the networks that vote."""
@@ -136,11 +137,11 @@ class Options:
         MavhumsError
             If there is no folder for the history, or it is a fleet's store.
         """
-        if isinstance(self.history, FlightHistory | IndexedFolder):
-            return self.history
         if self.history is None:
             return FlightHistory()
+        if not isinstance(self.history, str | os.PathLike):
+            return self.history
         if is_store(self.history):
             problem = f"{self.history}: is a fleet's store, not a folder of one aircraft's flights"
             raise MavhumsError(problem, "take the options that mavhums.fleet.against(log, store) returns")
-        return IndexedFolder(self.history)
+        return FlightFolder(self.history)

@@ -8,11 +8,10 @@ from functools import partial
 
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft import latest
-from mavhums.flights.belonging import held_own
+from mavhums.flights.aircraft import check_same_aircraft, latest
+from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import LoneFlight, compared
-from mavhums.flights.history import Since
-from mavhums.flights.repeated import with_copies
+from mavhums.flights.store import with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.report.assessment import Assessment
 from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
@@ -51,7 +50,7 @@ def among_own(assessment: Assessment, options: Options) -> Assessment:
         If the history is of another aircraft.
     """
     whose, history = options.whose(), options.flights()
-    return with_copies(held_own(whose.named(assessment), history, whose.table), history)
+    return with_duplicate_flights(check_same_aircraft(whose.named(assessment), history, whose.table), history)
 
 
 def swapped(path: str | os.PathLike[str], options: Options) -> Since:

@@ -136,12 +136,12 @@ def opened_history(folder: Path) -> FlightHistory:
 def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History:
     """Open a folder of flights by its index; print on standard error which files could not be read."""
     from mavhums.flights.history import FlightHistory
-    from mavhums.flights.stores.index import IndexedFolder
+    from mavhums.flights.stores.folder import FlightFolder
 
     if folder is None or (may_be_new and not folder.exists()):
         return FlightHistory()
     with steps("reading the flights before") as progress:
-        history = IndexedFolder(folder, progress=progress)
+        history = FlightFolder(folder, progress=progress)
     _tell(history)
     return history
 

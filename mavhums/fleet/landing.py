@@ -22,15 +22,16 @@ from mavhums.flights.aircraft import (
     BOARD,
     GIVEN,
     UNKNOWN,
+    AircraftResolver,
     UnnamedAircraftError,
-    Whose,
     aircraft_of,
     board_of,
     latest,
 )
+from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import LoneFlight
 from mavhums.flights.flight import flight
-from mavhums.flights.history import FlightHistory, Since
+from mavhums.flights.history import FlightHistory
 from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
 from mavhums.flights.queries import past_flights
 from mavhums.flights.repairs import since_of
@@ -222,7 +223,9 @@ def _with_past(alone: LoneFlight, store: Store, log: Place, options: Options) ->
     return replace(options, history=before.history, since=since, aircraft_table=whose.table)
 
 
-def _aircraft(assessment: Assessment, store: Store, path: str, whose: Whose, rule: str | None) -> str:
+def _aircraft(
+    assessment: Assessment, store: Store, path: str, whose: AircraftResolver, rule: str | None
+) -> str:
     """Return whose flights a log is compared with: by the rule, else by those of its board in the store."""
     row = _judged(store, assessment.log.sha256 or "")
     if rule is None and row is not None and row.aircraft != UNKNOWN:
@@ -288,7 +291,7 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
         assessment = analyse(log, store, options)
     else:
         named = aircraft and not aircraft.startswith(BOARD_NAME)
-        whose = Whose(f"{GIVEN}{aircraft}") if named else options.whose()
+        whose = AircraftResolver(f"{GIVEN}{aircraft}") if named else options.whose()
         assessment = whose.named(flight(store, aircraft, sha256))
     others = tuple(
         FlightCopy(vehicle=vehicle, log=counted, sha256=None, counts=True) for vehicle, counted in copies

@@ -6,7 +6,7 @@ import os
 from typing import Final
 
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.second_pass import settle
+from mavhums.fleet.second_pass import second_pass
 from mavhums.flights.repairs import Repair, Repairs, add_repairs, remove_repairs, repairs_in
 from mavhums.flights.stores.delta import Store
 
@@ -38,7 +38,7 @@ def change_repairs(store: str | os.PathLike[str], *, add: Repairs = (), remove: 
     with kept.locked():
         aircraft = remove_repairs(kept, remove)
         aircraft |= add_repairs(kept, add)
-        settle(kept, sorted(aircraft))
+        second_pass(kept, sorted(aircraft))
     return repairs_in(store)
 
 

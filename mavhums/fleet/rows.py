@@ -14,7 +14,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.version import __version__
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand
-from mavhums.flights.aircraft import UNKNOWN, Whose, board_of
+from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of
 from mavhums.flights.compare import LoneFlight, packed
 from mavhums.flights.history import PastFlight, UndatedError
 from mavhums.flights.naming import aircraft_in_store
@@ -43,12 +43,14 @@ def settings_of(options: Options) -> str:
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def judge_several(files: tuple[LogFile, ...], options: Options, settings: str, whose: Whose) -> list[Row]:
+def judge_several(
+    files: tuple[LogFile, ...], options: Options, settings: str, whose: AircraftResolver
+) -> list[Row]:
     """Judge logs one by one."""
     return [judge(file, options, settings, whose) for file in files]
 
 
-def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
+def judge(file: LogFile, options: Options, settings: str, whose: AircraftResolver) -> Row:
     """Judge a log alone; a log that cannot be judged gives a row with the reason."""
     aircraft = whose.name(file.path, None, None) or UNKNOWN
     path = file.path
@@ -88,7 +90,7 @@ def _named(flight: LoneFlight, file: LogFile) -> LoneFlight:
     return flight._replace(assessment=flight.assessment.model_copy(update={"log": log}))
 
 
-def crashed(file: LogFile, settings: str, whose: Whose) -> Row:
+def crashed(file: LogFile, settings: str, whose: AircraftResolver) -> Row:
     """Return the row of a log on which every worker died."""
     remedy = "judge it alone to see why: mavhums analyse LOG"
     problem = f"{file.path}: crashed the worker that judged it"

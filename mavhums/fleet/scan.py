@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.rows import crashed, judge, judge_several, settings_of
-from mavhums.fleet.second_pass import settle
+from mavhums.fleet.second_pass import second_pass
 from mavhums.fleet.sources import logs_in
 from mavhums.fleet.workers import batches, connected, count
-from mavhums.flights.aircraft import UNKNOWN, UnnamedAircraftError, Whose
+from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, UnnamedAircraftError
 from mavhums.flights.aircraft_table import AircraftTable
 from mavhums.flights.installed import reassigned
 from mavhums.flights.naming import held_named, names_of, remember, renamed, whose_in
@@ -165,7 +165,7 @@ def scanned(
 class _Commits:
     """Collects rows and commits them in blocks; at the end, commits the verdicts of their aircraft."""
 
-    def __init__(self, store: Store, aircraft: set[str], given: Whose | None) -> None:
+    def __init__(self, store: Store, aircraft: set[str], given: AircraftResolver | None) -> None:
         self.judged = self.failed = 0
         self.asked: dict[str, UnnamedAircraftError] = {}
         self._given = given
@@ -196,7 +196,7 @@ class _Commits:
     def close(self, client: Client | None = None) -> None:
         self._commit()
         for _ in range(_ROUNDS if self._store.is_shared else 1):
-            settle(self._store, sorted(self._aircraft | self._store.waiting()), client)
+            second_pass(self._store, sorted(self._aircraft | self._store.waiting()), client)
             self._aircraft = set()
         self._store.tidy()
 
@@ -224,7 +224,11 @@ class _Commits:
 
 
 def _rows(
-    client: Client | None, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose
+    client: Client | None,
+    files: Sequence[LogFile],
+    options: ScanOptions,
+    settings: str,
+    whose: AircraftResolver,
 ) -> Iterator[Row]:
     """Yield the row of each log, from this process or from workers."""
     if client is None:
@@ -234,7 +238,7 @@ def _rows(
 
 
 def _judged(
-    client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose
+    client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: AircraftResolver
 ) -> Iterator[Row]:
     """Yield the row of each log as it is judged.
 

@@ -6,21 +6,27 @@ Otherwise all flights of the aircraft are.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import datetime
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from mavhums.fleet.replayed import Part, Replayed, replayed
+from mavhums.core.conditions import URGENCY
 from mavhums.fleet.workers import count
-from mavhums.flights.checkpoint import Copies
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.checkpoint import Checkpoint, Superseded, TooLateError
+from mavhums.flights.compare import compared, unpacked
+from mavhums.flights.history import PastFlight
 from mavhums.flights.repairs import since_of
-from mavhums.flights.stamp import Listed, kept_state, listed, store_state, told_by
+from mavhums.flights.stamp import Listed, listed, read_checkpoint, stamp_of, store_checkpoint
 from mavhums.flights.stores.delta import Store
+from mavhums.report.assessment import Assessment
 
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Settling", "hold_against_past", "settle"]
+__all__ = ["Compared", "Part", "compare_part", "rows_of", "second_pass"]
 
 _PART_FLIGHTS: Final = 200
 _PART_BYTES: Final = 4 << 20
@@ -29,26 +35,117 @@ _FLIGHTS_AT_ONCE: Final = 50_000  # about 26 kB each
 _LARGEST: Final = 4 << 20
 
 
-def settle(store: Store, aircraft: Iterable[str], client: Client | None = None) -> None:
+class Part(NamedTuple):
+    """Some consecutive flights of an aircraft, to be compared with those before.
+
+    Attributes
+    ----------
+    aircraft
+        Its name; flights of an unknown one are compared with no other.
+    flights
+        The flights judged alone, as the store keeps them, in time order.
+    since
+        Returns the dates from which an actuator's flights count at a time.
+    checkpoint
+        The packed checkpoint of the flights before; None for the first ones.
+    final
+        Whether the verdicts on the flights before are final.
+    whole
+        Whether to keep the sums of all flights, if these are the first ones.
+    """
+
+    aircraft: str
+    flights: Sequence[bytes]
+    since: Callable[[datetime], Since]
+    checkpoint: bytes | None = None
+    final: bool = False
+    whole: bool = False
+
+
+class Compared(NamedTuple):
+    """The result of a part.
+
+    Attributes
+    ----------
+    rows
+        The verdicts, as rows of the store.
+    superseded, open_superseded
+        Recordings that do not count, of flights to which none can be added any more, and of the others.
+    checkpoint
+        What the next part needs.
+    """
+
+    rows: list[dict[str, object]]
+    superseded: Superseded
+    open_superseded: Superseded
+    checkpoint: bytes
+
+
+def compare_part(part: Part) -> Compared | None:
+    """Return the verdicts of a part; None if they need more of the earlier flights than was kept."""
+    if part.checkpoint is None:
+        checkpoint = Checkpoint(part.since, whole=part.whole)
+    else:
+        checkpoint = Checkpoint.restored(part.checkpoint, part.since, final=part.final)
+    rows: list[dict[str, object]] = []
+    try:
+        for data in part.flights:
+            flight = unpacked(data)
+            if part.aircraft == UNKNOWN:
+                rows += rows_of(part.aircraft, flight.assessment)
+                continue
+            assessment = compared(flight, checkpoint.baselines, checkpoint.past)
+            rows += rows_of(part.aircraft, assessment)
+            if assessment.log.start_utc is not None:
+                checkpoint.add(PastFlight.of(assessment))
+    except TooLateError:
+        return None
+    return Compared(rows, checkpoint.superseded, checkpoint.open_superseded(), checkpoint.packed())
+
+
+def rows_of(aircraft: str, assessment: Assessment) -> Iterator[dict[str, object]]:
+    """Yield a row of the store for each verdict."""
+    log = assessment.log
+    start_us = None
+    if log.start_utc is not None:
+        start_us = round(datetime.fromisoformat(log.start_utc).timestamp() * 1e6)
+    for verdict in assessment.verdicts:
+        yield {
+            "aircraft": aircraft,
+            "path": log.path,
+            "sha256": log.sha256,
+            "start_us": start_us,
+            "vehicle": verdict.vehicle,
+            "actuator": verdict.actuator,
+            "condition": verdict.condition,
+            "worst": verdict.worst,
+            "urgency": float(URGENCY[verdict.gravest]),
+            "friction_nm": verdict.friction_nm.estimate if verdict.friction_nm else None,
+            "airframe": assessment.airframe,
+            "verdict": verdict.model_dump_json(),
+        }
+
+
+def second_pass(store: Store, aircraft: Iterable[str], client: Client | None = None) -> None:
     """Judge the flights of some aircraft by their past, in this process or by workers, and commit.
 
     A flight that several logs record has the verdicts of the best one; the others are stored as its copies.
     """
     if client is None:
         for name in aircraft:
-            store.settle(partial(hold_against_past, store, name))
+            store.retried(partial(_compare_again, store, name))
     else:
         _by_workers(store, iter(aircraft), client)
 
 
-def hold_against_past(store: Store, aircraft: str) -> None:
+def _compare_again(store: Store, aircraft: str) -> None:
     """Judge the flights of an aircraft by its past in this process, and commit the verdicts."""
     committed = False
     while not committed:
-        settling = Settling(store, aircraft)
-        while settling.parts():
-            settling.take(replayed(settling.following()))
-        committed = settling.commit()
+        running_pass = _SecondPass(store, aircraft)
+        while running_pass.parts():
+            running_pass.take(compare_part(running_pass.following()))
+        committed = running_pass.commit()
 
 
 def _by_workers(store: Store, aircraft: Iterator[str], client: Client) -> None:
@@ -56,42 +153,42 @@ def _by_workers(store: Store, aircraft: Iterator[str], client: Client) -> None:
     from distributed import as_completed
 
     running: Any = as_completed()
-    active: dict[str, Settling] = {}
+    active: dict[str, _SecondPass] = {}
 
-    def go_on(settling: Settling) -> None:
-        if settling.parts():
-            future = client.submit(replayed, settling.following(), pure=False)
-            active[future.key] = settling
+    def go_on(running_pass: _SecondPass) -> None:
+        if running_pass.parts():
+            future = client.submit(compare_part, running_pass.following(), pure=False)
+            active[future.key] = running_pass
             running.add(future)
             return
         try:
-            committed = settling.commit()
+            committed = running_pass.commit()
         except CommitFailedError:
             committed = False
         if not committed:
-            settle(store, [settling.aircraft])
+            second_pass(store, [running_pass.aircraft])
 
     def start() -> None:
         while len(active) < most and sum(each.size for each in active.values()) < _FLIGHTS_AT_ONCE:
             name = next(aircraft, None)
             if name is None:
                 return
-            go_on(Settling(store, name))
+            go_on(_SecondPass(store, name))
 
     most = _AT_ONCE * count(client)
     start()
     for future in running:
-        settling = active.pop(future.key)
+        running_pass = active.pop(future.key)
         if future.status == "finished":
-            settling.take(future.result())
-            go_on(settling)
+            running_pass.take(future.result())
+            go_on(running_pass)
         else:  # the worker died, or the flights cannot be read: this process tells
-            settle(store, [settling.aircraft])
+            second_pass(store, [running_pass.aircraft])
         future.release()
         start()
 
 
-class Settling:
+class _SecondPass:
     """The second pass of one aircraft, in parts that are judged one after the other.
 
     Parameters
@@ -105,16 +202,16 @@ class Settling:
     def __init__(self, store: Store, aircraft: str) -> None:
         self.aircraft = aircraft
         self._store = store
-        self._known: bytes | None = None
+        self._checkpoint: bytes | None = None
         self._rows: list[dict[str, object]] = []
-        self._copies: Copies = {}
-        self._open_copies: Copies = {}
+        self._superseded: Superseded = {}
+        self._open_superseded: Superseded = {}
         self._size = 0
         self._since = since_of(store, aircraft)
-        self._told = told_by(store, aircraft)
+        self._stamp = stamp_of(store, aircraft)
         self._listed = listed(store, aircraft)
-        kept = kept_state(store, aircraft, self._listed, self._told)
-        self._settled = kept is not None
+        kept = read_checkpoint(store, aircraft, self._listed, self._stamp)
+        self._final = kept is not None
         known, new = kept or (None, self._listed)
         self._begin(known, new, whole=False)
 
@@ -129,40 +226,40 @@ class Settling:
 
     def following(self) -> Part:
         """Return the part to be judged next."""
-        return Part(self.aircraft, self._next, self._since, self._known, self._settled, self._whole)
+        return Part(self.aircraft, self._next, self._since, self._checkpoint, self._final, self._whole)
 
-    def take(self, result: Replayed | None) -> None:
+    def take(self, result: Compared | None) -> None:
         """Take the result of the part; where it needed more than was kept, begin with the first flight."""
         if result is None:
-            self._settled, whole = False, not self._settled
+            self._final, whole = False, not self._final
             self._begin(None, self._listed, whole=whole)
             return
         self._rows += result.rows
-        self._copies |= result.copies
-        self._open_copies = result.open_copies
-        self._known = result.known
+        self._superseded |= result.superseded
+        self._open_superseded = result.open_superseded
+        self._checkpoint = result.checkpoint
         self._next = next(self._waiting, [])
 
     def commit(self) -> bool:
         """Commit the verdicts; False if another scan has added flights meanwhile."""
         counted, copies = self._divided()
-        if self._settled:
+        if self._final:
             self._store.add_verdicts(self.aircraft, counted, copies)
         else:
             self._store.replace_verdicts(self.aircraft, counted)
             self._store.replace_copies(self.aircraft, copies)
         if self._store.is_shared and listed(self._store, self.aircraft) != self._listed:
             return False
-        small = self._known if self._known and len(self._known) <= _LARGEST else None
-        store_state(self._store, self.aircraft, self._listed, self._told, small)
+        small = self._checkpoint if self._checkpoint and len(self._checkpoint) <= _LARGEST else None
+        store_checkpoint(self._store, self.aircraft, self._listed, self._stamp, small)
         return True
 
     def _begin(self, known: bytes | None, new: list[Listed], *, whole: bool) -> None:
-        self._known = known
+        self._checkpoint = known
         self._whole = whole
         self._rows = []
-        self._copies = {}
-        self._open_copies = {}
+        self._superseded = {}
+        self._open_superseded = {}
         self._size = len(new)
         self._waiting = self._flights(new)
         self._next = next(self._waiting, [])
@@ -172,7 +269,7 @@ class Settling:
         part: list[bytes] = []
         size = 0
         for data in self._store.flights(
-            self.aircraft, [each.sha256 for each in new] if self._settled else None
+            self.aircraft, [each.sha256 for each in new] if self._final else None
         ):
             part.append(data)
             size += len(data)
@@ -184,7 +281,7 @@ class Settling:
 
     def _divided(self) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
         """Return the rows of the recordings that count, and one row for each log with one that does not."""
-        left_out: dict[Any, str | None] = {**self._copies, **self._open_copies}
+        left_out: dict[Any, str | None] = {**self._superseded, **self._open_superseded}
         counted: list[dict[str, object]] = []
         copies: dict[Any, dict[str, object]] = {}
         for row in self._rows:

@@ -1,46 +1,71 @@
-"""What a replay keeps of an aircraft's flights: those that can still be references, and a little of all.
+"""Checkpoint of an aircraft's flights: reference flights in full, sums of the others, open duplicates.
 
-It can be packed, and the replay continued from there: on another process, or when the next flight lands.
+A comparison goes on from it, in another process, or when the next flight lands, without the flights before.
+A store of a fleet and a folder of one aircraft's flights keep it alike.
 """
 
 from __future__ import annotations
 
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
+from functools import cache
+from typing import Any, Final, NamedTuple
 
-from mavhums.flights.checkpoint_state import State, unpacked_state
-from mavhums.flights.history import FlightHistory, PastFlight, Since, is_healthy
+from pydantic import TypeAdapter, ValidationError
+
+from mavhums.core.errors import MavhumsError
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.duplicates import Recording
+from mavhums.flights.history import FlightHistory, PastFlight, is_healthy
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.report.assessment import Assessment
 from mavhums.report.flight import CLOCKS_APART_S
 
-__all__ = ["Copies", "Known", "NotKeptError"]
+__all__ = ["Checkpoint", "Superseded", "TooLateError"]
 
-_ENDED = timedelta(seconds=2 * CLOCKS_APART_S)
-"""A flight that ended so long before the next one began has no further recording."""
+# A flight that ended so long before the next one began has no further recording: twice, because a recording
+# may be as far from the one before it as that one is from the first.
+_ENDED: Final = timedelta(seconds=2 * CLOCKS_APART_S)
+_LARGEST: Final = 1 << 30
 
 _Key = tuple[str | None, int | None, str, str, datetime | None]
 
-Copies = dict[tuple[str | None, str, int], str | None]
+Superseded = dict[tuple[str | None, str, int], str | None]
 """For each airframe, log and vehicle that does not count, the path of the log that does."""
 
 
-class NotKeptError(Exception):
-    """A flight needs more of the earlier flights than was kept; all must be replayed."""
+class TooLateError(Exception):
+    """A flight needs more of the earlier flights than the checkpoint has; all must be compared again."""
 
 
 @dataclass(slots=True)
 class _Group:
-    """The recordings of what may be one flight, whether they can be references, and have verdicts."""
+    """The recordings of what may be one flight, whether they can be references, and have final verdicts."""
 
     flights: list[PastFlight] = field(default_factory=list)
     wanted: bool = False
-    settled: bool = False
+    final: bool = False
 
 
-class Known:
+class _Flight(NamedTuple):
+    assessment: Assessment
+    recordings: tuple[Recording, ...]
+
+
+class _State(NamedTuple):
+    """What is stored of a checkpoint; ``sums`` is None where the sums of the flights were not kept."""
+
+    references: tuple[_Flight, ...]
+    open: tuple[tuple[tuple[_Flight, ...], bool], ...]
+    counts: tuple[tuple[_Key, int], ...]
+    sums: tuple[_Flight, ...] | None
+
+
+class Checkpoint:
     """The flights so far, in time order.
 
     Parameters
@@ -48,7 +73,7 @@ class Known:
     since
         Returns the dates from which an actuator's flights count at a time; None for none.
     whole
-        Whether to keep the records of all flights, which own-scale equations need.
+        Whether to keep the sums of all flights, which own-scale equations need.
     """
 
     def __init__(self, since: Callable[[datetime], Since] | None = None, *, whole: bool = True) -> None:
@@ -56,14 +81,14 @@ class Known:
         self._references: list[PastFlight] = []
         self._open: list[_Group] = []
         self._counts: Counter[_Key] = Counter()
-        self._slim: list[PastFlight] | None = [] if whole else None
+        self._sums: list[PastFlight] | None = [] if whole else None
         self._latest: dict[object, Baselines] = {}
-        self._copies: Copies = {}
+        self._superseded: Superseded = {}
 
     @classmethod
     def restored(
-        cls, data: bytes, since: Callable[[datetime], Since] | None = None, *, settled: bool = False
-    ) -> Known:
+        cls, data: bytes, since: Callable[[datetime], Since] | None = None, *, final: bool = False
+    ) -> Checkpoint:
         """Return what :meth:`packed` has packed.
 
         Parameters
@@ -72,64 +97,81 @@ class Known:
             The packed flights.
         since
             As for the first flights.
-        settled
+        final
             Whether the verdicts on these flights are final; then another recording of one is refused.
+
+        Raises
+        ------
+        MavhumsError
+            If the bytes are damaged, or from another version.
         """
-        state = unpacked_state(data)
-        known = cls(since)
-        known._references = [*state.references]
-        known._open = [_Group([*flights], wanted, settled) for flights, wanted in state.open]
-        known._counts.update(dict(state.counts))
-        known._slim = None if state.slim is None else [*state.slim]
-        return known
+        try:
+            state = _adapter().validate_json(zlib.decompressobj().decompress(data, _LARGEST))
+        except (zlib.error, ValidationError) as error:
+            raise MavhumsError("a store's table 'settled' is damaged", "remove it, and scan again") from error
+        checkpoint = cls(since)
+        checkpoint._references = _flights(state.references)
+        checkpoint._open = [_Group(_flights(flights), wanted, final) for flights, wanted in state.open]
+        checkpoint._counts.update(dict(state.counts))
+        checkpoint._sums = None if state.sums is None else _flights(state.sums)
+        return checkpoint
 
     def packed(self) -> bytes:
-        """Return the flights so far as bytes."""
-        return State(
-            references=tuple(self._references),
-            open=tuple((tuple(group.flights), group.wanted) for group in self._open),
-            counts=tuple(self._counts.items()),
-            slim=None if self._slim is None else tuple(self._slim),
-        ).packed()
+        """Return the flights so far as bytes; numbers are preserved exactly."""
+        state = _State(
+            _stored(self._references),
+            tuple((_stored(group.flights), group.wanted) for group in self._open),
+            tuple(self._counts.items()),
+            None if self._sums is None else _stored(self._sums),
+        )
+        return zlib.compress(_adapter().dump_json(state, by_alias=True), 1)
 
-    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
-        """Return the same as :meth:`mavhums.flights.history.FlightHistory.baselines` for all flights."""
+    def baselines(
+        self, airframe: str | None, before: datetime | None, since: Since | None = None
+    ) -> Baselines:
+        """Return the same as :meth:`mavhums.flights.history.FlightHistory.baselines` for all flights.
+
+        ``since`` are the dates from which flights count; by default those of the time ``before``.
+        """
         if before is None:
             return {}
-        since = self._since(before)
+        dates = self._since(before) if since is None else since
         recent = (flight for group in self._open if group.wanted for flight in group.flights)
         ended = tuple(flight for flight in (*self._references, *recent) if flight.end <= before)
-        key = (airframe, tuple(map(id, ended)), tuple(since.items()))
+        key = (airframe, tuple(map(id, ended)), tuple(dates.items()))
         if key not in self._latest:  # the same for all flights after the last reference
-            self._latest = {key: FlightHistory(ended).baselines(airframe, before, since)}
+            self._latest = {key: FlightHistory(ended).baselines(airframe, before, dates)}
         return self._latest[key]
 
     def past(
-        self, airframe: str | None, before: datetime | None
+        self, airframe: str | None, before: datetime | None, since: Since | None = None
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
         """Return the same as :meth:`mavhums.flights.history.FlightHistory.past` for all flights.
 
         Raises
         ------
-        NotKeptError
-            If the records of all flights were not kept.
+        TooLateError
+            If the sums of all flights were not kept.
         """
-        if self._slim is None:
-            raise NotKeptError
-        return FlightHistory(tuple(self._slim)).past(airframe, before, self._dates(before))
+        if before is None:
+            return {}
+        if self._sums is None:
+            raise TooLateError
+        dates = self._since(before) if since is None else since
+        return FlightHistory(tuple(self._sums)).past(airframe, before, dates)
 
     def add(self, flown: PastFlight) -> None:
         """Take the next flight.
 
         Raises
         ------
-        NotKeptError
+        TooLateError
             If it may be another recording of a flight whose verdicts are final.
         """
         self._close(flown.start - _ENDED)
         same = [group for group in self._open if _is_near(flown, group.flights)]
-        if any(group.settled for group in same):
-            raise NotKeptError
+        if any(group.final for group in same):
+            raise TooLateError
         group = _Group([flown.without("evidence", "provenance", "own")])
         group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in self._shown(flown))
         for other in same:
@@ -137,26 +179,34 @@ class Known:
             group.wanted |= other.wanted
             self._open.remove(other)
         self._open.append(group)
-        if self._slim is not None:
-            self._slim.append(flown.without("evidence", "provenance", "indicators"))
+        if self._sums is not None:
+            self._sums.append(flown.without("evidence", "provenance", "indicators"))
 
     @property
-    def copies(self) -> Copies:
+    def is_whole(self) -> bool:
+        """Whether the sums of all flights are kept."""
+        return self._sums is not None
+
+    @property
+    def open_flights(self) -> list[PastFlight]:
+        """The flights of which another recording can still come."""
+        return [flight for group in self._open for flight in group.flights]
+
+    @property
+    def superseded(self) -> Superseded:
         """The recordings that do not count, of the flights to which none can be added any more."""
-        return self._copies
+        return self._superseded
 
-    def open_copies(self) -> Copies:
+    def open_superseded(self) -> Superseded:
         """Return the recordings that do not count so far, of the other flights."""
-        return {key: path for group in self._open for key, path in _untaken(group.flights).items()}
-
-    def _dates(self, moment: datetime | None) -> Since:
-        return {} if moment is None else self._since(moment)
+        return {key: path for group in self._open for key, path in _superseded(group.flights).items()}
 
     def _shown(self, flown: PastFlight) -> Iterator[_Key]:
         """Yield the indicators of healthy actuators, each with the date from which they count."""
         dates = self._since(flown.start)
         for verdict in flown.assessment.verdicts:
-            if is_healthy(verdict):
+            # What began before the date makes no reference: counted, it would crowd out one that does.
+            if is_healthy(verdict) and flown.counts(verdict.actuator, dates):
                 date = dates.get(verdict.actuator, dates.get(None))
                 for shown in verdict.indicators:
                     yield flown.assessment.airframe, verdict.vehicle, verdict.actuator, shown.fault, date
@@ -168,21 +218,22 @@ class Known:
             # Only indicators that all recordings show are certain to be references.
             self._counts.update(set.intersection(*(set(self._shown(flight)) for flight in group.flights)))
             self._references += group.flights if group.wanted else ()
-            if not group.settled:
-                self._copies |= _untaken(group.flights)
+            if not group.final:
+                self._superseded |= _superseded(group.flights)
 
 
 def _end(flight: PastFlight) -> datetime:
-    """Return the end of a log, and of what its vehicles say of theirs."""
-    told = (each.flight.end_utc for each in flight.recordings)
-    return max([flight.end, *(datetime.fromisoformat(end) for end in told if end is not None)])
+    """Return the end of a log, and of what its vehicles report of theirs."""
+    ends = (each.flight.end_utc for each in flight.recordings)
+    return max([flight.end, *(datetime.fromisoformat(end) for end in ends if end is not None)])
 
 
-def _untaken(flights: Sequence[PastFlight]) -> Copies:
+def _superseded(flights: Sequence[PastFlight]) -> Superseded:
     if len(flights) == 1:
         return {}
     paths = {flight.log: flight.assessment.log.path for flight in flights}
-    return {key: paths[taken] for key, taken in FlightHistory(tuple(flights)).untaken().items()}
+    found = FlightHistory(tuple(flights)).superseded_recordings()
+    return {key: paths[best] for key, best in found.items()}
 
 
 def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
@@ -193,3 +244,16 @@ def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
         for own in flown.recordings
         for each in other.recordings
     )
+
+
+def _stored(flights: Sequence[PastFlight]) -> tuple[_Flight, ...]:
+    return tuple(_Flight(flight.assessment, flight.recordings) for flight in flights)
+
+
+def _flights(stored: tuple[_Flight, ...]) -> list[PastFlight]:
+    return [replace(PastFlight.of(flight.assessment), recordings=flight.recordings) for flight in stored]
+
+
+@cache
+def _adapter() -> TypeAdapter[Any]:
+    return TypeAdapter(_State)

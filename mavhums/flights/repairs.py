@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import latest
-from mavhums.flights.aircraft_table import AircraftTable
-from mavhums.flights.history import Since
+from mavhums.flights.aircraft_table import AircraftTable, Since
 from mavhums.flights.installed import installed_in
 from mavhums.flights.stores.delta import Store
 from mavhums.flights.stores.delta_tables import DATES

@@ -13,10 +13,9 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.flights.aircraft import latest
-from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
-from mavhums.flights.belonging import hold_one_aircraft, swaps_of
-from mavhums.flights.history import FlightHistory, PastFlight, Since
+from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
+from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
+from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
@@ -112,7 +111,7 @@ def own_trend_report(
     since: Since | None = None,
 ) -> TrendReport:
     """Fit the trends of one aircraft; errors and arguments are those of ``trend``."""
-    hold_one_aircraft(history, table)
+    check_one_aircraft(history, table)
     if table is not None and history.flights:
         since = latest(since, swaps_of(history, table, history.flights[-1].start))
     return trend_report(history, actuators=actuators, faults=faults, since=since)
@@ -174,7 +173,7 @@ def _by_actuator(
 ) -> dict[tuple[int, str, str | None], list[_Flown]]:
     """Return the flights of each actuator in time order."""
     found: dict[tuple[int, str, str | None], list[_Flown]] = {}
-    left_out = history.untaken()
+    left_out = history.superseded_recordings()
     for flight in history.flights:
         start_utc = flight.start.isoformat()
         for verdict in flight.assessment.verdicts:

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
-from mavhums.flights.belonging import OtherAircraftError
+from mavhums.flights.aircraft import OtherAircraftError
 from mavhums.live.alerts import Alerts
 from mavhums.live.clock import ReceiveClock
 from mavhums.live.links import Link

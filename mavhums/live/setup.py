@@ -17,8 +17,7 @@ from mavhums.app.own_flights import among_own
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.aircraft import latest
-from mavhums.flights.belonging import hold_one_aircraft, swaps_of
+from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.limits import FALSE_ALARMS
 from mavhums.live.address import Address
@@ -152,7 +151,7 @@ def _owned(options: judging.Options) -> judging.Options:
     history, table = options.flights(), options.whose().table
     for error in history.errors:
         _LOG.warning("%s", error)
-    hold_one_aircraft(history, table)
+    check_one_aircraft(history, table)
     since = latest(options.since, swaps_of(history, table, datetime.now(UTC)))
     return replace(options, history=history, aircraft_table=table, since=since)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mavhums.fleet.replayed import rows_of
+from mavhums.fleet.second_pass import rows_of
 from mavhums.flights.compare import LoneFlight, packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.stores.delta import Row, Store

@@ -208,7 +208,7 @@ def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
         raise SystemExit(137)
 
     few = sorted((logs / "D-A").iterdir())[:2]
-    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "settle", die)
+    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "second_pass", die)
     with pytest.raises(SystemExit):
         fleet.scan(few, tmp_path, options)
     monkeypatch.undo()

@@ -11,7 +11,7 @@ import pytest
 
 from mavhums.app.options import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft import Whose
+from mavhums.flights.aircraft import AircraftResolver
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import moved
@@ -168,7 +168,7 @@ def test_a_forbidden_log_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
             raise OSError(f"When reading '{path}': AWS Error ACCESS_DENIED during HeadObject")
 
     monkeypatch.setattr(sources, "_filesystem", lambda _: Forbidding())
-    row = judge(LogFile("s3://bucket/D-A/1.tlog", 10, 0), Options(), "settings", Whose("folder"))
+    row = judge(LogFile("s3://bucket/D-A/1.tlog", 10, 0), Options(), "settings", AircraftResolver("folder"))
     assert row.problem
     assert "s3://bucket/D-A/1.tlog: cannot be read: " in row.problem
     assert "ACCESS_DENIED" in row.problem

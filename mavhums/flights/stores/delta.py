@@ -166,9 +166,9 @@ class Store:
 
     def append(self, table: str, rows: Sequence[dict[str, object]]) -> None:
         """Commit rows, in one transaction."""
-        self.settle(lambda: self._write(table, rows, mode="append"))
+        self.retried(lambda: self._write(table, rows, mode="append"))
 
-    def settle(self, change: Callable[[], None]) -> None:
+    def retried(self, change: Callable[[], None]) -> None:
         """Make a change; if another scan changed the same rows meanwhile, make it again.
 
         Raises
@@ -231,12 +231,12 @@ class Store:
 
     def rewrite(self, table: str, rows: Callable[[], Sequence[dict[str, object]]]) -> None:
         """Replace all rows of a table, in one transaction; they are computed again for each attempt."""
-        self.settle(lambda: self._write(table, rows(), mode="overwrite"))
+        self.retried(lambda: self._write(table, rows(), mode="overwrite"))
 
     def rename(self, names: Mapping[str, str]) -> None:
         """Give the logs with these hashes to other aircraft, in one transaction."""
         if names:
-            self.settle(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
+            self.retried(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
 
     def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         self._overwrite(table, rows, f"aircraft = {_quoted(aircraft)}")
@@ -281,7 +281,7 @@ class Store:
             if self._has(name) and self._changed(lambda name=name: self._tables.files(name)) > _COMPACT_FILES:  # type: ignore[misc]
                 if name == SETTLED:
                     self._forget()
-                self.settle(lambda name=name: self._changed(lambda: self._tables.compact(name)))  # type: ignore[misc]
+                self.retried(lambda name=name: self._changed(lambda: self._tables.compact(name)))  # type: ignore[misc]
 
     def _forget(self) -> None:
         """Keep only the latest that is settled of each aircraft."""
@@ -291,7 +291,7 @@ class Store:
             " QUALIFY row_number() OVER (PARTITION BY aircraft ORDER BY stored DESC) = 1"
         ).fetchall()
         rows = [dict(zip(columns, row, strict=True)) for row in latest]
-        self.settle(lambda: self._write(SETTLED, rows, mode="overwrite"))
+        self.retried(lambda: self._write(SETTLED, rows, mode="overwrite"))
 
     def _has(self, table: str) -> bool:
         try:

@@ -1,9 +1,9 @@
-"""The index of a folder: the baselines of the whole folder from the few files that they need."""
+"""The checkpoint of a folder answers as the whole folder does; one more flight reads one more file."""
 
 from __future__ import annotations
 
 import os
-from datetime import datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -11,10 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.store import with_duplicate_flights
 from mavhums.flights.stores import folder as files
-from mavhums.flights.stores import index as index_module
-from mavhums.flights.stores.folder import keep_assessment, read_history
-from mavhums.flights.stores.index import INDEX, IndexedFolder
+from mavhums.flights.stores.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
 from mavhums.report.assessment import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
 
@@ -55,7 +54,7 @@ flights = st.builds(
     again=st.integers(0, 60),
 )
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_the_index_gives_the_same_as_the_whole_folder(
+def test_the_checkpoint_gives_the_same_as_the_whole_folder(
     tmp_path_factory: pytest.TempPathFactory,
     several: list[object],
     before: int,
@@ -69,24 +68,28 @@ def test_the_index_gives_the_same_as_the_whole_folder(
         path.write_text(flight.to_json(), encoding="utf-8")  # type: ignore[attr-defined]
         os.utime(path, ns=(number * 10**9, number * 10**9))
         if number == again:
-            IndexedFolder(folder)
+            FlightFolder(folder)
     for airframe in ("paper", "other", None):
         for moment in (START + timedelta(days=before), LATER, None):
-            whole, indexed = read_history(folder), IndexedFolder(folder)
+            whole, followed = read_history(folder), FlightFolder(folder)
             asked = airframe, moment, dates
-            assert indexed.baselines(*asked) == whole.baselines(*asked)
-            assert indexed.past(*asked) == whole.past(*asked)
+            assert followed.baselines(*asked) == whole.baselines(*asked)
+            assert followed.past(*asked) == whole.past(*asked)
+    whole, followed = read_history(folder), FlightFolder(folder)
+    assert sorted(map(str, followed.owners())) == sorted(map(str, whole.owners()))
+    for flight in several:
+        assert with_duplicate_flights(flight, followed) == with_duplicate_flights(flight, whole)  # type: ignore[arg-type]
 
 
 def test_a_file_that_changed_or_vanished_counts_as_it_is_now(tmp_path: Path) -> None:
     write_wear(tmp_path, flights=12)
-    before = IndexedFolder(tmp_path).baselines("paper", LATER)
+    before = FlightFolder(tmp_path).baselines("paper", LATER)
     oldest = min(tmp_path.glob("*.json"))
     oldest.unlink()
-    fewer = IndexedFolder(tmp_path).baselines("paper", LATER)
+    fewer = FlightFolder(tmp_path).baselines("paper", LATER)
     assert fewer == read_history(tmp_path).baselines("paper", LATER) != before
     oldest.write_text(flown(verdict(shown(0.31)), day=0).to_json(), encoding="utf-8")
-    assert IndexedFolder(tmp_path).baselines("paper", LATER) == read_history(tmp_path).baselines(
+    assert FlightFolder(tmp_path).baselines("paper", LATER) == read_history(tmp_path).baselines(
         "paper", LATER
     )
 
@@ -97,33 +100,35 @@ def test_what_cannot_be_read_is_told_each_time(tmp_path: Path) -> None:
     (tmp_path / "foreign.json").write_text("[1]", encoding="utf-8")
     whole = read_history(tmp_path)
     for _ in range(2):
-        indexed = IndexedFolder(tmp_path)
-        assert [error.problem for error in indexed.errors] == [error.problem for error in whole.errors]
-        assert indexed.notices == whole.notices
+        followed = FlightFolder(tmp_path)
+        assert [error.problem for error in followed.errors] == [error.problem for error in whole.errors]
+        assert followed.notices == whole.notices
 
 
-@pytest.mark.parametrize("damage", [b"no index", b"", b"SQLite format 3\0" + bytes(4096)])
-def test_a_damaged_index_is_made_anew(tmp_path: Path, damage: bytes) -> None:
+@pytest.mark.parametrize("damage", [b"no checkpoint", b"", b"{}\n", None])
+def test_a_damaged_checkpoint_is_made_anew(tmp_path: Path, damage: bytes | None) -> None:
     write_wear(tmp_path, flights=5)
     whole = read_history(tmp_path).baselines("paper", LATER)
-    (tmp_path / INDEX).write_bytes(damage)
-    assert IndexedFolder(tmp_path).baselines("paper", LATER) == whole
-    assert IndexedFolder(tmp_path).baselines("paper", LATER) == whole
+    FlightFolder(tmp_path)
+    stored = (tmp_path / CHECKPOINT).read_bytes()
+    (tmp_path / CHECKPOINT).write_bytes(stored[:-50] if damage is None else damage)
+    assert FlightFolder(tmp_path).baselines("paper", LATER) == whole
+    assert FlightFolder(tmp_path).baselines("paper", LATER) == whole
 
 
-def test_another_versions_index_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_versions_checkpoint_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_wear(tmp_path, flights=5)
-    monkeypatch.setattr(index_module, "_VERSION", 99)
-    IndexedFolder(tmp_path)
+    monkeypatch.setattr(files, "_VERSION", "another")
+    FlightFolder(tmp_path)
     monkeypatch.undo()
-    assert IndexedFolder(tmp_path).baselines("paper", LATER) == read_history(tmp_path).baselines(
+    assert FlightFolder(tmp_path).baselines("paper", LATER) == read_history(tmp_path).baselines(
         "paper", LATER
     )
 
 
 def test_without_a_folder_the_remedy_names_the_command(tmp_path: Path) -> None:
     with pytest.raises(MavhumsError, match="no such") as told:
-        IndexedFolder(tmp_path / "none")
+        FlightFolder(tmp_path / "none")
     assert "--keep" in told.value.remedy
 
 
@@ -140,18 +145,22 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return opened
 
 
-def test_a_landing_reads_no_more_files_after_many_flights_than_after_few(
-    tmp_path: Path, reads: list[Path]
-) -> None:
-    counts = []
-    for flown_before in (25, 200):
-        folder = tmp_path / str(flown_before)
-        write_wear(folder, flights=flown_before)
-        folded = IndexedFolder(folder)
-        keep_assessment(flown(verdict(shown(0.2)), day=5000), folder)
-        reads.clear()
-        assert folded.with_flight(flown(verdict(shown(0.2)))).baselines(
-            "paper", datetime.max.replace(tzinfo=START.tzinfo)
-        )
-        counts.append(len(reads))
-    assert counts[0] == counts[1] <= 41
+def test_a_landing_reads_its_own_file_only(tmp_path: Path, reads: list[Path]) -> None:
+    write_wear(tmp_path, flights=30)
+    folder = FlightFolder(tmp_path)
+    kept = keep_assessment(flown(verdict(shown(0.2)), day=5000), tmp_path)
+    reads.clear()
+    assert folder.with_flight(flown(verdict(shown(0.2)))).baselines("paper", LATER)
+    assert FlightFolder(tmp_path).baselines("paper", LATER)
+    assert reads == [kept]
+
+
+def test_late_flights_in_one_run_read_each_file_once(tmp_path: Path, reads: list[Path]) -> None:
+    write_wear(tmp_path, flights=12)
+    folder = FlightFolder(tmp_path)
+    for day in (-1, -2, -3):
+        late = flown(verdict(shown(0.2)), day=day, name=f"{day}")
+        keep_assessment(late, tmp_path)
+        folder = folder.with_flight(late)
+    assert sorted(reads) == sorted(tmp_path.glob("*.json"))
+    assert folder.baselines("paper", LATER) == read_history(tmp_path).baselines("paper", LATER)
