@@ -263,7 +263,7 @@ class _Told:
 
 def _as_json(row: Worst) -> dict[str, Any]:
     content = {"aircraft": row.aircraft or None, "log": row.path, "start_utc": _utc(row.start_us)}
-    return content | {"verdict": row.verdict.model_dump(mode="json")}
+    return content | {"verdict": row.verdict.model_dump(mode="json", exclude={"own"})}
 
 
 def _words(row: Worst) -> str:

@@ -164,12 +164,12 @@ class _Store:
         return trend(self._folder, aircraft)
 
     def flights(self, aircraft: str) -> Sequence[Assessment]:
-        from mavhums.flights.flight import flights
+        from mavhums.flights.queries import flights
 
         return flights(self._folder, aircraft)
 
     def flight(self, aircraft: str, sha256: str) -> Assessment:
-        from mavhums.flights.flight import flight
+        from mavhums.flights.queries import flight
 
         return flight(self._folder, aircraft, sha256)
 

@@ -30,10 +30,9 @@ from mavhums.flights.aircraft import (
 )
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import LoneFlight
-from mavhums.flights.flight import flight
 from mavhums.flights.history import FlightHistory
 from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
-from mavhums.flights.queries import past_flights
+from mavhums.flights.queries import flight, past_flights
 from mavhums.flights.repairs import since_of
 from mavhums.flights.store import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store

@@ -18,9 +18,8 @@ from mavhums.fleet.sources import logs_in
 from mavhums.fleet.workers import batches, connected, count
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, UnnamedAircraftError
 from mavhums.flights.aircraft_table import AircraftTable
-from mavhums.flights.installed import reassigned
 from mavhums.flights.naming import held_named, names_of, remember, renamed, whose_in
-from mavhums.flights.repairs import Repairs, add_repairs, aircraft_in, named_in
+from mavhums.flights.repairs import Repairs, add_repairs, aircraft_in, named_in, reassigned
 from mavhums.flights.stores.delta import LogFile, Row, Store
 
 if TYPE_CHECKING:

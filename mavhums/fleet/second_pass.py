@@ -6,19 +6,21 @@ Otherwise all flights of the aircraft are.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.core.conditions import URGENCY
+from mavhums.core.errors import MavhumsError
 from mavhums.fleet.workers import count
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import Checkpoint, Superseded, TooLateError
 from mavhums.flights.compare import compared, unpacked
 from mavhums.flights.history import PastFlight
-from mavhums.flights.repairs import since_of
+from mavhums.flights.repairs import Repair, Repairs, add_repairs, remove_repairs, repairs_in, since_of
 from mavhums.flights.stamp import Listed, listed, read_checkpoint, stamp_of, store_checkpoint
 from mavhums.flights.stores.delta import Store
 from mavhums.report.assessment import Assessment
@@ -26,12 +28,13 @@ from mavhums.report.assessment import Assessment
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Compared", "Part", "compare_part", "rows_of", "second_pass"]
+__all__ = ["Compared", "Part", "change_repairs", "compare_part", "rows_of", "second_pass"]
 
 _PART_FLIGHTS: Final = 200
 _PART_BYTES: Final = 4 << 20
 _AT_ONCE: Final = 2
 _FLIGHTS_AT_ONCE: Final = 50_000  # about 26 kB each
+_SHOWN: Final = 20  # names in a message
 _LARGEST: Final = 4 << 20
 
 
@@ -292,3 +295,54 @@ class _SecondPass:
             taken = {"counted": left_out[key]}
             copies[key] = {name: row[name] for name in ("aircraft", "path", "sha256", "vehicle")} | taken
         return counted, [*copies.values()]
+
+
+def change_repairs(store: str | os.PathLike[str], *, add: Repairs = (), remove: Repairs = ()) -> list[Repair]:
+    """Add and remove repairs, compare the flights of their aircraft again, and return all repairs.
+
+    Parameters
+    ----------
+    store
+        Folder or address of the store.
+    add
+        Repairs to be stored; one that is there already changes nothing.
+    remove
+        Repairs that were entered by mistake.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist or cannot be written, another scan writes into it, or it does not have a
+        repair that is to be removed, or the aircraft or actuator of one that is to be added.
+    """
+    kept = Store(store).opened()
+    _hold_known(kept, add)
+    with kept.locked():
+        aircraft = remove_repairs(kept, remove)
+        aircraft |= add_repairs(kept, add)
+        second_pass(kept, sorted(aircraft))
+    return repairs_in(store)
+
+
+def _hold_known(store: Store, repairs: Repairs) -> None:
+    """Refuse repairs of aircraft or actuators that no flight in the store has.
+
+    Raises
+    ------
+    MavhumsError
+        If there is one; then none is stored.
+    """
+    found = store.query("SELECT DISTINCT aircraft, actuator FROM verdicts WHERE aircraft <> ''").fetchall()
+    for repair in repairs:
+        aircraft = {name for name, _ in found}
+        if repair.aircraft is not None and repair.aircraft not in aircraft:
+            raise MavhumsError(f"{store.place}: no aircraft {repair.aircraft}", _there(aircraft))
+        actuators = {actuator for name, actuator in found if repair.aircraft in (None, name)}
+        if repair.actuator is not None and repair.actuator not in actuators:
+            whose = f" of {repair.aircraft}" if repair.aircraft else ""
+            raise MavhumsError(f"{store.place}: no actuator {repair.actuator}{whose}", _there(actuators))
+
+
+def _there(names: set[str]) -> str:
+    several = sorted(names)
+    return f"the store has: {', '.join(several[:_SHOWN]) or 'none'}{', …' if len(several) > _SHOWN else ''}"

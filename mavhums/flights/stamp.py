@@ -10,8 +10,7 @@ from typing import Final, NamedTuple
 
 from mavhums.core.version import __version__
 from mavhums.flights.aircraft import UNKNOWN
-from mavhums.flights.installed import installed_in
-from mavhums.flights.repairs import repairs_of
+from mavhums.flights.repairs import installed_in, repairs_of
 from mavhums.flights.stores.delta import FORMAT, OF_THIS_FORMAT, Store
 from mavhums.flights.stores.delta_tables import SETTLED
 

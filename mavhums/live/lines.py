@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from mavhums.core.version import __version__
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Window
 from mavhums.live.watch import Watch, utc
-from mavhums.report.assessment import NOTICE, Assessment
+from mavhums.report.assessment import NOTICE, RECORD, Assessment
 from mavhums.report.live import (
     AirframeObject,
     AlertObject,
@@ -91,7 +91,7 @@ class JsonLines:
         )
 
     def _put(self, told: LiveObject) -> None:
-        self._write(told.model_dump_json(by_alias=True))
+        self._write(told.model_dump_json(by_alias=True, exclude={"assessment": RECORD}))
 
 
 class PlainLines:

@@ -92,7 +92,7 @@ def test_the_rows_are_those_of_a_folder(run: Run, folder: Path, there: str, tmp_
 
 
 def fleet_flights(store: Path) -> list[str]:
-    from mavhums.flights.flight import flights
+    from mavhums.flights.queries import flights
 
     return [str(flight.log.path) for flight in flights(store, "D-B") if isinstance(flight, Assessment)]
 

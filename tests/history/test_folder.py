@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from datetime import timedelta
 from pathlib import Path
@@ -64,8 +65,7 @@ def test_the_checkpoint_gives_the_same_as_the_whole_folder(
     folder = tmp_path_factory.mktemp("folder")
     dates = {name: START + timedelta(days=day) for name, day in since.items()}
     for number, flight in enumerate(several):
-        path = folder / f"{number}.json"
-        path.write_text(flight.to_json(), encoding="utf-8")  # type: ignore[attr-defined]
+        path = keep_assessment(flight, folder / "one").rename(folder / f"{number}.json")  # type: ignore[arg-type]
         os.utime(path, ns=(number * 10**9, number * 10**9))
         if number == again:
             FlightFolder(folder)
@@ -79,6 +79,37 @@ def test_the_checkpoint_gives_the_same_as_the_whole_folder(
     assert sorted(map(str, followed.owners())) == sorted(map(str, whole.owners()))
     for flight in several:
         assert with_duplicate_flights(flight, followed) == with_duplicate_flights(flight, whole)  # type: ignore[arg-type]
+
+
+def test_the_record_of_a_flight_lies_beside_its_public_assessment(tmp_path: Path) -> None:
+    judged = verdict(shown(0.3)).model_copy(update={"own": own_records(0.3)})
+    flight = flown(judged, verdict(shown(0.2), actuator="rudder"), day=1)
+    kept = keep_assessment(flight, tmp_path)
+    content = json.loads(kept.read_text(encoding="utf-8"))
+    assert content["schema"] == "mavhums.flight/1"
+    assert content["assessment"] == json.loads(flight.to_json())
+    assert "own" not in content["assessment"]["verdicts"][0]
+    [read] = read_history(tmp_path).flights
+    assert read.assessment == flight
+
+
+@pytest.mark.parametrize("public", [True, False], ids=["plain", "of the version before"])
+def test_a_plain_assessment_is_read_with_what_it_has(tmp_path: Path, public: bool) -> None:
+    judged = verdict(shown(0.3)).model_copy(update={"own": own_records(0.3)})
+    flight = flown(judged, day=1)
+    text = flight.to_json() if public else flight.model_dump_json(by_alias=True)
+    (tmp_path / "flight.json").write_text(text, encoding="utf-8")
+    [read] = read_history(tmp_path).flights
+    assert read.assessment.verdicts[0].own == (() if public else judged.own)
+    assert read.assessment.to_json() == flight.to_json()
+
+
+def test_a_later_schema_is_refused_with_a_remedy(tmp_path: Path) -> None:
+    kept = keep_assessment(flown(verdict(shown(0.3))), tmp_path)
+    kept.write_text(kept.read_text(encoding="utf-8").replace("mavhums.flight/1", "mavhums.flight/2"))
+    [error] = read_history(tmp_path).errors
+    assert "'mavhums.flight/2', not mavhums.flight/1" in error.problem
+    assert error.remedy.startswith("update mavhums")
 
 
 def test_a_file_that_changed_or_vanished_counts_as_it_is_now(tmp_path: Path) -> None:

@@ -223,7 +223,7 @@ def test_a_broken_file_is_told_and_the_rest_is_shown(run: Run, tmp_path: Path) -
         (tmp_path / f"foreign{k}.json").write_text("{}", encoding="utf-8")
     outcome = run("trend", tmp_path)
     assert outcome.code == ExitCode.READ_WITH_LOSSES
-    assert f"mavhums: {tmp_path}/cut.json: is no whole JSON file" in outcome.err
+    assert f"mavhums: {tmp_path}/cut.json: is not a complete JSON file" in outcome.err
     assert "remedy: if it was an assessment" in outcome.err
     assert "and 4 more notices" in outcome.err
     assert "elevator" in outcome.out

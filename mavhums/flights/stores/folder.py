@@ -1,4 +1,6 @@
-"""A folder of flights: assessments in the format of ``mavhums analyse --json``, one or several per file.
+"""A folder of flights: one per file, each an assessment with the record that only later comparisons need.
+
+Files of ``mavhums analyse --json`` are flights without a record, one or several per file.
 
 Subfolders are not read, because most aircraft have system id 1 and would be mixed up. The checkpoint lies in
 a file beside the flights, so that one more flight costs the same after few flights and after many.
@@ -16,14 +18,15 @@ from datetime import datetime
 from operator import attrgetter
 from pathlib import Path
 from stat import S_ISDIR
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, Self
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from pydantic_core import from_json
 
 from mavhums.core.collecting import no_collection
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
+from mavhums.core.models import Frozen
 from mavhums.core.version import __version__
 from mavhums.flights.aircraft import Owner
 from mavhums.flights.aircraft_table import Since
@@ -31,7 +34,7 @@ from mavhums.flights.checkpoint import Checkpoint
 from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.report.assessment import READABLE, SCHEMA, Assessment
+from mavhums.report.assessment import READABLE, RECORD, SCHEMA, Assessment, OwnRecord
 
 __all__ = ["CHECKPOINT", "FlightFolder", "keep_assessment", "read_history"]
 
@@ -42,6 +45,39 @@ _VERSION: Final = f"1 of mavhums {__version__}"
 
 _Stamp = tuple[int, int]
 """Time of modification in nanoseconds, and size in bytes."""
+
+
+class _Record(Frozen):
+    """What a flight leaves of an actuator for the comparison with its other flights."""
+
+    vehicle: int
+    actuator: str
+    own: tuple[OwnRecord, ...]
+
+
+class _KeptFlight(Frozen):
+    """A kept flight; a file of the version before has the record within the assessment."""
+
+    schema_: Literal["mavhums.flight/1"] = Field(default="mavhums.flight/1", alias="schema")
+    assessment: Assessment
+    record: tuple[_Record, ...] = ()
+
+    @classmethod
+    def of(cls, assessment: Assessment) -> Self:
+        records = (
+            _Record(vehicle=verdict.vehicle or 0, actuator=verdict.actuator, own=verdict.own)
+            for verdict in assessment.verdicts
+            if verdict.own
+        )
+        return cls(assessment=assessment, record=tuple(records))
+
+    def whole(self) -> Assessment:
+        own = {(each.vehicle, each.actuator): each.own for each in self.record}
+        verdicts = tuple(
+            verdict.model_copy(update={"own": own.get((verdict.vehicle or 0, verdict.actuator), verdict.own)})
+            for verdict in self.assessment.verdicts
+        )
+        return self.assessment.model_copy(update={"verdicts": verdicts})
 
 
 class _Kept(NamedTuple):
@@ -57,7 +93,8 @@ class _Kept(NamedTuple):
 
 
 _KEPT: Final = TypeAdapter(_Kept)
-_FAMILY = SCHEMA.split("/", maxsplit=1)[0] + "/"
+_KEPT_FLIGHT: Final = "mavhums.flight/1"
+_FAMILIES: Final = tuple(each.split("/", maxsplit=1)[0] + "/" for each in (SCHEMA, _KEPT_FLIGHT))
 _LARGEST_FILE = 256 << 20
 _LARGEST_VALUE = 1e12
 _MAY_HOLD = re.compile(r"[^.].*\.json", re.IGNORECASE | re.DOTALL)
@@ -66,7 +103,7 @@ _AGAIN = "analyse its log again"
 
 
 def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> Path:
-    """Write an assessment into a folder of flights atomically, and return its path.
+    """Write an assessment and its record into a folder of flights atomically, and return the path.
 
     The file name consists of the log's name and hash, so two logs never share a file; a new
     assessment of a log replaces the old one.
@@ -85,7 +122,9 @@ def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> P
         problem = f"{folder}: cannot be used as a folder of flights: {_words(error)}"
         raise MavhumsError(problem, "name another with --history") from error
     with written_whole(path) as temporary:
-        temporary.write_text(assessment.to_json() + "\n", encoding="utf-8")
+        kept = _KeptFlight.of(assessment)
+        text = kept.model_dump_json(by_alias=True, indent=2, exclude={"assessment": RECORD})
+        temporary.write_text(text + "\n", encoding="utf-8")
     return path
 
 
@@ -335,7 +374,8 @@ def _read_file(path: Path) -> Iterator[PastFlight | MavhumsError]:
         return
     for where, item in items:
         try:
-            assessment = Assessment.model_validate(item)
+            kept = isinstance(item, dict) and item.get("schema") == _KEPT_FLIGHT
+            assessment = _KeptFlight.model_validate(item).whole() if kept else Assessment.model_validate(item)
             _hold_plausible(assessment, path)
             yield PastFlight.of(assessment, path, written)
         except ValidationError as error:
@@ -347,14 +387,15 @@ def _read_file(path: Path) -> Iterator[PastFlight | MavhumsError]:
 
 
 def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
-    """Return the unvalidated assessments in a file, each with its location in the JSON."""
+    """Return the unvalidated assessments or kept flights in a file, each with its location in the JSON."""
     content = _json(path)
     schema = content.get("schema") if isinstance(content, dict) else None
-    if not isinstance(schema, str) or not schema.startswith(_FAMILY):
-        raise _ForeignError(f"{path}: is no assessment, and was left alone")
-    if schema not in READABLE:
+    if not isinstance(schema, str) or not schema.startswith(_FAMILIES):
+        raise _ForeignError(f"{path}: is not an assessment, and was left alone")
+    if schema not in (_KEPT_FLIGHT, *READABLE):
+        expected = _KEPT_FLIGHT if schema.startswith(_FAMILIES[1]) else SCHEMA
         raise MavhumsError(
-            f"{path}: is of the schema {schema[:60]!r}, not {SCHEMA}", f"update mavhums, or {_AGAIN}"
+            f"{path}: is of the schema {schema[:60]!r}, not {expected}", f"update mavhums, or {_AGAIN}"
         )
     several = content.get("assessments")
     if isinstance(several, list):
@@ -369,7 +410,7 @@ def _json(path: Path) -> Any:
     try:
         return from_json(data.decode(json.detect_encoding(data)), allow_inf_nan=False)
     except ValueError as error:
-        problem = f"{path}: is no whole JSON file: {str(error)[:100]}"
+        problem = f"{path}: is not a complete JSON file: {str(error)[:100]}"
         raise MavhumsError(problem, f"if it was an assessment, {_AGAIN}; else take it out") from error
 
 
@@ -381,7 +422,9 @@ def _hold_plausible(assessment: Assessment, path: Path) -> None:
             numbers = (value.estimate, value.low, value.high, shown.scatter, shown.limit, shown.emergency)
             largest = max(abs(number) for number in (*numbers, shown.windows) if number is not None)
             if largest > _LARGEST_VALUE or not 0 <= (verdict.vehicle or 0) <= 255:
-                raise MavhumsError(f"{path}: {verdict.actuator[:60]}: numbers beyond all measure", _AGAIN)
+                raise MavhumsError(
+                    f"{path}: {verdict.actuator[:60]}: contains values outside the accepted range", _AGAIN
+                )
 
 
 def _words(error: OSError) -> str:
