@@ -24,7 +24,8 @@ from rich.table import Table
 
 from mavhums.flights.stores.folder import read_history
 from mavhums.flights.trends import trend_report
-from mavhums.health.decision.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.health.decision.thresholds import TREND_FLIGHTS
+from mavhums.health.decision.trend import Trend, fit_trend
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.flights import write_wear
@@ -131,7 +132,7 @@ def ever(rng: np.random.Generator, n: int, tails: str, histories: int, limit: fl
         errors = 0.002 * rng.uniform(0.7, 1.8, n)
         values = START + BETWEEN * TAILS[tails](rng, n) + errors * rng.standard_normal(n)
         numbers = np.arange(1.0, n + 1)
-        trends = (fit_trend(numbers[:k], values[:k], errors[:k], limit) for k in range(MIN_FLIGHTS, n + 1))
+        trends = (fit_trend(numbers[:k], values[:k], errors[:k], limit) for k in range(TREND_FLIGHTS, n + 1))
         false += any(trend is not None and trend.flights_left is not None for trend in trends)
     return share(false, histories)
 

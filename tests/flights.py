@@ -11,7 +11,7 @@ import numpy as np
 
 from mavhums.core.conditions import Condition
 from mavhums.flights.stores.folder import keep_assessment
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import Assessment, Indicator, Interval, LogSummary, Suspect, Verdict
 from mavhums.report.flight import FlightIdentity
 

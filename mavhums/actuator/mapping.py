@@ -22,7 +22,7 @@ from mavhums.actuator.sources import SOURCES
 from mavhums.actuator.tiers import TIERS
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
-from mavhums.log.flags import LOOSE_TIME
+from mavhums.log.base.tables import LOOSE_TIME
 
 __all__ = ["Mapped", "Mapper", "messages_for"]
 

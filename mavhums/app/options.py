@@ -16,7 +16,7 @@ from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_t
 from mavhums.flights.history import FlightHistory
 from mavhums.flights.store import EarlierFlights, is_store
 from mavhums.flights.stores.folder import FlightFolder
-from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 from mavhums.report.assessment import Decide

@@ -74,14 +74,14 @@ class TellsTables(Told):
     several
         Whether there are several logs.
     verbose
-        Whether each of several logs has its table too.
+        Whether each log is shown with every reason and finding.
     """
 
     def __init__(self, recordings: Mapping[Path, Path], *, several: bool, verbose: bool = False) -> None:
         super().__init__()
         self._recordings = recordings
         self._several = several
-        self._whole = verbose or not several
+        self._whole, self._verbose = verbose or not several, verbose
         self._lines: list[Line] = []
 
     def _judged(self, log: Path, assessment: Assessment) -> None:
@@ -97,7 +97,7 @@ class TellsTables(Told):
         if self._several and self._whole:
             say(title)
         if self._whole:
-            render(assessment, Console())
+            render(assessment, Console(), verbose=self._verbose)
         else:
             render_findings(assessment, Console(), title)
         recording = self._recordings.get(log)

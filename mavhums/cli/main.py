@@ -102,7 +102,7 @@ def cli() -> None:
 )
 @click.option("--no-position", is_flag=True, help="Leave out of the recording where the aircraft was.")
 @JOBS
-@click.option("--verbose", is_flag=True, help="Show all of each of several logs.")
+@click.option("--verbose", is_flag=True, help="Show every reason and finding, and the servos' use.")
 @click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
 def analyse(
     logs: tuple[Path, ...],

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["HEAD", "SIGNATURES", "is_log"]
+from mavhums.log.formats import SIGNATURES
+
+__all__ = ["HEAD", "is_log"]
 
 HEAD: Final = 1 << 16
 """Bytes that are enough to tell."""
-
-SIGNATURES: Final = (b"\xa3\x95", b"ULog\x01\x12\x35")
-"""First bytes of on-board logs: those of :data:`mavhums.log.decoding.FORMATS`, which is dear to import."""
 
 _STAMP: Final = 8
 _CHAIN, _FEW = 6, 2

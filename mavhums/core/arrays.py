@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Flags", "Integers"]
+__all__ = ["Array", "Bytes", "Flags", "Integers", "Records"]
 
 Array = NDArray[np.float64]
 """Numbers; NaN where they are not known."""
@@ -15,3 +15,9 @@ Flags = NDArray[np.bool_]
 
 Integers = NDArray[np.int64]
 """Counts and indices."""
+
+Bytes = NDArray[np.uint8]
+"""Bytes of a log, or columns of small numbers."""
+
+Records = NDArray[np.void]
+"""Rows with fields."""

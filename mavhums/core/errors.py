@@ -61,7 +61,7 @@ class MavhumsError(Exception):
 
 
 class UnreadableLogError(MavhumsError):
-    """The file is missing or is not a MAVLink telemetry log."""
+    """The file is missing, or is not a log that mavhums reads."""
 
 
 class MissingExtraError(MavhumsError):

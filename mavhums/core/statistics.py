@@ -11,20 +11,32 @@ __all__ = [
     "AIR_DENSITY",
     "CENTRAL_95",
     "DEGREES_S_PER_REV_MIN",
+    "ERRORS_95",
     "NORMAL_95",
     "NORMAL_95_ONE_SIDED",
+    "NORMAL_99",
     "RAD_S_PER_REV_MIN",
+    "TAIL_95",
     "uniform_deviation",
 ]
 
 NORMAL_95: Final = 1.96
 """Half the width of a normal distribution's central 95 % interval, in standard deviations."""
 
+ERRORS_95: Final = 2.0
+"""The same, rounded, of estimates with errors that are estimates themselves."""
+
+NORMAL_99: Final = 2.58
+"""The same of the central 99 % interval."""
+
 NORMAL_95_ONE_SIDED: Final = 1.645
 """What a standard normal variable exceeds with 5 % probability."""
 
 CENTRAL_95: Final = 0.975
 """Probability below the upper end of a central 95 % interval, for quantiles of Student's t."""
+
+TAIL_95: Final = 0.025
+"""Probability beyond either end of a central 95 % interval."""
 
 RAD_S_PER_REV_MIN: Final = pi / 30
 """Speed of one revolution per minute, rad/s."""

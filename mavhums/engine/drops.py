@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from mavhums.engine.axes import Axes
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.vehicle.clocks import Clocks
 
 __all__ = ["with_drops"]

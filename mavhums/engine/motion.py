@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY
-from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.health.axis.effectiveness import new_tracker
+from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
@@ -47,7 +48,7 @@ def _explained(rows: Rows, axis: str, demand: Array) -> float:
     """Return how much of the motion about an axis a demand, shape (n,), explains: a share from 0 to 1."""
     outputs = np.full_like(rows.outputs, np.nan)
     outputs[:, AXES.index(axis)] = demand
-    gain = new_gain(axis)
+    gain = new_tracker(axis)
     gain.feed(replace(rows, outputs=outputs))
     found = gain.reference or gain.best
     return 0.0 if found is None else found.explained

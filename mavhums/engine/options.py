@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mavhums.actuator.profile import Airframe
 from mavhums.health.decision.baseline import BaselineSource
-from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.report.assessment import Decide
 

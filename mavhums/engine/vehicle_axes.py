@@ -14,7 +14,8 @@ from mavhums.core.conditions import Condition
 from mavhums.engine.events import Notice
 from mavhums.engine.motion import TRIED_AXES, contradiction, refutation, rests_on_outputs
 from mavhums.engine.told import Known, Told
-from mavhums.health.axis.monitor import AxisMonitor, explained_by
+from mavhums.health.axis.effectiveness import explained_by
+from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.events import Followed

@@ -21,6 +21,7 @@ from urllib.parse import urlsplit
 from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
 from mavhums.core.packed import ARCHIVES, COMPRESSED, members
 from mavhums.flights.stores.delta import LogFile
+from mavhums.log.formats import SUFFIXES
 
 if TYPE_CHECKING:
     from pyarrow.fs import FileInfo, FileSystem
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["UnreachedError", "at_hand", "logs_in"]
 
 _PACKED: Final = "|".join(map(re.escape, COMPRESSED))
-_LOG: Final = re.compile(rf".+\.(tlog|bin|ulg)({_PACKED})?", re.IGNORECASE)
+_LOG: Final = re.compile(rf".+({'|'.join(map(re.escape, SUFFIXES))})({_PACKED})?", re.IGNORECASE)
 _ARCHIVE: Final = re.compile(rf".+({'|'.join(map(re.escape, ARCHIVES))})", re.IGNORECASE)
 _ADDRESS: Final = re.compile(r"([a-z0-9]+)://(.+)", re.DOTALL)
 _CONNECT_S: Final = 5.0

@@ -21,7 +21,8 @@ from mavhums.flights.aircraft_table import Since
 from mavhums.flights.duplicates import Recording
 from mavhums.flights.history import FlightHistory, PastFlight, is_healthy
 from mavhums.health.decision.baseline import Baselines
-from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import CLOCKS_APART_S
 

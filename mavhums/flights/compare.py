@@ -12,8 +12,8 @@ from pydantic import TypeAdapter, ValidationError
 from mavhums.core.errors import MavhumsError
 from mavhums.health.axis.past import against_flights
 from mavhums.health.decision.baseline import BaselineSource, of_subject
-from mavhums.health.decision.limits import FALSE_ALARMS
 from mavhums.health.decision.records import ActuatorRecord
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.replay import replay
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import held_against, without_own

@@ -13,7 +13,8 @@ from mavhums.flights.aircraft import Owner, owners_of
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.duplicates import Recording, recordings_of, superseded_recordings
 from mavhums.health.decision.baseline import Baseline, Baselines
-from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
 __all__ = [

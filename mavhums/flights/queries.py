@@ -17,7 +17,7 @@ from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.repairs import installed_in, repairs_of, since_of
 from mavhums.flights.stores.delta import Store
 from mavhums.flights.trends import trend_report
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
 from mavhums.report.trend import RepairDate, TrendReport
 

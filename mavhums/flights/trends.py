@@ -19,7 +19,8 @@ from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.trend import MIN_FLIGHTS, Trend, fit_trend
+from mavhums.health.decision.thresholds import TREND_FLIGHTS
+from mavhums.health.decision.trend import Trend, fit_trend
 from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
 from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
 
@@ -230,7 +231,7 @@ def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None, counte
         between=fitted.between if fitted else None,
         left_out=tuple(used[place][0].start_utc for place in fitted.left_out) if fitted else (),
         flights_left=fitted.flights_left if fitted else None,
-        reason=fitted.reason if fitted else f"{len(used)} flights show it; a trend needs {MIN_FLIGHTS}",
+        reason=fitted.reason if fitted else f"{len(used)} flights show it; a trend needs {TREND_FLIGHTS}",
         points=_POINTS.validate_python(
             [
                 {

@@ -19,7 +19,7 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.health.actuator.monitor import Monitor
-from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts
 from mavhums.live.clock import ReceiveClock

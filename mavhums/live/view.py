@@ -14,7 +14,7 @@ from rich.text import Text
 from mavhums.engine.events import ConditionChanged, Event
 from mavhums.report.assessment import Assessment
 from mavhums.report.live import ActuatorStatus, AlertObject, LinkStatus, StaleObject, StatusObject
-from mavhums.show._words import COLOURS, clock, friction, percent, printable
+from mavhums.show.words import COLOURS, clock, friction, percent, printable
 
 __all__ = ["View", "draw"]
 

@@ -1,9 +1,31 @@
-"""Converts the bytes of a telemetry log to tables of messages, independently of servos."""
+"""Converts the bytes of a log to tables of messages, independently of servos."""
 
 from __future__ import annotations
 
-from mavhums.log.decoding import Decoder, LogDecoder
-from mavhums.log.reader import Log, decode_blocks, read_blocks, read_log
-from mavhums.log.tables import Table
+from typing import TYPE_CHECKING
+
+from mavhums.core.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from mavhums.log.base.decoder import LogDecoder as LogDecoder
+    from mavhums.log.base.tables import Table as Table
+    from mavhums.log.decoding import Decoder as Decoder
+    from mavhums.log.reader import Log as Log
+    from mavhums.log.reader import decode_blocks as decode_blocks
+    from mavhums.log.reader import read_blocks as read_blocks
+    from mavhums.log.reader import read_log as read_log
+
+# Lazy, so that the list of formats is read without numba.
+_HOMES = {
+    "Decoder": "decoding",
+    "Log": "reader",
+    "LogDecoder": "base.decoder",
+    "Table": "base.tables",
+    "decode_blocks": "reader",
+    "read_blocks": "reader",
+    "read_log": "reader",
+}
 
 __all__ = ["Decoder", "Log", "LogDecoder", "Table", "decode_blocks", "read_blocks", "read_log"]
+
+__getattr__, __dir__ = lazy_exports(__name__, _HOMES)

@@ -1,175 +1,37 @@
-"""The interface of all formats' decoders, and the choice of a decoder by the beginning of a log.
-
-A new format is a package of its own and a line in `FORMATS`.
-"""
+"""Chooses the decoder of a log by its first bytes, and refuses files that are not logs."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
 from importlib import import_module
-from itertools import islice
-from typing import Final, NamedTuple, Protocol, cast
+from operator import attrgetter
+from typing import Any, cast
 
-from mavhums.core.errors import MavhumsError
-from mavhums.log.losses import Losses
-from mavhums.log.mavlink.decoder import MavlinkDecoder
-from mavhums.log.tables import Table
+from mavhums.core.errors import MavhumsError, UnreadableLogError
+from mavhums.log.base.decoder import PIECE, FormatPackage, LogDecoder
+from mavhums.log.base.losses import Losses
+from mavhums.log.base.tables import Table
+from mavhums.log.formats import MAVLINK, Format, format_of, is_format_certain
 
-__all__ = ["FORMATS", "Decoder", "Format", "LogDecoder", "Refusal", "format_of"]
+__all__ = ["Decoder", "refuse_foreign"]
 
-
-class LogDecoder(Protocol):
-    """Converts blocks of a log's bytes to tables of messages, in bounded memory.
-
-    Names of messages and fields are the format's own. The tables do not depend on where
-    blocks end; an unfinished record waits for the next block.
-    """
-
-    @property
-    def format(self) -> str:
-        """Name of the format, as in `FORMATS`, or ``tlog``."""
-        ...
-
-    @property
-    def counts(self) -> dict[tuple[int, int, str], int]:
-        """Number of intact messages by (system, component, name), wanted or not.
-
-        ``system`` is the vehicle's id; ``component`` distinguishes instances if the format has them.
-        """
-        ...
-
-    @property
-    def vehicles(self) -> tuple[int, ...]:
-        """Ids of the vehicles, increasing."""
-        ...
-
-    @property
-    def unknown(self) -> dict[int, int]:
-        """Number of records with an undefined message id, by id."""
-        ...
-
-    @property
-    def losses(self) -> Losses:
-        """Losses so far: unreadable data, and data that the vehicle reports as not recorded."""
-        ...
-
-    @property
-    def first_time_us(self) -> int | None:
-        """Time of the first message, microseconds of UTC; None before it."""
-        ...
-
-    @property
-    def last_time_us(self) -> int | None:
-        """Time of the latest message, microseconds of UTC; None before the first."""
-        ...
-
-    @property
-    def undated(self) -> bool:
-        """Whether the log contains no date, so that times count from the vehicle's boot."""
-        ...
-
-    def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
-        """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows."""
-        ...
-
-
-class Refusal(NamedTuple):
-    """The reason why a log cannot be read, formatted to follow "FILE: ", and the remedy."""
-
-    problem: str
-    remedy: str
-
-
-class _Package(Protocol):
-    """The interface of a format's package."""
-
-    def decoder(self, messages: Collection[str] | None) -> LogDecoder:
-        """Return a new decoder of the wanted message types, all if None."""
-        ...
-
-    def refusal(self, head: bytes) -> Refusal | None:
-        """Return why a log that begins with ``head`` (up to 1 MB) cannot be read; None if it can."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class Format:
-    """A log format other than MAVLink; a log without a signature is treated as MAVLink.
-
-    Attributes
-    ----------
-    name
-        Name in inspections and assessments.
-    title
-        Name in error messages: "this is …".
-    signature
-        The first bytes of every such log.
-    clue
-        What occurs several times near the beginning, by which a log with damaged first bytes is recognised.
-    package
-        Package of its decoder; imported with the first such log.
-    """
-
-    name: str
-    title: str
-    signature: bytes
-    clue: re.Pattern[bytes]
-    package: str
-
-    def load(self) -> _Package:
-        """Import the package."""
-        return cast(_Package, import_module(self.package))
-
-
-_FMT_BEFORE_FMT = re.compile(rb"\xa3\x95\x80(?=.{86}\xa3\x95\x80)", re.DOTALL)
-_TOPIC = re.compile(rb"\w:uint64_t timestamp;")
-
-FORMATS: Final[tuple[Format, ...]] = (
-    Format(
-        "dataflash",
-        "an ArduPilot DataFlash log (.BIN)",
-        b"\xa3\x95",
-        _FMT_BEFORE_FMT,
-        "mavhums.log.dataflash",
-    ),
-    Format("ulog", "a PX4 ULog (.ulg)", b"ULog\x01\x12\x35", _TOPIC, "mavhums.log.ulog"),
+_SIGNATURES = (
+    (b"RRF2", "a Rerun recording"),
+    (b"\x1f\x8b", "gzip-compressed"),
+    (b"PK\x03\x04", "a zip archive"),
 )
-_CLUES: Final = 3
-_SEARCHED: Final = 1 << 16
-_MAVLINK_AT: Final = (0, 8)  # a frame comes first, or after a time stamp
-_MAVLINK: Final = (0xFD, 0xFE)
-_LONGEST: Final = max(*_MAVLINK_AT, *(len(known.signature) for known in FORMATS)) + 1
+_DUMP = re.compile(rb"\s*FMT, *128, *89,")
+_PROFILE = re.compile(rb"^\s*\[\[ *actuators *\]\]", re.MULTILINE)
+_RECORD = (
+    "mavhums reads .tlog (a ground station's), .BIN (ArduPilot's) and .ulg (PX4's): "
+    "take one of these, or record a .tlog with the ground station or with MAVProxy"
+)
 
 
-def format_of(head: bytes) -> Format | None:
-    """Return the format of a log that begins with ``head``; None for a MAVLink log.
-
-    If the log begins neither with a signature nor with a MAVLink frame, its first 64 KB are searched.
-
-    Examples
-    --------
-    >>> format_of(b"\\xa3\\x95\\x80\\x80").name
-    'dataflash'
-    """
-    signed = next((known for known in FORMATS if head.startswith(known.signature)), None)
-    if signed is not None or _begins_with_frame(head):
-        return signed
-    searched = head[:_SEARCHED]
-    clues = ((known, sum(1 for _ in islice(known.clue.finditer(searched), _CLUES))) for known in FORMATS)
-    return next((known for known, count in clues if count == _CLUES), None)
-
-
-def _begins_with_frame(head: bytes) -> bool:
-    return any(len(head) > at and head[at] in _MAVLINK for at in _MAVLINK_AT)
-
-
-def _is_settled(head: bytes) -> bool:
-    """Return whether later bytes do not change the format."""
-    signed = any(head.startswith(known.signature) for known in FORMATS)
-    return len(head) >= _LONGEST and (len(head) >= _SEARCHED or signed or _begins_with_frame(head))
+def _of_chosen(name: str) -> Any:
+    return property(attrgetter(f"chosen.{name}"), doc=f"See `LogDecoder.{name}`.")
 
 
 class Decoder:
@@ -205,49 +67,27 @@ class Decoder:
         key: bytes | None = None,
     ) -> None:
         self._wanted = None if messages is None else frozenset(messages)
+        self._mavlink_options: dict[str, Any] = {"dialect": dialect, "key": key}
         self._for_mavlink = "dialect" if dialect is not None else "key" if key is not None else None
-        self._chosen: LogDecoder = MavlinkDecoder(self._wanted, dialect=dialect, key=key)
+        # An unusable dialect is an error now; else MAVLink's definitions wait until a log needs them.
+        self._chosen = self._mavlink() if self._for_mavlink else None
         self._head: bytes | None = b""
 
-    @property
-    def format(self) -> str:
-        """Name of the format."""
-        return self._chosen.format
+    format: str = _of_chosen("format")
+    counts: dict[tuple[int, int, str], int] = _of_chosen("counts")
+    vehicles: tuple[int, ...] = _of_chosen("vehicles")
+    unknown: dict[int, int] = _of_chosen("unknown")
+    losses: Losses = _of_chosen("losses")
+    first_time_us: int | None = _of_chosen("first_time_us")
+    last_time_us: int | None = _of_chosen("last_time_us")
+    undated: bool = _of_chosen("undated")
 
     @property
-    def counts(self) -> dict[tuple[int, int, str], int]:
-        """Number of intact messages by (system, component, name), wanted or not."""
-        return self._chosen.counts
-
-    @property
-    def vehicles(self) -> tuple[int, ...]:
-        """Ids of the vehicles, increasing."""
-        return self._chosen.vehicles
-
-    @property
-    def unknown(self) -> dict[int, int]:
-        """Number of records with an undefined message id, by id."""
-        return self._chosen.unknown
-
-    @property
-    def losses(self) -> Losses:
-        """What could not be read so far."""
-        return self._chosen.losses
-
-    @property
-    def first_time_us(self) -> int | None:
-        """Time of the first message, microseconds of UTC; None before it."""
-        return self._chosen.first_time_us
-
-    @property
-    def last_time_us(self) -> int | None:
-        """Time of the latest message, microseconds of UTC; None before the first."""
-        return self._chosen.last_time_us
-
-    @property
-    def undated(self) -> bool:
-        """Whether the log contains no date, so that times count from the vehicle's boot."""
-        return self._chosen.undated
+    def chosen(self) -> LogDecoder:
+        """The decoder in use; before the format is certain, MAVLink's."""
+        if self._chosen is None:
+            self._chosen = self._mavlink()
+        return self._chosen
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
         """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows.
@@ -259,19 +99,90 @@ class Decoder:
         """
         if self._head is not None:
             block = self._head = self._head + block
-            if not (final or _is_settled(block)):
+            if not (final or is_format_certain(block)):
                 return {}
-            self._choose(block)
-        return self._chosen.feed(block, final=final)
+            self._head = None
+            known = format_of(block)
+            if known is not MAVLINK:
+                self._refuse_mavlink_options(known)
+                self._chosen = _package(known).decoder(self._wanted)
+        return self.chosen.feed(block, final=final)
 
-    def _choose(self, head: bytes) -> None:
-        self._head = None
-        known = format_of(head)
-        if known is None:
-            return
+    def _mavlink(self) -> LogDecoder:
+        from mavhums.log.mavlink.decoder import MavlinkDecoder
+
+        return MavlinkDecoder(self._wanted, **self._mavlink_options)
+
+    def _refuse_mavlink_options(self, known: Format) -> None:
         if self._for_mavlink:
             raise MavhumsError(
                 f"this is {known.title}: a {self._for_mavlink} is for MAVLink logs alone",
                 f"leave --{self._for_mavlink} out",
             )
-        self._chosen = known.load().decoder(self._wanted)
+
+
+def _package(known: Format) -> FormatPackage:
+    return cast(FormatPackage, import_module(known.package))
+
+
+def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | None = None) -> None:
+    """Raise if a file that begins with ``head`` is not a telemetry log.
+
+    Raises
+    ------
+    UnreadableLogError
+        If it is not; the error names the probable file type and the remedy.
+    """
+    if not head:
+        raise UnreadableLogError(
+            f"{name}: the file is empty", "check that the ground station had closed the log"
+        )
+    if not head.strip(b"\0"):
+        raise UnreadableLogError(f"{name}: the file holds nothing but zeros", "copy the log again")
+    known = format_of(head)
+    if known is not MAVLINK:
+        refused = _package(known).refusal(head)
+        if refused is not None:
+            raise UnreadableLogError(f"{name}: {refused.problem}", refused.remedy)
+        if dialect is not None:
+            problem = f"{name}: this is {known.title}: a dialect is for MAVLink logs alone"
+            raise UnreadableLogError(problem, "leave --dialect out")
+        return
+    if _contains_frames(head, dialect):
+        return
+    for signature, kind in _SIGNATURES:
+        if head.startswith(signature):
+            remedy = "unpack it first" if "compressed" in kind or "archive" in kind else _RECORD
+            raise UnreadableLogError(f"{name}: this is {kind}, not an aircraft's log", remedy)
+    if _DUMP.match(head):
+        raise UnreadableLogError(
+            f"{name}: this is a DataFlash log dumped as text", "download the .BIN itself from the autopilot"
+        )
+    if _PROFILE.search(head):
+        problem = f"{name}: this is an airframe profile, not a log"
+        raise UnreadableLogError(problem, "name it with --airframe, and the log in its place")
+    if _is_text(head):
+        raise UnreadableLogError(f"{name}: this is a text file, not an aircraft's log", _RECORD)
+    raise UnreadableLogError(
+        f"{name}: neither a MAVLink frame nor the beginning of a .BIN or .ulg "
+        f"found in the first {len(head)} bytes",
+        _RECORD,
+    )
+
+
+def _contains_frames(head: bytes, dialect: str | os.PathLike[str] | None) -> bool:
+    decoder = Decoder((), dialect=dialect).chosen
+    # The first frame settles it, usually in the first piece.
+    for place in range(0, len(head), PIECE):
+        decoder.feed(head[place : place + PIECE], final=place + PIECE >= len(head))
+        if decoder.counts or decoder.unknown:
+            return True
+    return False
+
+
+def _is_text(head: bytes) -> bool:
+    try:
+        text = head[: len(head) - 4].decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return all(character.isprintable() or character.isspace() for character in text)

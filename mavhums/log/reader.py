@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import Unpacked, opened
-from mavhums.log.decoding import Decoder, LogDecoder
-from mavhums.log.foreign import refuse_foreign
-from mavhums.log.losses import Losses
-from mavhums.log.tables import Table
+from mavhums.log.base.decoder import LogDecoder
+from mavhums.log.base.losses import Losses
+from mavhums.log.base.tables import Table
+from mavhums.log.decoding import Decoder, refuse_foreign
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -154,9 +154,28 @@ class Log:
     format: str = "tlog"
 
     @cached_property
-    def messages(self) -> dict[str, pd.DataFrame]:
-        """The messages by name, each a DataFrame indexed by time of reception."""
-        return {name: table.to_frame() for name, table in self.tables.items()}
+    def messages(self) -> Mapping[str, pd.DataFrame]:
+        """The messages by name, each a DataFrame indexed by time of reception, made when it is first read."""
+        return _Frames(self.tables)
+
+
+class _Frames(Mapping[str, "pd.DataFrame"]):
+    """The DataFrame of each table, made at its first use: half the time of a short log goes into frames."""
+
+    def __init__(self, tables: Mapping[str, Table]) -> None:
+        self._tables = tables
+        self._made: dict[str, pd.DataFrame] = {}
+
+    def __getitem__(self, name: str) -> pd.DataFrame:
+        if name not in self._made:
+            self._made[name] = self._tables[name].to_frame()
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._tables)
+
+    def __len__(self) -> int:
+        return len(self._tables)
 
 
 def read_log(

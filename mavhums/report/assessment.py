@@ -18,7 +18,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.core.notice import NOTICE
 from mavhums.core.quantities import KEYS
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.report.flight import FlightCopy, FlightIdentity
 from mavhums.report.network import DECIDE, Decide, ModelSummary, NetworkAnswer, with_network

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from mavhums.core.models import Frozen
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.usage import VehicleUsage
 
 __all__ = ["ActuatorTelemetry", "Inspection", "Judgeable", "MessageRate", "NamedRate", "VehicleTelemetry"]

@@ -12,8 +12,8 @@ from mavhums.core.lazy import lazy_exports
 if TYPE_CHECKING:
     from mavhums.show.blueprint import layout
     from mavhums.show.live import LiveViewer
+    from mavhums.show.markdown_report import markdown
     from mavhums.show.recording import Recorder
-    from mavhums.show.report import markdown
     from mavhums.show.terminal import render
     from mavhums.show.trend_recording import record_trend
 
@@ -25,7 +25,7 @@ __getattr__, __dir__ = lazy_exports(
         "LiveViewer": "live",
         "Recorder": "recording",
         "layout": "blueprint",
-        "markdown": "report",
+        "markdown": "markdown_report",
         "record_trend": "trend_recording",
         "render": "terminal",
     },

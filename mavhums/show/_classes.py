@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mavhums.health.decision.events import Classified
 from mavhums.show._stream import send
 from mavhums.show._thin import Thinner
-from mavhums.show._words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
+from mavhums.show.words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
 
 __all__ = ["Classes"]
 

@@ -28,13 +28,13 @@ from mavhums.engine.events import (
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.report.assessment import Assessment, Verdict
 from mavhums.show._craft import Surface, craft_path
-from mavhums.show._listing import without_wingless
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track, path_part
 from mavhums.show._vehicle import Vehicle
-from mavhums.show._words import clock, name
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
-from mavhums.show.report import markdown, so_far
+from mavhums.show.digest import digest
+from mavhums.show.markdown_report import live_markdown, markdown
+from mavhums.show.words import clock, name
 
 __all__ = ["Scene"]
 
@@ -131,7 +131,7 @@ class Scene:
         The viewer sorts lanes by their paths, so each is drawn once more under a path that begins with its
         rank, which is not known before the end.
         """
-        rest, _ = without_wingless(assessment)
+        rest = digest(assessment).assessment
         told = [verdict for verdict in rest.verdicts if verdict.gravest != "unmonitored"]
         told.sort(key=lambda verdict: (-URGENCY[verdict.gravest], verdict.subject != "axis"))
         for rank, verdict in enumerate(told, 1):
@@ -140,7 +140,7 @@ class Scene:
             track.lane(path)
             yield self._lane(track, verdict.condition, verdict.worst)._replace(states=path)
 
-    def report_so_far(self) -> None:
+    def live_report(self) -> None:
         """Write the report so far; not as static data, so that a viewer may drop older ones."""
         rows = []
         for track in self.ranked():
@@ -148,13 +148,13 @@ class Scene:
             evidence = (seen.friction_nm, seen.p_emergency) if seen else (None, None)
             condition = f"{track.held}, stale" if track.stale else track.held
             rows.append((self._title(track), condition, *evidence, track.since_s))
-        text = so_far(rows)
+        text = live_markdown(rows)
         if text != self._report:
             self._report = text
             content = rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN])
             send(self._stream, "/report", [self.last_s], content)
 
-    def layout_so_far(self) -> rrb.Blueprint:
+    def live_layout(self) -> rrb.Blueprint:
         """Return the layout for live use, with the worst actuator first."""
         lanes = [self._lane(track, track.held, track.worst) for track in self.ranked()]
         return layout(lanes, self._surroundings(), live=True)

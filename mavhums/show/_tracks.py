@@ -20,7 +20,7 @@ from mavhums.show._classes import Classes
 from mavhums.show._craft import Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
-from mavhums.show._words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
+from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
 
 __all__ = ["STALE_S", "Track", "actuator_path", "path_part"]
 

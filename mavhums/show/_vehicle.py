@@ -11,7 +11,7 @@ from mavhums.engine.events import Attitude, FlightMode, Position
 from mavhums.show._craft import Craft
 from mavhums.show._stream import send
 from mavhums.show._thin import Thinner
-from mavhums.show._words import BLUE
+from mavhums.show.words import BLUE
 
 __all__ = ["Vehicle"]
 

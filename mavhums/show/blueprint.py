@@ -14,7 +14,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.quantities import QUANTITIES
 from mavhums.show._signals import ARCHETYPE
 from mavhums.show._stream import TIMELINE
-from mavhums.show._words import SERIES
+from mavhums.show.words import SERIES
 
 __all__ = ["Fault", "Lane", "Surroundings", "layout", "panels", "whole_flight"]
 

@@ -12,27 +12,14 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.version import __version__
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.report.axis_limits import AxisLimits
-from mavhums.show import _reserve, _usage
-from mavhums.show._certainty import certainty
-from mavhums.show._headline import headline
-from mavhums.show._listing import heading, listed, together, without_wingless
-from mavhums.show._standing import control_left, course
-from mavhums.show._words import (
-    advice,
-    clock,
-    finding,
-    friction,
-    implausible,
-    join,
-    losses,
-    name,
-    percent,
-    whose,
-)
+from mavhums.show.digest import Subject, advice, digest
 from mavhums.show.html_craft import Part, outline
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
+from mavhums.show.servo_tables import ServoTable
+from mavhums.show.verdict_words import certainty, implausible
+from mavhums.show.words import clock, finding, join, name, percent
 
 __all__ = ["ICONS", "Brief", "in_brief", "page"]
 
@@ -63,14 +50,6 @@ class _Shown(NamedTuple):
     drawing: Plot
 
 
-class _Usage(NamedTuple):
-    """The use of one vehicle's servos: a title, and a table."""
-
-    title: str
-    head: Sequence[str]
-    rows: list[tuple[str, ...]]
-
-
 class _Aircraft(NamedTuple):
     """The outline of one vehicle."""
 
@@ -95,9 +74,9 @@ def in_brief(assessment: Assessment) -> Brief:
     >>> in_brief(mavhums.analyse("flight.tlog")).condition
     'emergency'
     """
-    rest, _ = without_wingless(assessment)
-    first = _first([_answer(alike, rest) for alike in [*together(listed(rest))][:_ROWS]])
-    return Brief(_gravest(assessment), headline(assessment), first.todo if first else "")
+    said = digest(assessment)
+    first = _first([_answer(one) for one in said.subjects[:_ROWS]])
+    return Brief(said.gravest, said.headline, first.todo if first else "")
 
 
 def page(assessment: Assessment, gathered: Gathered) -> str:
@@ -120,28 +99,22 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     >>> "<h1" in text, "<script" in text
     (True, False)
     """
-    result, gravest = headline(assessment), _gravest(assessment)
-    assessment, wingless = without_wingless(assessment)
-    shown = [*together(listed(assessment))]
-    log = assessment.log
-    answers = [_answer(alike, assessment) for alike in shown[:_ROWS]]
+    said = digest(assessment)
+    rest, log = said.assessment, assessment.log
+    answers = [_answer(one) for one in said.subjects[:_ROWS]]
     return (
         environment("mavhums.show")
         .get_template("report.html")
         .render(
             assessment=assessment,
+            said=said,
             answers=answers,
             first=_first(answers),
-            gravest=gravest,
-            wingless=wingless if answers else (),
-            left_out=max(len(shown) - _ROWS, 0),
-            headline=result,
+            left_out=max(len(said.subjects) - _ROWS, 0),
             file=PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
-            losses=losses(log.losses),
-            whose=whose(log),
-            aircraft=list(_aircraft(assessment)),
-            plots=list(_plots(assessment, gathered)),
-            usage=list(_usage_tables(assessment)),
+            aircraft=list(_aircraft(rest)),
+            plots=list(_plots(rest, gathered)),
+            tables=[_cut(table) for table in said.tables[:_VEHICLES]],
             notices=gathered.notices(),
             texts=gathered.texts,
             version=__version__,
@@ -149,31 +122,27 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     )
 
 
-def _gravest(assessment: Assessment) -> Condition:
-    """Return the gravest condition, which the exit code follows too."""
-    ranked = assessment.ranked()
-    return ranked[0].gravest if ranked else "undecided"
+def _cut(table: ServoTable) -> ServoTable:
+    """Return a table without the rows beyond what a person reads."""
+    return table._replace(rows=table.rows[:_OUTPUTS])
 
 
-def _answer(alike: Sequence[Verdict], assessment: Assessment) -> _Answer:
+def _answer(one: Subject) -> _Answer:
     """Return the answer about one verdict, or about several that differ in nothing but the name."""
-    verdict = alike[0]
-    since, value = verdict.since, ""
-    told = SEVERITY[verdict.gravest] > SEVERITY["normal"]
-    left, past = control_left(verdict), course(verdict)
-    if left:
-        value = f"control left: {left}"
-    elif verdict.friction_nm:
-        value = f"friction {friction(verdict.friction_nm)} N·m"
-    todo = verdict.remedy or advice(verdict)
+    verdict, value = one.verdict, ""
+    since = verdict.since if SEVERITY[verdict.gravest] > SEVERITY["normal"] else None
+    if one.control_left:
+        value = f"control left: {one.control_left}"
+    elif one.friction:
+        value = f"friction {one.friction} N·m"
     return _Answer(
-        title=heading(alike, assessment),
+        title=one.title,
         verdict=verdict,
-        past=past[1] if past else "",
-        since=f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since and told else "",
-        why=[*_why(verdict)],
+        past=one.past[1] if one.past else "",
+        since=f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since else "",
+        why=[*_why(one)],
         sure=certainty(verdict) if verdict.coverage.windows or verdict.evidence else "",
-        todo=todo.rstrip("."),
+        todo=(verdict.remedy or advice(verdict)).rstrip("."),
         value=value,
     )
 
@@ -196,10 +165,10 @@ def _first(answers: Sequence[_Answer]) -> _Answer | None:
     )
 
 
-def _why(verdict: Verdict) -> Iterator[str]:
+def _why(one: Subject) -> Iterator[str]:
     """Yield the reasons, the latest finding first, the network's vote after the physics."""
-    past = course(verdict)
-    if past is not None and past[1]:
+    verdict, past = one.verdict, one.past
+    if past and past[1]:
         yield f"{past[0]} {past[1]}, then {verdict.condition}; the earlier finding stands"
     if verdict.reason:
         yield verdict.reason
@@ -218,15 +187,6 @@ def _aircraft(assessment: Assessment) -> Iterator[_Aircraft]:
         parts = outline(verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle)
         if parts:
             yield _Aircraft(f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above", parts)
-
-
-def _usage_tables(assessment: Assessment) -> Iterator[_Usage]:
-    left = list(_reserve.rows(assessment))[:_OUTPUTS]
-    if left:
-        yield _Usage(_reserve.TITLE, _reserve.HEAD, left)
-    for usage in assessment.usage[:_VEHICLES]:
-        title = _usage.title(usage, several=len(assessment.usage) > 1)
-        yield _Usage(title, _usage.HEAD, list(_usage.rows(usage))[:_OUTPUTS])
 
 
 def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:

@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Final
 
 from mavhums.core.conditions import Condition
-from mavhums.show._words import COLOURS, clock, printable
+from mavhums.show.words import COLOURS, clock, printable
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.show._words import clock
 from mavhums.show.html_curves import Curve
+from mavhums.show.words import clock
 
 __all__ = ["Limit", "Plot", "Tick", "plot"]
 

@@ -14,10 +14,10 @@ from mavhums.actuator.tiers import TO_BE_JUDGED
 from mavhums.core.text import printable
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.inspection import Inspection, Judgeable, VehicleTelemetry
-from mavhums.show import _usage
-from mavhums.show._listing import NOT_JUDGED
-from mavhums.show._words import join
-from mavhums.show._words import losses as told_losses
+from mavhums.show.digest import NOT_JUDGED
+from mavhums.show.servo_tables import usage
+from mavhums.show.words import join
+from mavhums.show.words import losses as told_losses
 
 __all__ = ["render_inspection"]
 
@@ -146,8 +146,9 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
         indent = 2 + len(line) - len(line.lstrip())
         console.print(Padding(Text(printable(line.lstrip())), (0, 0, 0, indent), expand=False))
     if vehicle.usage and not _wingless(vehicle):
-        console.print(Padding(Text(_usage.title(vehicle.usage, several=False)), (0, 0, 0, 2), expand=False))
-        for line in _usage.lines(vehicle.usage):
+        used = usage(vehicle.usage, several=False)
+        console.print(Padding(Text(used.title), (0, 0, 0, 2), expand=False))
+        for line in used.lines:
             console.print(Padding(Text(printable(line)), (0, 0, 0, 4), expand=False))
 
 

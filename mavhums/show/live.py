@@ -139,11 +139,11 @@ class LiveViewer:
         if not self._scene.tracks:
             return
         self._scene.flush()
-        self._scene.report_so_far()
+        self._scene.live_report()
         shape = self._scene.shape()
         if shape != self._laid_out:
             self._laid_out = shape
-            self._stream.send_blueprint(self._scene.layout_so_far(), make_active=True, make_default=True)
+            self._stream.send_blueprint(self._scene.live_layout(), make_active=True, make_default=True)
 
     def _open(self) -> None:
         import rerun as rr

@@ -15,10 +15,9 @@ from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
 from mavhums.core.text import printable
 from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.show._headline import headline
-from mavhums.show._listing import without_wingless
-from mavhums.show._standing import word
-from mavhums.show._words import COLOURS, join
+from mavhums.show.digest import digest
+from mavhums.show.terminal import condition_text
+from mavhums.show.words import join
 
 __all__ = ["Line", "line_of", "render_many"]
 
@@ -50,12 +49,14 @@ def _what(assessment: Assessment) -> str:
     >>> _told([axis, axis.model_copy(update={"actuator": "pitch"})], "normal")
     'roll and pitch normal'
     """
-    rest, wingless = without_wingless(assessment)
-    ranked = rest.ranked()
-    if not ranked or SEVERITY[ranked[0].gravest] > SEVERITY["normal"]:
-        return "; ".join(line.partition(" (")[0] for line in wingless) or headline(assessment)
-    said = [_told(ranked, condition) for condition in ("normal", "unchanged", "learning", "undecided")]
-    return "; ".join(filter(None, said)) or "servos unmonitored"
+    said = digest(assessment)
+    ranked = said.assessment.ranked()
+    if not ranked:
+        return "; ".join(line.partition(" (")[0] for line in said.headline.split("; "))
+    if SEVERITY[ranked[0].gravest] > SEVERITY["normal"]:
+        return said.headline
+    parts = [_told(ranked, condition) for condition in ("normal", "unchanged", "learning", "undecided")]
+    return "; ".join(filter(None, parts)) or "servos unmonitored"
 
 
 def _told(verdicts: Sequence[Verdict], condition: Condition) -> str:
@@ -74,15 +75,10 @@ def render_many(lines: Sequence[Line], console: Console) -> None:
     table.add_column("exit", justify="right", no_wrap=True)
     for line in sorted(lines, key=_gravity):
         shown = line.log.name if names.count(line.log.name) == 1 else str(line.log)
-        condition = Text("unreadable", style="bold") if line.worst is None else _word(line.worst)
+        condition = Text("unreadable", style="bold") if line.worst is None else condition_text(line.worst)
         table.add_row(Text(printable(shown)), condition, Text(printable(line.what)), str(int(line.code)))
     console.print(table)
 
 
 def _gravity(line: Line) -> tuple[int, int]:
     return GRAVEST_FIRST.index(line.code), -URGENCY[line.worst or "undecided"]
-
-
-def _word(condition: Condition) -> Text:
-    red, green, blue = COLOURS[condition]
-    return Text(word(condition), style=f"bold rgb({red},{green},{blue})")

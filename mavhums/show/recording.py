@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["PipedRecorder", "Recorder"]
 
 _FOOTER, _FOOTER_SIZE = b"RRF2FOOT", 12
+_WRITTEN_S = 60.0
 
 
 class Recorder:
@@ -98,7 +99,8 @@ class Recorder:
     def _publish(self, file: WholeFile) -> None:
         """Finish the temporary file, check it (rerun only logs write errors), and rename it."""
         try:
-            self._stream.flush()
+            # Without a limit Rerun may wait for ever for its writer, which ends when the disk is full.
+            self._stream.flush(timeout_sec=_WRITTEN_S)
             self._stream.disconnect()
             with file.temporary.open("rb") as written:
                 written.seek(-_FOOTER_SIZE, os.SEEK_END)

@@ -1,8 +1,8 @@
-"""The assessment for the terminal: a table, worst first, and details below it."""
+"""The assessment for the terminal: a table, worst first, and below it why, and what to do."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 
 from rich import box
 from rich.console import Console
@@ -12,37 +12,17 @@ from rich.text import Text
 
 from mavhums.actuator.tiers import TO_BE_JUDGED
 from mavhums.core.conditions import Condition
-from mavhums.report.assessment import Assessment, Verdict
-from mavhums.show import _reserve, _usage
-from mavhums.show._headline import headline
-from mavhums.show._listing import heading, listed, without_wingless
-from mavhums.show._network import beside, in_column
-from mavhums.show._standing import control_left, course, judged, word
-from mavhums.show._words import (
-    COLOURS,
-    advice,
-    clock,
-    explained,
-    finding,
-    friction,
-    implausible,
-    join,
-    losses,
-    name,
-    percent,
-    printable,
-    undecided,
-    unmonitored,
-    whose,
-)
+from mavhums.report.assessment import Assessment
+from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
+from mavhums.show.words import COLOURS, capital, condition_word, finding, join, name, printable
 
-__all__ = ["render", "render_findings"]
+__all__ = ["condition_text", "render", "render_findings"]
 
-_SHOWN_EVIDENCE = 5
+_FINDINGS = 3  # with headline and table they fit a screen of 24 lines
 
 
-def render(assessment: Assessment, console: Console) -> None:
-    """Print an assessment for a person.
+def render(assessment: Assessment, console: Console, *, verbose: bool = False) -> None:
+    """Print an assessment for a person: what is wrong, or that nothing is, and what to do.
 
     Parameters
     ----------
@@ -50,39 +30,63 @@ def render(assessment: Assessment, console: Console) -> None:
         The verdicts of one log.
     console
         Where to print; rich leaves the colours out where it is not a terminal.
+    verbose
+        Print every reason and finding, the servos' use, and what nothing monitors, too.
     """
-    console.print(Text(printable(headline(assessment)), style="bold"))
-    rest, wingless = without_wingless(assessment)
-    if any(
-        verdict.gravest not in ("undecided", "unmonitored") or verdict.coverage.windows
-        for verdict in rest.verdicts
-    ):
-        console.print(_table(rest, console.width))
-    _print((*_findings(rest), *_remarks(rest)), console)
-    for line in wingless if rest.verdicts else ():
+    said = digest(assessment, brief=not verbose)
+    console.print(Text(printable(said.headline), style="bold"))
+    monitored = [one for one in said.subjects if one.verdict.gravest != "unmonitored"]
+    if any(one.verdict.gravest != "undecided" or one.verdict.coverage.windows for one in monitored):
+        console.print(_table(monitored, console.width))
+    for title, lines in _findings(said, verbose=verbose):
+        _print(title, lines, console)
+    for found in said.open:
+        _print_open(found, console)
+    if said.network:
+        _print("Physics and network", said.network, console)
+    for table in said.tables if verbose else ():
+        _print(table.title, table.lines, console)
+    plain = [*said.without_wings, *said.whose]
+    if verbose:
+        plain += [_unmonitored(found) for found in said.unmonitored]
+    for line in plain:
         console.print(Text(printable(f"{line}.")))
-    for line in _unmonitored(rest):
-        console.print(Text(printable(line)))
-    for said in whose(assessment.log):
-        console.print(Text(printable(f"{said}.")))
-    console.print(Text(printable(f"Log losses: {losses(assessment.log.losses)}."), style="dim"))
-    console.print(Text(printable(f"{assessment.notice[:1].upper()}{assessment.notice[1:]}."), style="dim"))
+    hidden = [] if verbose else [*_hidden(said)]
+    end = f"Log losses: {said.losses}. {capital(assessment.notice)}."
+    end += f" --verbose adds {join(hidden)}." if hidden else ""
+    console.print(Text(printable(end), style="dim"))
 
 
 def render_findings(assessment: Assessment, console: Console, title: str) -> None:
     """Print of an assessment what is not normal, under a title; nothing if there is no such thing."""
-    rest, _ = without_wingless(assessment)
-    found = list(_findings(rest))
-    if found:
+    said = digest(assessment, brief=True)
+    findings = list(_findings(said, verbose=False))
+    if findings or said.open:
         console.print(Text(printable(title)), soft_wrap=True)
-        _print(found, console)
+    for subject, lines in findings:
+        _print(subject, lines, console)
+    for found in said.open:
+        _print_open(found, console)
 
 
-def _print(paragraphs: Iterable[tuple[str, list[str]]], console: Console) -> None:
-    for title, lines in paragraphs:
-        console.print(Text(title, style="bold"))
-        for line in lines:
-            console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+def condition_text(condition: Condition) -> Text:
+    """Return a condition as a table shows it, in its colour."""
+    red, green, blue = COLOURS[condition]
+    return Text(condition_word(condition), style=f"bold rgb({red},{green},{blue})")
+
+
+def _print_open(found: Paragraph, console: Console) -> None:
+    """Print why verdicts are open, behind their names: an ordinary flight has a few, and one screen."""
+    more = f" (and {found.left_out} more: --verbose)" if found.left_out else ""
+    head = (printable(f"{found.title}: {found.condition}"), "bold")
+    console.print(Text.assemble(head, printable(f": {found.why}{more}")))
+    console.print(Padding(Text(printable(f"what to do: {found.todo}")), (0, 0, 0, 2), expand=False))
+
+
+def _print(title: str, lines: Sequence[str], console: Console) -> None:
+    console.print(Text(printable(title), style="bold"))
+    for line in lines:
+        console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
 
 
 _COLUMNS = ("subject", "condition", "control left", "friction, N·m", "network", "since", "moving", "judged")
@@ -91,11 +95,10 @@ _NOTHING = "—"
 _GAP = 2
 
 
-def _table(assessment: Assessment, width: int) -> Table:
-    monitored = [verdict for verdict in listed(assessment) if verdict.gravest != "unmonitored"]
-    subjects = {verdict.subject for verdict in monitored}
-    titles = ("axis" if subjects == {"axis"} else "actuator", *_COLUMNS[1:])
-    rows = [_row(verdict, assessment) for verdict in monitored]
+def _table(subjects: Sequence[Subject], width: int) -> Table:
+    kinds = {one.verdict.subject for one in subjects}
+    titles = ("axis" if kinds == {"axis"} else "actuator", *_COLUMNS[1:])
+    rows = [_row(one) for one in subjects]
     widths = [
         max(len(title), *(len(row[column]) for row in rows)) + _GAP for column, title in enumerate(titles)
     ]
@@ -121,65 +124,40 @@ def _table(assessment: Assessment, width: int) -> Table:
     return table
 
 
-def _row(verdict: Verdict, assessment: Assessment) -> list[Text]:
-    coverage = verdict.coverage
-    return [
-        Text(printable(name(verdict, assessment))),
-        _condition(verdict),
-        Text(control_left(verdict) or _NOTHING),
-        Text(friction(verdict.friction_nm) if verdict.friction_nm else _NOTHING),
-        Text(in_column(verdict)),
-        Text(clock(verdict.since.flight_time_s) if verdict.since else _NOTHING),
-        Text(percent(coverage.moving_fraction) if "V7" in verdict.provenance else _NOTHING),
-        Text(judged(verdict) or _NOTHING),
-    ]
+def _row(one: Subject) -> list[Text]:
+    condition = condition_text(one.verdict.condition)
+    if one.past:
+        before = Text.assemble(condition_text(one.past[0]), f" {one.past[1]}".rstrip())
+        condition = Text.assemble(before, ", then ", condition)
+    cells = (one.control_left, one.friction, one.network, one.since, one.moving, one.judged)
+    return [Text(printable(one.title)), condition, *(Text(cell or _NOTHING) for cell in cells)]
 
 
-def _condition(verdict: Verdict) -> Text:
-    text, past = _word(verdict.condition), course(verdict)
-    return text if past is None else Text.assemble(_word(past[0]), f" {past[1]}".rstrip(), ", then ", text)
-
-
-def _word(condition: Condition) -> Text:
-    red, green, blue = COLOURS[condition]
-    return Text(word(condition), style=f"bold rgb({red},{green},{blue})")
-
-
-def _findings(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
+def _findings(said: Digest, *, verbose: bool) -> Iterator[tuple[str, list[str]]]:
     """Yield a title and lines on what is not normal."""
-    for verdict in assessment.ranked():
-        if verdict.worst in ("degraded", "emergency"):
-            shown = verdict.evidence[:_SHOWN_EVIDENCE]
-            lines = [finding(item) for item in shown]
-            if len(verdict.evidence) > len(shown):
-                lines.append(f"and {len(verdict.evidence) - len(shown)} more findings (--json has them all)")
-            yield (printable(name(verdict, assessment)), [*lines, f"what to do: {advice(verdict)}"])
-    for (condition, reason, remedy), verdicts in explained(assessment).items():
-        names = join(name(verdict, assessment) for verdict in verdicts)
-        yield (printable(f"{names}: {condition}"), [f"why: {reason}", f"what to do: {remedy}"])
-    for verdict in assessment.ranked():
-        odd = implausible(verdict)
-        if odd:
-            yield (printable(f"{name(verdict, assessment)}: values in doubt"), [odd])
-    for (reason, remedy), verdicts in undecided(assessment).items():
-        names = join(name(verdict, assessment) for verdict in verdicts)
-        yield (printable(f"{names}: undecided"), [f"why: {reason}", f"what to do: {remedy}"])
+    for verdict in said.faulty:
+        # The latest findings say what is so now, and why.
+        shown = verdict.evidence if verbose else verdict.evidence[-_FINDINGS:]
+        lines = [finding(item) for item in shown]
+        if len(verdict.evidence) > len(shown):
+            lines.insert(0, f"{len(verdict.evidence) - len(shown)} earlier findings (--verbose has them)")
+        yield name(verdict, said.assessment), [*lines, f"what to do: {advice(verdict)}"]
+    for subject, odd in said.doubtful:
+        yield f"{subject}: values in doubt", [odd]
 
 
-def _remarks(assessment: Assessment) -> Iterator[tuple[str, list[str]]]:
-    """Yield a title and lines on what else the log tells."""
-    said = beside(assessment)
-    if said:
-        yield ("Physics and network", said)
-    left = list(_reserve.lines(assessment))
-    if left:
-        yield (_reserve.TITLE, left)
-    for used in assessment.usage:
-        yield (_usage.title(used, several=len(assessment.usage) > 1), list(_usage.lines(used)))
+def _unmonitored(found: Paragraph) -> str:
+    more = "mavhums inspect LOG tells what to record" if found.todo == TO_BE_JUDGED else found.todo
+    return f"Unmonitored: {found.title}: {found.why} ({more})"
 
 
-def _unmonitored(assessment: Assessment) -> Iterator[str]:
-    """Yield a line for all servos that nothing monitors for the same reason."""
-    for (reason, remedy), verdicts in unmonitored(assessment).items():
-        more = "mavhums inspect LOG tells what to record" if remedy == TO_BE_JUDGED else remedy
-        yield f"Unmonitored: {heading(verdicts, assessment)}: {reason} ({more})."
+def _hidden(said: Digest) -> Iterator[str]:
+    """Yield what a short answer leaves out."""
+    if any(found.left_out for found in said.open):
+        yield "the other reasons"
+    if any(len(verdict.evidence) > _FINDINGS for verdict in said.faulty):
+        yield "all findings"
+    if said.tables:
+        yield "the servos' use"
+    if said.unmonitored:
+        yield "what nothing monitors"

@@ -14,7 +14,7 @@ from rich.text import Text
 from mavhums.core.conditions import URGENCY
 from mavhums.report.assessment import Interval
 from mavhums.report.trend import ActuatorTrend, LastFlight, TrendReport
-from mavhums.show._words import COLOURS, join, printable
+from mavhums.show.words import COLOURS, join, printable
 
 __all__ = ["render_trends", "sparkline"]
 

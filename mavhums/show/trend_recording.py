@@ -84,7 +84,7 @@ def _draw(stream: rr.RecordingStream, names: list[str], flights: pd.DataFrame) -
     """Draw one actuator, and return its entity path."""
     import rerun as rr
 
-    from mavhums.show._words import BLUE, COLOURS, PALE_BLUE
+    from mavhums.show.words import BLUE, COLOURS, PALE_BLUE
 
     root: str = rr.new_entity_path(names)
     index = [rr.TimeColumn(_TIMELINE, timestamp=flights["start_utc"].to_numpy("datetime64[ns]"))]

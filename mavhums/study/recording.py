@@ -11,8 +11,8 @@ import rerun.blueprint as rrb
 
 from mavhums.core.quantities import KEYS, QUANTITIES
 from mavhums.show._stream import open_stream, send
-from mavhums.show._words import BLUE, COLOURS, SERIES
 from mavhums.show.blueprint import panels, whole_flight
+from mavhums.show.words import BLUE, COLOURS, SERIES
 from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Experiment, emergency, held_decision
 from mavhums.study.figures import FIGURES_16_TO_19

@@ -18,7 +18,8 @@ from mavhums.core.window_features import (
     window_features,
 )
 from mavhums.health.estimation.motion import motion, window_sums
-from mavhums.health.estimation.slots import WINDOW_SLOTS, SlotCutter, Windows, widen
+from mavhums.health.estimation.slots import SlotCutter, Windows, widen
+from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 from mavhums.learn import LabelledWindows, Scheme, WindowCard, WindowNetwork
 from mavhums.learn.window_training import at_temperature, decides_at, train_windows
 from mavhums.training.flights import Telemetry, friction_range, parameters_of, reported

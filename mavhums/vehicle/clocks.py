@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.log.flags import LOOSE_TIME
+from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.clock import BOOT, BROKEN, LOOSE, UNSTAMPED, USEC, VehicleClock
 
 __all__ = ["Clocks", "Rows", "each", "on_clocks", "stamped"]

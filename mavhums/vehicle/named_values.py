@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mavhums.log import Table
-from mavhums.log.convert import text_of
+from mavhums.log.base.tables import text_of
 
 __all__ = ["NAMED_MESSAGES", "NamedValues"]
 

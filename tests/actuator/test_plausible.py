@@ -17,7 +17,7 @@ from mavhums.actuator.plausible import Gate, bounds
 from mavhums.core.quantities import KEYS, column
 from mavhums.engine.engine import Engine
 from mavhums.report.assessment import Assessment, Verdict
-from mavhums.show.report import markdown
+from mavhums.show.markdown_report import markdown
 from mavhums.show.terminal import render
 from mavhums_sim import Flight, FlightRecord, fly
 from mavhums_sim.telemetry import messages

@@ -15,10 +15,10 @@ from rich.console import Console
 from mavhums.cli import main as cli
 from mavhums.core.errors import ExitCode
 from mavhums.core.table_writers import writer_for
-from mavhums.log.losses import Losses, SequenceLoss
+from mavhums.log.base.losses import Losses, SequenceLoss
 from mavhums.report.assessment import Assessment
-from mavhums.show._words import losses
 from mavhums.show.terminal import render
+from mavhums.show.words import losses
 from tests.conftest import Run
 from tests.flights import flown, verdict
 

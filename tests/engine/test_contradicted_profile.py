@@ -294,7 +294,7 @@ def test_the_command_says_both_values_and_what_to_do(run: Run, tmp_path: Path, k
     assert outcome.code == ExitCode.UNDECIDED
     assert "EMERGENCY" not in text
     assert "do not fly" not in text
-    assert f"aileron_right: undecided why: the profile contradicts the log: {WRONG}" in text
+    assert f"aileron_right: undecided: the profile contradicts the log: {WRONG}" in text
     assert "what to do: correct servo or surface of aileron_right in the profile" in text
     assert "Roll, pitch: judged by the log's parameters, which contradict the profile." in text
     inspected = " ".join(run("inspect", log, "--airframe", "paper").out.split())

@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.core.errors import ExitCode
 from mavhums.log import Decoder
-from mavhums.log.decoding import format_of
+from mavhums.log.formats import MAVLINK, format_of
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from tests.conftest import Run
 from tests.log.ulog import writer
@@ -62,7 +62,7 @@ def test_damage_is_counted_and_the_log_is_judged(run: Run, logs: dict[str, bytes
 
 def test_noise_has_no_format(run: Run, tmp_path: Path) -> None:
     noise = random.Random(5).randbytes(100_000)
-    assert format_of(noise) is None
+    assert format_of(noise) is MAVLINK
     (tmp_path / "noise.BIN").write_bytes(noise)
     assert run("inspect", tmp_path / "noise.BIN").code == ExitCode.ERROR
 

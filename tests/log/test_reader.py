@@ -11,7 +11,7 @@ import pytest
 import mavhums
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log import Decoder, Table, read_blocks, read_log
-from mavhums.log.mavlink.vehicles import vehicles_of
+from mavhums.log.mavlink.decoder import vehicles_of
 from mavhums_sim import FlightRecord
 
 
@@ -56,7 +56,7 @@ def test_tables_join_and_select(short_log: Path) -> None:
         ("log.gz", b"\x1f\x8b" + bytes(100), "damaged", "unpack"),
         ("log.zip", b"PK\x03\x04" + bytes(100), "damaged", "unpack"),
         ("notes.txt", "Fuß und Hand\n".encode() * 20, "text file", ".tlog"),
-        ("noise.tlog", bytes(range(128, 256)) * 40, "no MAVLink frame", ".tlog"),
+        ("noise.tlog", bytes(range(128, 256)) * 40, "neither a MAVLink frame nor", ".tlog"),
     ],
 )
 def test_what_is_no_log_is_named(

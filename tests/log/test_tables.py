@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mavhums.core.errors import MissingExtraError
 from mavhums.log import Table, read_log
+from mavhums.log.base import tables
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +34,7 @@ def test_to_frame_has_every_field_as_contiguous_columns(table: Table) -> None:
 def test_arrow_and_parquet_hold_what_the_table_holds(table: Table, tmp_path: Path) -> None:
     pq = pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "table.parquet"
-    table.to_parquet(path)
+    pq.write_table(table.to_arrow(), path)
     read = pq.read_table(path)
     assert read.schema.names[:4] == ["time", "system", "component", "sequence"]
     assert str(read.schema.field("time").type) == "timestamp[us, tz=UTC]"
@@ -43,16 +46,41 @@ def test_arrow_and_parquet_hold_what_the_table_holds(table: Table, tmp_path: Pat
 
 def test_csv_holds_what_the_frame_holds(table: Table, tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
-    table.to_csv(path)
+    table.to_frame().to_csv(path)
     read = pd.read_csv(path, index_col="time", parse_dates=True)
     assert list(read.columns) == list(table.to_frame().columns)
     assert np.allclose(read["data[4]"], table["data"][:, 4], equal_nan=True)
 
 
-def test_without_pyarrow_the_extra_is_named(
-    table: Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_pyarrow_the_extra_is_named(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[arrow\]'"):
-        table.to_parquet(tmp_path / "table.parquet")
+        table.to_arrow()
     assert len(table.to_frame()) == len(table)
+
+
+@given(
+    st.lists(st.sampled_from([b"", b"a", b"a\0b", b"\xff\xfe", b"S1V05", b"SERVO1_MIN", b"Mission: 3 WP"]))
+)
+def test_many_texts_read_as_few_do(texts: list[bytes]) -> None:
+    """The comparison by integers, which long columns take, gives what decoding every row gives."""
+    chars = np.array(texts, dtype="S13")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tables, "_MANY_TEXTS", 1)
+        many = tables._as_text(chars)
+    assert list(many) == list(tables._as_text(chars)) == [tables.text_of(value) for value in texts]
+
+
+def test_frames_are_made_when_they_are_read(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = read_log(short_log)
+    made: list[str] = []
+
+    def frame(table: Table) -> pd.DataFrame:
+        made.append(table.name)
+        return pd.DataFrame()
+
+    monkeypatch.setattr(Table, "to_frame", frame)
+    assert set(log.messages) == set(log.tables)
+    assert not made
+    assert log.messages["HEARTBEAT"] is log.messages["HEARTBEAT"]
+    assert made == ["HEARTBEAT"]

@@ -16,7 +16,7 @@ from mavhums.actuator import load_airframe
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import (
     Assessment,
     Coverage,

@@ -21,7 +21,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.report.assessment import NOTICE, Assessment, Interval, Verdict
 from mavhums.show import Recorder, markdown
-from mavhums.show._words import COLOURS
+from mavhums.show.words import COLOURS
 from tests.conftest import real_logs
 
 if TYPE_CHECKING:
@@ -378,7 +378,7 @@ except MavhumsError as error:
     print(error)
 """
     command = [sys.executable, "-c", code, str(tmp_path / "flight.rrd")]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=180)
     assert "is the disk full?" in done.stdout
     assert not list(tmp_path.iterdir())
 

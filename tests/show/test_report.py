@@ -7,7 +7,7 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import (
     ALL,
     NOTICE,

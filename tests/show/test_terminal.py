@@ -3,25 +3,32 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Literal
 
 import pytest
 from rich.console import Console
 
+import mavhums
 from mavhums.core.notice import EPILOG
 from mavhums.report.assessment import NOTICE, Assessment, Verdict
 from mavhums.show import render
+
+FLIGHTS = Path(__file__).parents[1] / "data"
 
 New = Callable[..., Verdict]
 Assess = Callable[..., Assessment]
 
 
-def rendered(assessment: Assessment, *, width: int = 80, terminal: bool = False) -> str:
+def rendered(
+    assessment: Assessment, *, width: int = 80, terminal: bool = False, verbose: bool = False
+) -> str:
     file = io.StringIO()
     colours: Literal["auto", "truecolor"] = "truecolor" if terminal else "auto"
     render(
         assessment,
         Console(file=file, width=width, force_terminal=terminal, color_system=colours),
+        verbose=verbose,
     )
     return file.getvalue()
 
@@ -69,7 +76,7 @@ def test_below_the_table_evidence_remedies_losses_and_the_notice(assessment: Ass
     text = flat(rendered(assessment))
     assert "1m12s to 1m40s: the friction interval reaches the emergency limit (highest estimate 1.003" in text
     assert "what to do: do not fly; inspect gearbox, bearings and hinge line" in text
-    assert "rudder: undecided why: it stood still throughout" in text
+    assert "rudder: undecided: it stood still throughout" in text
     assert "Log losses: 1,234 bytes skipped" in text
     assert text.endswith(EPILOG)
 
@@ -78,7 +85,7 @@ def test_equal_reasons_are_said_once(new_verdict: New, new_assessment: Assess) -
     names = ("aileron_left", "aileron_right", "elevator", "rudder")
     text = flat(rendered(new_assessment(*(new_verdict(name, "undecided", 0.0, None) for name in names))))
     assert text.count("record a flight") == 1
-    assert "aileron_left, aileron_right, elevator and rudder: undecided why:" in text
+    assert "aileron_left, aileron_right, elevator and rudder: undecided:" in text
 
 
 def test_what_was_worse_is_shown(new_verdict: New, new_assessment: Assess) -> None:
@@ -90,7 +97,9 @@ def test_what_was_worse_is_shown(new_verdict: New, new_assessment: Assess) -> No
 def test_a_long_list_of_findings_is_cut_and_says_so(new_verdict: New, new_assessment: Assess) -> None:
     verdict = new_verdict("elevator", "emergency", 1.0, 5.0)
     many = verdict.model_copy(update={"evidence": verdict.evidence * 4})
-    assert "and 3 more findings (--json has them all)" in rendered(new_assessment(many))
+    text = rendered(new_assessment(many))
+    assert "5 earlier findings (--verbose has them)" in text
+    assert text.count("(highest") == 3
 
 
 def test_markup_and_control_codes_from_outside_are_inert(new_verdict: New, new_assessment: Assess) -> None:
@@ -105,3 +114,30 @@ def test_markup_and_control_codes_from_outside_are_inert(new_verdict: New, new_a
 def test_a_log_without_actuators(new_assessment: Assess) -> None:
     text = rendered(new_assessment())
     assert text.startswith("No actuator was found in this log\nLog losses: none.")
+
+
+SCREEN = 24
+
+
+def test_the_answer_on_an_ordinary_flight_fits_one_screen() -> None:
+    """Headline, what is wrong, why not judged in one line each, what to do; the rest is for --verbose."""
+    for log in sorted(FLIGHTS.glob("*.tlog")):
+        assessment = mavhums.analyse(log)
+        if any(verdict.worst in ("degraded", "emergency") for verdict in assessment.verdicts):
+            continue
+        lines = rendered(assessment).splitlines()
+        assert len(lines) <= SCREEN, f"{log.name}: {len(lines)} lines"
+
+
+def test_of_several_reasons_the_binding_one_is_shown(new_verdict: New, new_assessment: Assess) -> None:
+    several = {
+        "reason": "outputs at 2.9 Hz, 10 are needed; 26 s of flight",
+        "remedy": "record at 10 Hz; fly longer",
+    }
+    verdict = new_verdict("elevator", "undecided", 0.0, None).model_copy(update=several)
+    brief, whole = rendered(new_assessment(verdict)), rendered(new_assessment(verdict), verbose=True)
+    assert "elevator: undecided: outputs at 2.9 Hz, 10 are needed (and 1 more: --verbose)" in flat(brief)
+    assert "what to do: record at 10 Hz " in flat(brief) + " "
+    assert "fly longer" not in brief
+    assert several["reason"] in flat(whole)
+    assert several["remedy"] in whole

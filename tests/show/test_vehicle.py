@@ -36,8 +36,8 @@ from mavhums.show._craft import words
 from mavhums.show._places import places as placed
 from mavhums.show._scene import Scene
 from mavhums.show._stream import open_stream
-from mavhums.show._words import COLOURS
 from mavhums.show.blueprint import Fault, Lane
+from mavhums.show.words import COLOURS
 from tests.show.test_blueprint import names
 from tests.show.test_recording import entities, rows, scalars, static, write
 

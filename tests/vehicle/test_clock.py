@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.log.flags import LOOSE_TIME
+from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.clock import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, Mapped, VehicleClock
 from mavhums.vehicle.clocks import Clocks
 

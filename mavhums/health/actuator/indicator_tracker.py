@@ -10,12 +10,14 @@ from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.statistics import CENTRAL_95, TAIL_95
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.baseline import Baseline, Drift, held, held_since
 from mavhums.health.decision.conditions import Change, Episode, Episodes
 from mavhums.health.decision.evidence import drift_evidence, drift_rule, limit_rule, suspected
-from mavhums.health.decision.limits import FALSE_ALARMS, Decision, Look, bounds, half_width, shown_by, tail_of
+from mavhums.health.decision.limits import Decision, Look, bounds, half_width, shown_by, tail_of
 from mavhums.health.decision.records import Decided, Estimate, FaultRecord, WindowRecord
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.report.assessment import Evidence, Indicator, Interval, Suspect
@@ -172,7 +174,7 @@ class IndicatorTracker:
         shown = int(shown_by(size - half, size + half, *bounds(self.detector.levels))[0])
         if not self.decision.settle(shown, start_s):
             return
-        value, printed = float(judged.value[0]), float(half_width(judged, tail=0.025)[0])
+        value, printed = float(judged.value[0]), float(half_width(judged, tail=TAIL_95)[0])
         self.concluded = Interval(estimate=value, low=value - printed, high=value + printed)
         self.latest = Estimate(value, float(judged.error[0]), float(judged.freedom[0]))
         # The whole flight began before every window: what it shows lies beside their episodes and ends none.
@@ -271,7 +273,7 @@ def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indica
     if overall is None or not np.isfinite(overall.value[0]) or not tracker.judged:
         return None
     value = float(overall.value[0])
-    half = float(stdtrit(overall.freedom[0], 0.975) * overall.error[0])
+    half = float(stdtrit(overall.freedom[0], CENTRAL_95) * overall.error[0])
     return Indicator(
         fault=tracker.detector.fault,
         quantity=tracker.detector.quantity,

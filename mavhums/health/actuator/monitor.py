@@ -34,17 +34,18 @@ from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.conditions import Change, ConditionTracker
 from mavhums.health.decision.events import ConditionChanged, Indication, Window
 from mavhums.health.decision.evidence import concludes, in_order, ranked
-from mavhums.health.decision.limits import FALSE_ALARMS, Look, Panel
+from mavhums.health.decision.limits import Look, Panel
 from mavhums.health.decision.records import ActuatorRecord
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.fits import Fits
 from mavhums.health.estimation.flight_sums import OwnSums, collector
 from mavhums.health.estimation.motion import Motion, motion, window_sums
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.slots import WINDOW_SLOTS, SlotCutter, Slots, Windows, widen
+from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, widen
+from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
-WINDOW_S = 10.0
 _MOST_WAITING = 64
 
 

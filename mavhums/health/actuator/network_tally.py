@@ -13,15 +13,15 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.actuator.thresholds import EVEN_PROBABILITY
 from mavhums.health.actuator.votes import Ballot, Outcome
 from mavhums.health.decision.conditions import Change, Episodes
 from mavhums.health.decision.evidence import suspected
-from mavhums.health.decision.limits import LASTING, Decision, Levels
+from mavhums.health.decision.limits import Decision, Levels
 from mavhums.health.decision.records import Decided, Estimate, FaultRecord
+from mavhums.health.decision.thresholds import LASTING_WINDOWS
 from mavhums.report.assessment import Evidence, Suspect
 
-_EVEN = 0.5
-"""A window says emergency above this probability: the network's own boundary between its two classes."""
 _BALLOT = Ballot()
 _QUANTITY = "the network's probability of an emergency"
 
@@ -65,7 +65,7 @@ class NetworkTally:
         self.latest: tuple[float, Outcome] | None = None
         self.worst: Condition = "undecided"
         self._window_s = window_s
-        self._levels = Levels(_EVEN, _EVEN)
+        self._levels = Levels(EVEN_PROBABILITY, EVEN_PROBABILITY)
         self._decision = Decision(self._levels)
         self._decided: list[Decided] = []
         self._episodes = Episodes()
@@ -85,7 +85,7 @@ class NetworkTally:
                 continue
             self.windows += 1
             self.latest = end, said
-            emergency = said.p_emergency > _EVEN
+            emergency = said.p_emergency > EVEN_PROBABILITY
             if emergency and self._first_s is None:
                 self._first_s = end - self._window_s / 2
             severity = SEVERITY["emergency" if emergency else "normal"]
@@ -123,7 +123,7 @@ class NetworkTally:
                 start_s=episode.start_s,
                 end_s=episode.end_s,
                 value=episode.peak,
-                limit=_EVEN,
+                limit=EVEN_PROBABILITY,
                 rule=_rule(episode.condition),
             )
             for episode in self._episodes
@@ -159,12 +159,12 @@ class NetworkTally:
                 "analyse a flight in which the surface moves, or let the physics decide (--decide physics)",
             )
         return (
-            f"the network decides: it answers in {self.windows} windows, and fewer than {LASTING} in a row "
-            "agree",
+            f"the network decides: it answers in {self.windows} windows, and fewer than "
+            f"{LASTING_WINDOWS} in a row agree",
             "analyse a longer flight",
         )
 
 
 def _rule(condition: Condition) -> str:
     side = "above" if condition == "emergency" else "up to"
-    return f"{condition}: {_QUANTITY} {side} {_EVEN:g} in {LASTING} windows in a row"
+    return f"{condition}: {_QUANTITY} {side} {EVEN_PROBABILITY:g} in {LASTING_WINDOWS} windows in a row"

@@ -1,8 +1,129 @@
-"""Numbers of the actuators' detectors that decide a verdict: what each trades, and what set it."""
+"""Numbers that decide about an actuator with a data sheet: what each trades, and what set it.
+
+Limits of a fault are the profile's. Where no benchmark or document is named, the number was chosen by hand
+and not swept.
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
+# Slots with load on either flank of the gear; fewer give no reliable error of the play. By hand.
 LEAST_FLANK_SLOTS: Final = 3
-"""Minimum number of slots with load on either flank; fewer give no reliable error."""
+
+# Largest standard error of play and bias that count, °: a third of the clear play of benchmarks/health.py.
+# By hand.
+WIDEST_GEAR_ERROR_DEG: Final = 0.05
+
+# Largest standard error of a resistance that counts, of the data sheet's: half of the default limit. By
+# hand.
+WIDEST_RESISTANCE_SHARE: Final = 0.05
+
+# Largest standard error of a torque constant that counts: a loss of 7 % is to be seen (docs/health.md, what
+# cannot be seen).
+WIDEST_TORQUE_CONSTANT_SHARE: Final = 0.02
+
+# Departure of the back-EMF from the data sheet beyond which nobody knows what torque a current is worth: no
+# wear does so much. benchmarks/severities.py flies losses up to 100 %.
+CONTRADICTED_CONSTANT_SHARE: Final = 0.5
+
+# Largest standard error at which a back-EMF may contradict the data sheet. By hand.
+CONTRADICTION_ERROR_SHARE: Final = 0.1
+
+# With less of its torque constant no motor overcomes the friction of its gear: then a sensor lies.
+LEAST_TURNING_CONSTANT_SHARE: Final = 0.05
+
+# Error of an ESC's voltage that no number of samples averages out, V. By hand.
+SUPPLY_SENSOR_V: Final = 0.1
+
+# Samples in motion that a friction rests on: fewer than two a slot. By hand.
+FRICTION_SAMPLES: Final = 20
+
+# Standard errors below zero from which a friction contradicts the torque balance: 0.1 % of healthy
+# estimates.
+FRICTION_CONTRADICTION_ERRORS: Final = 3.0
+
+# Share of the normal limit below which a friction is none: no gear turns with less, so the current stands
+# still.
+FRICTIONLESS_LIMIT_SHARE: Final = 0.01
+
+# What motion in single samples leaves out, as a share of the friction: play at reversals and inertia make
+# it a few per cent too small in the mean (docs/health.md).
+PER_SAMPLE_ERROR_SHARE: Final = 0.05
+
+# What the balance leaves out over a flight, play, wind-up and stick-slip, as a share of the normal limit.
+# By hand.
+MODEL_ERROR_LIMIT_SHARE: Final = 0.02
+
+# Seconds of ten in which an error of following must show: one glitch of a sensor is no fault. By hand.
+FOLLOWING_SECONDS: Final = 3
+
+# A longer gap between samples starts the model of a healthy shaft anew, s: what was asked meanwhile is not
+# known.
+FOLLOWING_LONGEST_GAP_S: Final = 0.5
+
+# A shaft that travels less of its error within a second stands, which is for the detector of jams. By
+# hand.
+FOLLOWING_STANDS_SHARE: Final = 0.1
+
+# Times the limit that must be asked in a second to show that a shaft follows; less shows no fault and ends
+# none. With it healthy individuals reach 0.8° (docs/health.md).
+FOLLOWING_ASKED_LIMITS: Final = 5.0
+
+# Share of the commanded travel that a jam leaves out: of healthy actuators none leaves out more than 0.15,
+# of 1.5 N·m of friction 0.4.
+JAM_SHARE: Final = 0.8
+
+# Commanded travel that shows a jam, °: several times what an actuator of 1.0 N·m of friction leaves out
+# while its controller builds up the torque to break away (docs/health.md).
+JAM_COMMAND_DEG: Final = 4.0
+
+# Quarters of a slot in which a jam is sought: one of 3 s holds 11 whole ones, whenever it begins.
+JAM_PARTS_PER_SLOT: Final = 4
+
+# Parts that a jam is sought over, the shorter first: 2.75 s and 10 s. The shorter finds jams that are soon
+# over.
+JAM_PARTS: Final = (11, 40)
+
+# Last parts whose command does not count, a second: the shaft may not have followed yet.
+JAM_LATEST_PARTS: Final = 4
+
+# Time through which a jam lasts that one window shows, s.
+JAM_SPAN_S: Final = 3.0
+
+# Travel of a rotor before its jammed shaft, °: of a gear of 400 N·m/rad and 0.1° of play, by 5 N·m to
+# either side.
+WOUND_UP_DEG: Final = 1.5
+
+# Longest time between speeds that bound a travel, s: a shaft may travel and stop again between two farther
+# apart.
+LONGEST_SPEED_STEP_S: Final = 0.15
+
+# Integral of an unsigned speed over the commanded travel that ends a jam; a held rotor's reaches 1.6.
+SURELY_FOLLOWS_SHARE: Final = 2.0
+
+# Share of the current at stall with which a standing shaft is jammed: healthy ones take up to 0.3, with 1.0
+# N·m of friction 0.66 (docs/health.md).
+STALLED_SHARE: Final = 0.8
+
+# Seconds of ten that a motor must push in vain: a reversal at a stop takes less. By hand.
+STALLED_SECONDS: Final = 1.0
+
+# A window says emergency above this probability: the network's own boundary between its two classes.
+EVEN_PROBABILITY: Final = 0.5
+
+# Samples that a network's vote on a window rests on. By hand.
+LEAST_VOTERS: Final = 20
+
+# Samples that vote in either direction: an unknown load helps in one as much as it hinders in the other. By
+# hand.
+LEAST_VOTERS_PER_DIRECTION: Final = 5
+
+# Standard deviation of V3 − V2/N below which it is the sensors' noise alone, °. Every gear that a network
+# of windows learned has play and winds up: 2 of 8,479 windows were below. A rigid gear is none of these, and
+# the network took that of the data sheet for a torque constant lost, at any friction.
+RIGID_GEAR_DEG: Final = 0.025
+
+# Share of values that no such actuator can have from which they are the reason of a missing verdict. By
+# hand.
+IMPLAUSIBLE_SHARE: Final = 0.1

@@ -19,14 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
 from mavhums.core.window_features import WINDOW_KEYS, of_window, shows_something, window_features
+from mavhums.health.actuator.thresholds import LEAST_VOTERS, LEAST_VOTERS_PER_DIRECTION, RIGID_GEAR_DEG
 from mavhums.learn import Model
 
-_MIN_VOTERS = 20
-_MIN_PER_DIRECTION = 5
-_RIGID_DEG = 0.025
-"""Standard deviation of V3 − V2/N below which it is the sensors' noise alone. Every gear that a network of
-windows learned has play and winds up: 2 of 8,479 windows were below. A rigid gear is none of these, and the
-network took that of the data sheet for a torque constant lost, at any friction."""
 _V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
 Counts = Integers
 _V2, _V3 = column("V2"), column("V3")
@@ -170,7 +165,7 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
 def _statistics(sums: Array) -> Array:
     """Return the windows' statistics, without those of a gear that shows neither play nor wind-up."""
     features = window_features(sums)
-    rigid = (sums[:, 0] >= _MIN_VOTERS) & (features[:, WINDOW_KEYS.index("gap std")] < _RIGID_DEG)
+    rigid = (sums[:, 0] >= LEAST_VOTERS) & (features[:, WINDOW_KEYS.index("gap std")] < RIGID_GEAR_DEG)
     for k, key in enumerate(WINDOW_KEYS):
         if key.startswith("gap"):
             features[rigid, k] = np.nan
@@ -200,8 +195,8 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | N
     voters, emergency = own[:, _BALLOT.voters], own[:, _BALLOT.emergency]
     cast = voters.sum(axis=1)
     votes = (
-        (cast >= _MIN_VOTERS)
-        & (voters.min(axis=1) >= _MIN_PER_DIRECTION)
+        (cast >= LEAST_VOTERS)
+        & (voters.min(axis=1) >= LEAST_VOTERS_PER_DIRECTION)
         & (2 * cast >= counts[:, :, _BALLOT.moving].sum(axis=1))
     )
     share = np.mean(emergency / np.maximum(voters, 1), axis=1)

@@ -8,27 +8,37 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, exp
-from typing import ClassVar, Final, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.health.axis.effectiveness import JUDGED_ERROR, EffectivenessTracker
+from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.reference import Second
 from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking, SideForce
+from mavhums.health.axis.thresholds import (
+    CERTAIN_PITCH,
+    CERTAIN_ROLL,
+    CERTAIN_YAW,
+    COARSE_TIMES,
+    COMMON_PITCH,
+    DOUBTFUL_S,
+    DOUBTFUL_TIMES,
+    EMERGENCY_S,
+    JUDGED_ERROR,
+    PERSISTENT_S,
+    ROLL_PERSISTENT_S,
+    SHIFT_FLOOR_RAD_S,
+    SHIFT_S,
+    SKID_DEVIATIONS,
+    SKID_M_S2,
+    SLOW_STREAM_S,
+    SURE_CONFIDENCE,
+    TRIM_SHIFT_DEVIATIONS,
+)
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
-
-_SURE_S: Final = 10
-_LEAST_S: Final = 7
-_DOUBTFUL: Final = 2.0  # the gain differs between manoeuvres: a single one needs twice the evidence
-_SHIFTED: Final = 4.0
-_SHIFT_FLOOR: Final = 0.045  # rad/s: least deviation of a roll reference
-_SLOW_S: Final = 0.42  # between samples: 2 Hz
-_COARSE: Final = 1.5  # times the limit there: a turn begins and ends between two samples
-_SKID: Final = 6.0
-_SKID_MS2: Final = 1.0
 
 
 class Alarm(NamedTuple):
@@ -68,7 +78,7 @@ class AxisDetector(Protocol):
 class Persistent:
     """Tracks since when deviations exceed a limit, if they do so for ``seconds`` in a row."""
 
-    def __init__(self, limit: float, seconds: int = 2) -> None:
+    def __init__(self, limit: float, seconds: int = PERSISTENT_S) -> None:
         self._limit = limit
         self._seconds = seconds
         self._run = 0
@@ -119,15 +129,15 @@ class EffectivenessDetector:
         """Return whether a loss is certain, and not an artefact of a sudden shift of the trim."""
         reference = given.trackers[self._axis].reference
         left = second.left_over if second.left_over is not None else 1.0
-        doubtful = second.lost_s < _LEAST_S or (left > self._common and not second.later)
-        limit = self._certain * (_DOUBTFUL if doubtful else 1.0)
+        doubtful = second.lost_s < DOUBTFUL_S or (left > self._common and not second.later)
+        limit = self._certain * (DOUBTFUL_TIMES if doubtful else 1.0)
         if second.level <= limit or reference is None:
             return False
         if second.slow_s is not None and second.slow_s < self._limits.lag_s:
             return False
-        if self._axis != "roll" or second.shift is None or second.lost_s >= _LEAST_S:
+        if self._axis != "roll" or second.shift is None or second.lost_s >= DOUBTFUL_S:
             return True
-        return abs(second.shift) <= _SHIFTED * max(reference.deviation, _SHIFT_FLOOR)
+        return abs(second.shift) <= TRIM_SHIFT_DEVIATIONS * max(reference.deviation, SHIFT_FLOOR_RAD_S)
 
     def _alarm(self, second: Second) -> Alarm:
         left = second.left_over if second.left_over is not None else 1.0
@@ -156,8 +166,8 @@ class EffectivenessDetector:
         """Return why a loss within the emergency's limit is none yet."""
         if second.later:
             return "; a slow servo explains it nearly as well"
-        if second.lost_s < _SURE_S:
-            return f"; an emergency if {_SURE_S} judged seconds show it, {second.lost_s} do"
+        if second.lost_s < EMERGENCY_S:
+            return f"; an emergency if {EMERGENCY_S} judged seconds show it, {second.lost_s} do"
         return ""
 
 
@@ -199,11 +209,12 @@ class TrackingDetector:
         alarms = []
         coarse = _coarse(given.rows)
         for left in self._residual.feed(given.rows):
-            limit = self._limit * (_COARSE if coarse[left.end_s - given.rows.second - 1] else 1.0)
+            limit = self._limit * (COARSE_TIMES if coarse[left.end_s - given.rows.second - 1] else 1.0)
             since_s = self._persistent.feed(left.end_s, left.deviations * self._limit / limit)
             if since_s is None:
                 continue
-            rule = f"emergency: {self._axis} {degrees(left.value):.0f}° away from the demanded one for 3 s"
+            away = f"{self._axis} {degrees(left.value):.0f}° away from the demanded one"
+            rule = f"emergency: {away} for {SHIFT_S} s"
             alarms.append(
                 Alarm(
                     self._axis,
@@ -214,7 +225,7 @@ class TrackingDetector:
                     left.deviations,
                     limit,
                     rule,
-                    0.99,
+                    SURE_CONFIDENCE,
                 )
             )
         return alarms
@@ -223,7 +234,7 @@ class TrackingDetector:
 def _coarse(rows: Rows) -> list[bool]:
     """Return of each second whether its samples lie too far apart to follow a turn."""
     spacing = np.nan_to_num(rows.spacing).reshape(-1, RATE_HZ).mean(axis=1)
-    return [bool(coarse) for coarse in spacing > _SLOW_S]
+    return [bool(coarse) for coarse in spacing > SLOW_STREAM_S]
 
 
 class HardOverDetector:
@@ -252,13 +263,15 @@ class HardOverDetector:
             if reference is None or second.shift is None:
                 self._persistent.feed(second.end_s, 0.0)
                 continue
-            deviations = abs(second.shift) / max(reference.deviation, _SHIFT_FLOOR)
+            deviations = abs(second.shift) / max(reference.deviation, SHIFT_FLOOR_RAD_S)
             since_s = self._persistent.feed(second.end_s, deviations)
             if since_s is None:
                 continue
             side = sides.get(second.end_s)
             skids = (
-                side is not None and side.deviations > max(_SKID, deviations) and abs(side.value) > _SKID_MS2
+                side is not None
+                and side.deviations > max(SKID_DEVIATIONS, deviations)
+                and abs(side.value) > SKID_M_S2
             )
             axis, what = ("yaw", "a rudder") if skids else ("roll", "an aileron or elevon")
             way = "right" if second.shift > 0 else "left"
@@ -268,7 +281,15 @@ class HardOverDetector:
             )
             alarms.append(
                 Alarm(
-                    axis, second.end_s, "hard_over", "emergency", since_s, deviations, self._limit, rule, 0.99
+                    axis,
+                    second.end_s,
+                    "hard_over",
+                    "emergency",
+                    since_s,
+                    deviations,
+                    self._limit,
+                    rule,
+                    SURE_CONFIDENCE,
                 )
             )
         return alarms
@@ -276,11 +297,13 @@ class HardOverDetector:
 
 DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
     HardOverDetector,
-    lambda limits: EffectivenessDetector(limits, "pitch", 12.0, 0.5),
-    lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations, 2),
-    lambda limits: EffectivenessDetector(limits, "roll", 9.0),
-    lambda limits: TrackingDetector("roll", RollTracking(), limits.roll_tracking_deviations, 3),
-    lambda limits: EffectivenessDetector(limits, "yaw", 20.0),
+    lambda limits: EffectivenessDetector(limits, "pitch", CERTAIN_PITCH, COMMON_PITCH),
+    lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations, PERSISTENT_S),
+    lambda limits: EffectivenessDetector(limits, "roll", CERTAIN_ROLL),
+    lambda limits: TrackingDetector(
+        "roll", RollTracking(), limits.roll_tracking_deviations, ROLL_PERSISTENT_S
+    ),
+    lambda limits: EffectivenessDetector(limits, "yaw", CERTAIN_YAW),
 )
 
 

@@ -24,27 +24,44 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.health.axis.filters import Lag
-from mavhums.health.axis.reference import REFERENCE_S, Constant, Reference, Second, Standards, constants
-from mavhums.health.axis.regressions import MEAN_ROWS, Basis, Chain, Columns, Form, Shape, judgeable
-from mavhums.health.axis.scores import EXTRA_S, Scores, Slowness, Sums
+from mavhums.health.axis.reference import STANDARDS, Constant, Reference, Second, Standards, constants
+from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Shape, judgeable
+from mavhums.health.axis.scores import Scores, Slowness, Sums
+from mavhums.health.axis.thresholds import (
+    DETECTED_LOSS_PER_LIMIT,
+    DRIVEN_SHARE,
+    EXTRA_LAGS_S,
+    FORGET_S,
+    FULL_S,
+    JUDGED_ERROR,
+    LATEST_REFERENCE_S,
+    LEAST_DRIVE,
+    LEAST_ROWS_PER_S,
+    LONGEST_REFERENCE_S,
+    LOSS_SECONDS,
+    MANOEUVRE_DEVIATION,
+    MEAN_ROWS,
+    MOST_CUSUM,
+    REFERENCE_RETRY_S,
+    REFERENCE_S,
+    SHIFT_S,
+    TAIL_SHARE,
+    WINDOW_DEVIATION,
+    WINDOW_SECONDS,
+)
+from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.surfaces import AXES
 
-JUDGED_ERROR: Final = 0.2
-FULL_S: Final = 20
-_LONGEST_S: Final = 120
-_RETRY_S: Final = 10
-_LATEST_S: Final = 180
-_MANOEUVRES: Final = 0.2  # relative deviation of the gain of one second
-_WINDOWS: Final = 0.10  # relative deviation of the gain of ten seconds
-_WINDOW_S: Final = 10
-_LEAST_ROWS: Final = 14
-_SLOW_S: Final = 20
-_SHIFT_S: Final = 3
-_MOST: Final = 40.0
-_AS_DRIVEN: Final = 0.5
-_TAIL: Final = 0.07  # share of the last manoeuvre's drive below which the slow filter's tail dominates
-_FORGET: Final = exp(-1.0 / 60.0)  # per second: a small deficit over minutes is the reference's error
+_FORGET: Final = exp(-1.0 / FORGET_S)  # per second
+
+
+def new_tracker(axis: str, limits: AxisLimits | None = None) -> EffectivenessTracker:
+    """Return the tracker of the effectiveness of an axis."""
+    least = 1.0 - (limits or AxisLimits()).effectiveness_degraded
+    loss = round(DETECTED_LOSS_PER_LIMIT * least, 9)  # the profile's decimals, not those of the subtraction
+    return EffectivenessTracker(FORMS[axis], replace(STANDARDS[axis], loss=loss))
 
 
 class EffectivenessTracker:
@@ -82,12 +99,12 @@ class EffectivenessTracker:
         if rows.fresh:
             self._waiting.clear()
         flying = rows.flying & np.isfinite(rows.demand(self._form.axis))
-        usable = flying.reshape(-1, RATE_HZ).sum(axis=1) >= _LEAST_ROWS
+        usable = flying.reshape(-1, RATE_HZ).sum(axis=1) >= LEAST_ROWS_PER_S
         kept = 0
         for end, counts in enumerate(usable.tolist(), start=1):
             self.usable_s += counts
             self._tried += 1
-            if REFERENCE_S <= self.usable_s <= _LATEST_S and self._tried >= _RETRY_S:
+            if REFERENCE_S <= self.usable_s <= LATEST_REFERENCE_S and self._tried >= REFERENCE_RETRY_S:
                 self._tried = 0
                 self._keep(rows.cut(kept, end))
                 kept = end
@@ -101,7 +118,7 @@ class EffectivenessTracker:
     def _keep(self, rows: Rows) -> None:
         """Add rows to those that wait, and drop what is older than the longest reference."""
         self._waiting.append(rows)
-        excess = sum(part.seconds for part in self._waiting) - _LONGEST_S
+        excess = sum(part.seconds for part in self._waiting) - LONGEST_REFERENCE_S
         while excess > 0:
             oldest = self._waiting.pop(0)
             if oldest.seconds > excess:
@@ -114,7 +131,7 @@ class EffectivenessTracker:
         self.spacing_s = _median(rows.spacing[rows.flying])
         if self.too_slow:
             return
-        if judgeable(rows, basis).sum() < REFERENCE_S * _LEAST_ROWS:
+        if judgeable(rows, basis).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
             return
         wanted = self._standards
         fits = [fit for shape in wanted.shapes() if (fit := self._fit(rows, basis, shape)) is not None]
@@ -139,7 +156,7 @@ class EffectivenessTracker:
     def _fit(self, rows: Rows, basis: Basis, shape: Shape) -> Reference | None:
         columns = Chain(self._form, basis, shape).feed(rows)
         design, answer, at = self._design(columns)
-        if at.size < REFERENCE_S * _LEAST_ROWS or design[:, 0].std() < 1e-4:
+        if at.size < REFERENCE_S * LEAST_ROWS_PER_S or design[:, 0].std() < LEAST_DRIVE:
             return None
         beta, left = _least_squares(design, answer)
         _, without = _least_squares(design[:, 1:], answer)
@@ -164,15 +181,15 @@ class EffectivenessTracker:
     def _begin(self, rows: Rows) -> None:
         reference = self.reference
         assert reference is not None
-        extras = (0.0, *EXTRA_S)
+        extras = (0.0, *EXTRA_LAGS_S)
         self._chains = [Chain(self._form, reference.basis, reference.shape, extra) for extra in extras]
         self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
         self._cusum, self._full, self._strongest = 0.0, 0, 0.0
         self._since = reference.end_s
-        self._window: deque[Array] = deque(maxlen=_WINDOW_S)
-        self._recent: deque[Array] = deque(maxlen=_SLOW_S)
+        self._window: deque[Array] = deque(maxlen=WINDOW_SECONDS)
+        self._recent: deque[Array] = deque(maxlen=LOSS_SECONDS)
         self._slowness = Slowness()
-        self._left: deque[tuple[Array, int]] = deque(maxlen=_SHIFT_S)
+        self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
         self._sums(rows)
         self._waiting.clear()
 
@@ -195,16 +212,16 @@ class EffectivenessTracker:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
-        if count >= _LEAST_ROWS:
+        if count >= LEAST_ROWS_PER_S:
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
             self._window.append(sums)
             self._strongest = max(drive2, exp(-2.0 / self._standards.memory_s) * self._strongest)
             ratio = _ratio(score, drive2, reference, self._standards.loss)
             if ratio < 0.0 or self._informs(reference):
-                self._cusum = min(_MOST, max(0.0, _FORGET * self._cusum + ratio))
+                self._cusum = min(MOST_CUSUM, max(0.0, _FORGET * self._cusum + ratio))
                 self._recent.append(sums)
-        value, error = self._estimate(reference) if count >= _LEAST_ROWS else (None, np.inf)
+        value, error = self._estimate(reference) if count >= LEAST_ROWS_PER_S else (None, np.inf)
         if value is not None and error <= JUDGED_ERROR:
             self._full = self._full + 1 if value >= self._standards.full else 0
         if self._full >= FULL_S:
@@ -232,14 +249,14 @@ class EffectivenessTracker:
 
     def _shifted(self) -> float | None:
         count = sum(rows for _, rows in self._left)
-        if count < _SHIFT_S * _LEAST_ROWS:
+        if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None
         return float(sum(left[self._slowness.lag] for left, _ in self._left)) / count
 
     def _estimate(self, reference: Reference) -> tuple[float | None, float]:
         """Return the effectiveness of the last ten judged seconds and its standard error."""
         lagless = [sums[0] for sums in self._window]
-        return _measured(lagless, reference) if len(lagless) == _WINDOW_S else (None, np.inf)
+        return _measured(lagless, reference) if len(lagless) == WINDOW_SECONDS else (None, np.inf)
 
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.
@@ -250,28 +267,28 @@ class EffectivenessTracker:
         would repeat that manoeuvre's score for seconds.
         """
         drive2, cross, answer2 = np.sum(self._window, axis=0).T
-        if drive2[0] < _AS_DRIVEN * reference.power * len(self._window):
+        if drive2[0] < DRIVEN_SHARE * reference.power * len(self._window):
             return False
-        if self._window[-1][0, 0] < _TAIL * self._strongest:
+        if self._window[-1][0, 0] < TAIL_SHARE * self._strongest:
             return False
         driven = drive2 > 0
         unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]
         return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
 
 
-def explained(form: Form, standards: Standards, rows: Rows, others: Array) -> tuple[float, float]:
+def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:
     """Return how much of the response about an axis a demand explains, and how much of the rest others do.
 
     Unlike in a reference, all usable rows count.
 
     Parameters
     ----------
-    form, standards
-        The regression of the axis, and the delays and lags to try.
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
     rows
-        The rows, with the demand in question about the axis.
-    others
-        Other demands, shape (n, k).
+        The flight.
+    demand, others
+        The demand in question, shape (n,), and others, shape (n, k).
 
     Returns
     -------
@@ -279,13 +296,16 @@ def explained(form: Form, standards: Standards, rows: Rows, others: Array) -> tu
         Of the response that is left without any demand, the share that the demand explains; of what it
         leaves, the share that the others explain. Zero if the rows do not suffice.
     """
+    outputs = np.full((len(rows), len(AXES)), np.nan)
+    outputs[:, AXES.index(axis)] = demand
+    form, rows = FORMS[axis], replace(rows, outputs=outputs)
     basis = Basis.of(rows)
     best = 0.0, 0.0
-    for shape in standards.shapes():
+    for shape in STANDARDS[axis].shapes():
         columns = Chain(form, basis, shape).feed(rows)
         late = _late(others, shape) * (rows.speed / basis.speed)[:, None]
         good = columns.good & np.isfinite(late).all(axis=1)
-        if good.sum() < REFERENCE_S * _LEAST_ROWS:
+        if good.sum() < REFERENCE_S * LEAST_ROWS_PER_S:
             continue
         nuisances, answer = columns.others[good], columns.answer[good]
         own = np.column_stack([columns.drive[good], nuisances])
@@ -318,7 +338,7 @@ def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float |
     scores = cross - gain * drive2
     own = max(float((scores**2).sum()) * n / (n - 1) / total, reference.variance) / total
     k = gain / reference.gain
-    spread = _WINDOWS**2 * min(_WINDOW_S / n, 1.0)
+    spread = WINDOW_DEVIATION**2 * min(WINDOW_SECONDS / n, 1.0)
     return k, float(np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + spread))
 
 
@@ -330,7 +350,7 @@ def _median(values: Array) -> float:
 def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:
     """Return the log-likelihood ratio of a second between a loss and none."""
     lost = loss * reference.gain
-    spread = reference.variance + (_MANOEUVRES * reference.gain) ** 2 * drive2
+    spread = reference.variance + (MANOEUVRE_DEVIATION * reference.gain) ** 2 * drive2
     return float((-lost * score - 0.5 * lost**2 * drive2) / spread)
 
 

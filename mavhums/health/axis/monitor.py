@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.detectors import Alarm, AxisInput, detectors
-from mavhums.health.axis.effectiveness import FULL_S, JUDGED_ERROR, EffectivenessTracker, explained
-from mavhums.health.axis.reference import Reference, Second, Standards
-from mavhums.health.axis.regressions import Form, PitchForm, RollForm, YawForm
+from mavhums.health.axis.effectiveness import new_tracker
+from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards
+from mavhums.health.axis.thresholds import (
+    FROM_TAKE_OFF_S,
+    FULL_S,
+    JUDGED_ERROR,
+    MASKED_S,
+    NORMAL_EFFECTIVENESS,
+    NORMAL_S,
+    WINDOW_SECONDS,
+)
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
 from mavhums.report.axis_limits import AxisLimits
@@ -21,73 +29,8 @@ from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
 
-NORMAL_S: Final = 30
-"""Judged seconds without a loss that make an axis normal."""
-_WAITS_S: Final = 10  # a log that begins in flight is known to within seconds
-_WINDOW_S: Final = 10
-_MASKED_S: Final = 20
-_MOST_EPISODES: Final = 100
-_SLOWEST_S: Final = 0.42  # 3 Hz with jitter passes, 2 Hz does not
-_SLOWEST_PITCH_S: Final = 0.15  # 10 Hz: slower samples miss most of the short period
-_GUSTY: Final = 0.1  # beyond it, gusts alone make the gain of ten healthy seconds scatter by 14 % and more
-_MEMORY_S: Final = 8.0
-_SHORT_PERIOD_S: Final = 2.0  # a step of thrust or speed changes the elevator's trim for good
-_FORMS: Final[dict[str, Form]] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
-_STANDARDS: Final = {
-    "roll": Standards(
-        explained=0.75,
-        error=0.10,
-        scatter=0.002,
-        noise=_GUSTY,
-        delays_s=(0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
-        taus_s=(0.0, 0.1, 0.2),
-        spacing_s=_SLOWEST_S,
-        memory_s=_MEMORY_S,
-    ),
-    "pitch": Standards(
-        explained=0.45,
-        error=0.06,
-        scatter=0.004,
-        noise=0.5,
-        delays_s=(0.0, 0.05, 0.1),
-        taus_s=(0.0, 0.1),
-        spacing_s=_SLOWEST_PITCH_S,
-        memory_s=_SHORT_PERIOD_S,
-    ),
-    "yaw": Standards(
-        explained=0.5,
-        error=0.06,
-        scatter=0.004,
-        noise=0.5,
-        delays_s=(0.1, 0.2, 0.3),
-        taus_s=(0.0, 0.2),
-        spacing_s=_SLOWEST_S,
-        memory_s=_MEMORY_S,
-    ),
-}
-
-
-def new_gain(axis: str, limits: AxisLimits | None = None) -> EffectivenessTracker:
-    """Return the tracker of the effectiveness of an axis."""
-    loss = round(2.0 * (1.0 - (limits or AxisLimits()).effectiveness_degraded), 9)
-    return EffectivenessTracker(_FORMS[axis], replace(_STANDARDS[axis], loss=loss))
-
-
-def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:
-    """Return how much of the response about an axis a demand explains, and how much of the rest others do.
-
-    Parameters
-    ----------
-    axis
-        ``roll``, ``pitch`` or ``yaw``.
-    rows
-        The flight.
-    demand, others
-        The demand in question, shape (n,), and others, shape (n, k).
-    """
-    outputs = np.full((len(rows), len(AXES)), np.nan)
-    outputs[:, AXES.index(axis)] = demand
-    return explained(_FORMS[axis], _STANDARDS[axis], replace(rows, outputs=outputs), others)
+_MOST_EPISODES: Final = 100  # kept for the evidence
+_LATEST_EPISODES: Final = 3  # among which an alarm finds its own
 
 
 @dataclass(slots=True)
@@ -179,7 +122,7 @@ class AxisMonitor:
     def __init__(self, vehicle: int, limits: AxisLimits | None = None) -> None:
         self._vehicle = vehicle
         self.limits = limits or AxisLimits()
-        self._gains = {axis: new_gain(axis, self.limits) for axis in AXES}
+        self._gains = {axis: new_tracker(axis, self.limits) for axis in AXES}
         self._detectors = detectors(self.limits)
         self._axes = {axis: _Axis() for axis in AXES}
         self._skidded_s = -(1 << 30)
@@ -216,7 +159,7 @@ class AxisMonitor:
     def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
         for axis, found in seconds.items():
             told = [
-                (s.end_s, s.value, 1.96 * s.error)
+                (s.end_s, s.value, NORMAL_95 * s.error)
                 for s in found
                 if s.value is not None and s.error <= JUDGED_ERROR
             ]
@@ -228,7 +171,7 @@ class AxisMonitor:
 
     def _masked(self, one: Alarm, end_s: int) -> bool:
         """Return whether a hard-over rudder explains the findings about the other axes."""
-        return one.axis != "yaw" and end_s - self._skidded_s <= _MASKED_S
+        return one.axis != "yaw" and end_s - self._skidded_s <= MASKED_S
 
     def _take(
         self, axis: str, second: Second | None, found: list[Alarm], end_s: int
@@ -273,7 +216,7 @@ class AxisMonitor:
         held.judged += 1
         held.counted += 1
         held.full = held.full + 1 if second.value >= self.limits.effectiveness_degraded else 0
-        whole = held.counted % _WINDOW_S == 0 or held.judged == 1
+        whole = held.counted % WINDOW_SECONDS == 0 or held.judged == 1
         if whole and not held.lost:
             self._average(held, second.value, second.error)
 
@@ -282,10 +225,13 @@ class AxisMonitor:
         if fresh:
             held.value = None
         rules = {one.rule for one in found if one.fault == "effectiveness"}
-        if any(episode.fault == "effectiveness" and episode.rule in rules for episode in held.episodes[-3:]):
+        if any(
+            episode.fault == "effectiveness" and episode.rule in rules
+            for episode in held.episodes[-_LATEST_EPISODES:]
+        ):
             held.lost = True
             if second is not None and second.left_over is not None:
-                k, half = second.left_over, 1.96 * second.left_error
+                k, half = second.left_over, NORMAL_95 * second.left_error
                 held.value = Interval(estimate=k, low=k - half, high=k + half)
 
     def _average(self, held: _Axis, value: float, error: float) -> None:
@@ -295,24 +241,24 @@ class AxisMonitor:
         held.mean += step / held.windows
         held.squares += step * (value - held.mean)
         spread = held.squares / (held.windows - 1) if held.windows > 1 else 0.0
-        half = 1.96 * (max(spread, error**2) / held.windows) ** 0.5
+        half = NORMAL_95 * (max(spread, error**2) / held.windows) ** 0.5
         held.value = Interval(estimate=held.mean, low=held.mean - half, high=held.mean + half)
 
     def _well(self, held: _Axis) -> bool:
         """Return whether the axis is known to respond as in the reference."""
         if SEVERITY[held.condition] > SEVERITY["normal"]:
             return held.full >= FULL_S
-        return held.judged >= NORMAL_S and held.value is not None and held.value.low > 0.6
+        return held.judged >= NORMAL_S and held.value is not None and held.value.low > NORMAL_EFFECTIVENESS
 
     def _extend(self, held: _Axis, one: Alarm) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
         episodes = held.episodes
-        for earlier in episodes[-3:]:
+        for earlier in episodes[-_LATEST_EPISODES:]:
             kinds = (one.fault, earlier.fault, earlier.condition)
             if kinds == ("slow", "effectiveness", "degraded") and earlier.start_s == one.since_s:
                 earlier.fault = one.fault
-        same = next((e for e in reversed(episodes[-3:]) if e.fault == one.fault), None)
-        if same is not None and same.end_s >= one.end_s - 2 * _MASKED_S:
+        same = next((e for e in reversed(episodes[-_LATEST_EPISODES:]) if e.fault == one.fault), None)
+        if same is not None and same.end_s >= one.end_s - 2 * MASKED_S:
             graver = SEVERITY[one.condition] >= SEVERITY[same.condition]
             same.end_s = one.end_s
             if graver:
@@ -363,9 +309,9 @@ class AxisMonitor:
             best=gain.best,
             usable_s=gain.usable_s,
             spacing_s=gain.spacing_s,
-            needs=_STANDARDS[axis],
+            needs=STANDARDS[axis],
             limits=self.limits,
-            from_take_off=self._waited_rows >= _WAITS_S * RATE_HZ,
+            from_take_off=self._waited_rows >= FROM_TAKE_OFF_S * RATE_HZ,
         )
 
 

@@ -15,19 +15,17 @@ from typing import Final
 from scipy.special import stdtr, stdtrit
 
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95
+from mavhums.health.axis.thresholds import MOST_CONFIDENCE, PAST_TESTS
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.limits import FALSE_ALARMS, tail_of
+from mavhums.health.decision.limits import tail_of
+from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
 from mavhums.report.axis_limits import AxisLimits
 
-LEAST_FLIGHTS: Final = 5
-"""Fewer flights tell too little about their scatter."""
 LOSSES: Final = ("effectiveness", "manoeuvre")
 """Faults whose indicators fall as the fault grows."""
-_NORMAL_95: Final = 1.96
-_WINDOW_S: Final = 10.0
-_MOST_TAIL: Final = 0.01
-_TESTS: Final = 4  # of an axis: gain, manoeuvre, lag, trim
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +41,7 @@ class _Compared:
     @classmethod
     def of(cls, indicator: Indicator, baseline: Baseline) -> _Compared:
         value = indicator.value
-        own = ((value.high - value.low) / 2 / _NORMAL_95) ** 2
+        own = ((value.high - value.low) / 2 / NORMAL_95) ** 2
         between = baseline.flight_variance
         freedom = (own + between) ** 2 / (
             own**2 / max(indicator.windows - 1, 1) + between**2 / baseline.certainty
@@ -61,7 +59,7 @@ class _Compared:
         """Return the quantity as a share of its baseline, with its 95 % interval."""
         mean = self.baseline.mean
         k = self.indicator.value.estimate / mean
-        half = float(stdtrit(self.freedom, 0.975)) * self.error / abs(mean)
+        half = float(stdtrit(self.freedom, CENTRAL_95)) * self.error / abs(mean)
         return Interval(estimate=round(k, 3), low=round(k - half, 3), high=round(k + half, 3))
 
 
@@ -110,8 +108,8 @@ def against_flights(
     verdict = verdict.model_copy(
         update={"indicators": tuple(_beside(shown, known.get(shown.fault)) for shown in verdict.indicators)}
     )
-    seconds = max(verdict.coverage.windows, _WINDOW_S)
-    tail = min(tail_of(false_alarms) * seconds / _WINDOW_S, _MOST_TAIL) / _TESTS
+    seconds = max(verdict.coverage.windows, WINDOW_S)
+    tail = min(tail_of(false_alarms) * seconds / WINDOW_S, MOST_FLIGHT_TAIL) / PAST_TESTS
     seen = {item.kind for item in verdict.evidence}
     found = [one for one in _found(compared, verdict.limits or AxisLimits(), tail) if one.fault not in seen]
     if found:
@@ -171,7 +169,7 @@ def _loss(one: _Compared, limits: AxisLimits, tail: float) -> _Found | None:
 
 
 def _confidence(one: _Compared) -> float:
-    return round(min(float(stdtr(one.freedom, abs(one.ratio))), 0.9999), 4)
+    return round(min(float(stdtr(one.freedom, abs(one.ratio))), MOST_CONFIDENCE), 4)
 
 
 def _judged(verdict: Verdict, found: list[_Found], start_utc: datetime, end_s: float) -> Verdict:

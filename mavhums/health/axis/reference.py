@@ -10,11 +10,20 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.health.axis.regressions import Basis, Form, Shape
+from mavhums.health.axis.thresholds import (
+    CONSTANT_BLOCKS,
+    EXPLAINED,
+    GAIN_ERROR,
+    GUSTY,
+    GUSTY_ROLL,
+    LOSS_TO_DETECT,
+    SCORE_SCATTER,
+    SLOW_PART_PITCH_S,
+    SLOW_PART_S,
+    SLOW_PITCH_STREAM_S,
+    SLOW_STREAM_S,
+)
 from mavhums.vehicle.grid import RATE_HZ
-
-REFERENCE_S: Final = 45
-"""Seconds of flight that make a reference."""
-_BLOCKS: Final = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +59,7 @@ class Standards:
     taus_s: tuple[float, ...]
     spacing_s: float
     memory_s: float
-    loss: float = 0.4
+    loss: float = LOSS_TO_DETECT
 
     def shapes(self) -> list[Shape]:
         """Return the candidates for the axis's own response."""
@@ -60,6 +69,40 @@ class Standards:
     def full(self) -> float:
         """Effectiveness above which the axis has not lost any: halfway to the loss to detect."""
         return 1.0 - self.loss / 2.0
+
+
+STANDARDS: Final = {
+    "roll": Standards(
+        explained=EXPLAINED["roll"],
+        error=GAIN_ERROR["roll"],
+        scatter=SCORE_SCATTER["roll"],
+        noise=GUSTY_ROLL,
+        delays_s=(0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
+        taus_s=(0.0, 0.1, 0.2),
+        spacing_s=SLOW_STREAM_S,
+        memory_s=SLOW_PART_S,
+    ),
+    "pitch": Standards(
+        explained=EXPLAINED["pitch"],
+        error=GAIN_ERROR["pitch"],
+        scatter=SCORE_SCATTER["pitch"],
+        noise=GUSTY,
+        delays_s=(0.0, 0.05, 0.1),
+        taus_s=(0.0, 0.1),
+        spacing_s=SLOW_PITCH_STREAM_S,
+        memory_s=SLOW_PART_PITCH_S,
+    ),
+    "yaw": Standards(
+        explained=EXPLAINED["yaw"],
+        error=GAIN_ERROR["yaw"],
+        scatter=SCORE_SCATTER["yaw"],
+        noise=GUSTY,
+        delays_s=(0.1, 0.2, 0.3),
+        taus_s=(0.0, 0.2),
+        spacing_s=SLOW_STREAM_S,
+        memory_s=SLOW_PART_S,
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,13 +212,13 @@ def _constants(form: Form, speed: float, design: Array, answer: Array) -> Mappin
     if not whole:
         return {}
     without = []
-    for block in np.array_split(np.arange(len(answer)), _BLOCKS):
+    for block in np.array_split(np.arange(len(answer)), CONSTANT_BLOCKS):
         beta = _fitted(np.delete(design, block, axis=0), np.delete(answer, block))
         without.append(form.kept(beta, speed))
     found = {}
     for fault, value in whole.items():
         parts = np.array([part[fault] for part in without])
-        error = float(np.sqrt((_BLOCKS - 1) / _BLOCKS * ((parts - parts.mean()) ** 2).sum()))
+        error = float(np.sqrt((CONSTANT_BLOCKS - 1) / CONSTANT_BLOCKS * ((parts - parts.mean()) ** 2).sum()))
         if np.isfinite(value) and np.isfinite(error):
             found[fault] = Constant(float(value), error)
     return found

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.health.axis.filters import Lag, Tail
+from mavhums.health.axis.thresholds import (
+    LEAST_SPEED_SHARE,
+    LONGEST_SAMPLE_GAP_S,
+    MEAN_ROWS,
+    MOST_BANK_DEG,
+    MOST_PITCH_DEG,
+)
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-MEAN_ROWS: Final = 8
-_SLOWEST: Final = 0.85  # of the reference speed: an aircraft below it may be stalling
-_ROLL_RAD: Final = np.radians(60)
-_LONGEST_GAP_S: Final = 0.75  # one lost sample of a stream of 3 Hz
-_PITCH_RAD: Final = np.radians(34)
+_ROLL_RAD: Final = np.radians(MOST_BANK_DEG)
+_PITCH_RAD: Final = np.radians(MOST_PITCH_DEG)
 
 
 class Shape(NamedTuple):
@@ -84,9 +89,9 @@ def judgeable(rows: Rows, basis: Basis) -> Flags:
 
     Rates and speeds from other sources than the reference's are no measure of what is left of it.
     """
-    slow = rows.speed < _SLOWEST * basis.speed
+    slow = rows.speed < LEAST_SPEED_SHARE * basis.speed
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
-    gap = rows.spacing > _LONGEST_GAP_S
+    gap = rows.spacing > LONGEST_SAMPLE_GAP_S
     good: Flags = rows.flying & rows.trusted & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
     good &= rows.sources == basis.sources
     return good
@@ -233,3 +238,7 @@ class YawForm:
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return nothing: beside the gain itself, no constant of yaw is known well enough."""
         return {}
+
+
+FORMS: Final[Mapping[str, Form]] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
+"""The regression of each axis."""

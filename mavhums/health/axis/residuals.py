@@ -9,18 +9,29 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.health.axis.filters import AttitudeResponse, Tail
+from mavhums.health.axis.thresholds import (
+    FASTEST_ROLL_DEG_S,
+    LEAST_ROWS_PER_S,
+    NOSE_LOW_DEG,
+    OFFSET_SPREAD_RAD,
+    PITCH_DELAY_S,
+    PITCH_RESPONSE_RAD_S,
+    PITCH_TRACKING_FLOOR_RAD,
+    RESIDUAL_REFERENCE_S,
+    ROLL_RESPONSE_RAD_S,
+    ROLL_TRACKING_FLOOR_RAD,
+    SHIFT_S,
+    SIDE_FORCE_FLOOR_M_S2,
+    SIDE_FORCE_SPREAD,
+    SLOW_FLIGHT_SHARE,
+    USUAL_SPEED_S,
+)
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-RESIDUAL_REFERENCE_S: Final = 40
-_OVER_S: Final = 3
-_LEAST_ROWS: Final = 14
-_FREE: Final = 1e9
-_ROLLS_RAD_S: Final = float(np.radians(45))
-_PITCH_DELAY_S: Final = 0.6
-_NOSE_LOW_RAD: Final = float(np.radians(3))
-_SLOW: Final = 0.95
-_SPEED_S: Final = 60
+_FREE: Final = 1e9  # no prior
+_ROLLS_RAD_S: Final = float(np.radians(FASTEST_ROLL_DEG_S))
+_NOSE_LOW_RAD: Final = float(np.radians(NOSE_LOW_DEG))
 
 
 class ResidualModel(Protocol):
@@ -61,7 +72,7 @@ class Residual:
         self._design: list[Array] = []
         self._answer: list[Array] = []
         self._rows = 0
-        self._window: deque[tuple[float, int]] = deque(maxlen=_OVER_S)
+        self._window: deque[tuple[float, int]] = deque(maxlen=SHIFT_S)
         self._beta: Array | None = None
         self.deviation = np.nan
         self.since_s = 0
@@ -107,7 +118,7 @@ class Residual:
         rms = self._model.kind == "rms"
         self._window.append((float((left * left if rms else left).sum()), int(good.sum())))
         total, count = np.array(self._window).sum(axis=0)
-        if len(self._window) < _OVER_S or count < _OVER_S * _LEAST_ROWS:
+        if len(self._window) < SHIFT_S or count < SHIFT_S * LEAST_ROWS_PER_S:
             return Deviation(end_s, np.nan, np.nan)
         value = float(np.sqrt(total / count)) if rms else float(total / count)
         return Deviation(end_s, value, abs(value) / self.deviation)
@@ -121,14 +132,17 @@ class RollTracking:
     """
 
     kind: Literal["mean", "rms"] = "rms"
-    floor = 0.033  # rad
-    spreads: tuple[float, ...] = (0.1,)
+    floor = ROLL_TRACKING_FLOOR_RAD
+    spreads: tuple[float, ...] = (OFFSET_SPREAD_RAD,)
 
     def __init__(self) -> None:
         self._begin()
 
     def _begin(self) -> None:
-        self._responses = AttitudeResponse(2.5), AttitudeResponse(2.5, _ROLLS_RAD_S)
+        self._responses = (
+            AttitudeResponse(ROLL_RESPONSE_RAD_S),
+            AttitudeResponse(ROLL_RESPONSE_RAD_S, _ROLLS_RAD_S),
+        )
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the offset's regressor, the roll residual, and the mask of flight rows with both."""
@@ -156,7 +170,7 @@ class _OwnSpeed:
         values = np.empty(rows.seconds)
         seconds = zip(rows.speed.reshape(-1, RATE_HZ), rows.flying.reshape(-1, RATE_HZ), strict=True)
         for k, (speed, flying) in enumerate(seconds):
-            if len(self._speeds) < _SPEED_S and flying.any():
+            if len(self._speeds) < USUAL_SPEED_S and flying.any():
                 self._speeds.append(speed[flying])
                 self.value = float(np.nanmedian(np.concatenate(self._speeds)))
             values[k] = self.value
@@ -171,16 +185,16 @@ class PitchTracking:
     """
 
     kind: Literal["mean", "rms"] = "rms"
-    floor = 0.025  # rad
-    spreads: tuple[float, ...] = (0.1, 0.1)
+    floor = PITCH_TRACKING_FLOOR_RAD
+    spreads: tuple[float, ...] = (OFFSET_SPREAD_RAD, OFFSET_SPREAD_RAD)
 
     def __init__(self) -> None:
         self._begin()
         self._own = _OwnSpeed()
 
     def _begin(self) -> None:
-        self._demand = AttitudeResponse(4.0)
-        self._late = Tail(1, round(_PITCH_DELAY_S * RATE_HZ))
+        self._demand = AttitudeResponse(PITCH_RESPONSE_RAD_S)
+        self._late = Tail(1, round(PITCH_DELAY_S * RATE_HZ))
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the regressors 1 and sin² φ, the pitch residual, and the mask of flight rows with both."""
@@ -189,7 +203,7 @@ class PitchTracking:
         late = self._late.feed(self._demand.feed(rows.pitch_demand)[:, None])[: len(rows), 0]
         answer = rows.pitch - late
         own = self._own.feed(rows)
-        sinking = (rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD) & (rows.speed < _SLOW * own)
+        sinking = (rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD) & (rows.speed < SLOW_FLIGHT_SHARE * own)
         good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer) & ~sinking
         turning = np.nan_to_num(np.sin(rows.roll)) ** 2
         return np.column_stack([np.ones(len(rows)), turning]), answer, good
@@ -199,8 +213,8 @@ class SideForce:
     """The side force without its part in turns, as caused by a deflected rudder or a skid."""
 
     kind: Literal["mean", "rms"] = "mean"
-    floor = 0.15  # m/s²
-    spreads: tuple[float, ...] = (_FREE, 5.0, 5.0)
+    floor = SIDE_FORCE_FLOOR_M_S2
+    spreads: tuple[float, ...] = (_FREE, SIDE_FORCE_SPREAD, SIDE_FORCE_SPREAD)
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the regressors 1, sin φ and yaw rate, the side force, and the mask of usable flight rows."""

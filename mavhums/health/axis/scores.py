@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.health.axis.filters import HighPass
 from mavhums.health.axis.regressions import Columns
+from mavhums.health.axis.thresholds import (
+    DOUBTFUL_S,
+    EXTRA_LAGS_S,
+    LAG_BETTER,
+    LAG_GAIN,
+    LAG_GAIN_KEPT,
+    LAG_MUCH_BETTER,
+)
 from mavhums.vehicle.grid import RATE_HZ
-
-EXTRA_S: Final = (0.3, 0.45, 0.65, 1.0, 1.5)
-"""The additional lags that are tested."""
-_LEAST_S: Final = 7
-_MUCH_BETTER: Final = 0.15  # share of the response that an additional lag explains beyond a loss
-_BETTER: Final = 0.05
-_WHOLE: Final = 0.75  # neighbouring tested lags differ by a quarter of the gain
-_STILL_WHOLE: Final = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +91,7 @@ class Slowness:
         full
             The gain of the reference.
         """
-        if len(seconds) < _LEAST_S:
+        if len(seconds) < DOUBTFUL_S:
             return None, False
         drive2, cross, answer2 = np.sum(list(seconds), axis=0).T
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -100,9 +99,9 @@ class Slowness:
             share = np.nan_to_num(cross**2 / (drive2 * answer2))
         best = int(np.argmax(share))
         better = float(share[best] - share[0])
-        later = better >= _BETTER
+        later = better >= LAG_BETTER
         if later:
             self.lag = best
-        whole = _STILL_WHOLE if self._is_slow else _WHOLE
-        self._is_slow = later and (self._is_slow or better >= _MUCH_BETTER) and bool(gain[best] >= whole)
-        return (EXTRA_S[best - 1] if self._is_slow else None), later
+        whole = LAG_GAIN_KEPT if self._is_slow else LAG_GAIN
+        self._is_slow = later and (self._is_slow or better >= LAG_MUCH_BETTER) and bool(gain[best] >= whole)
+        return (EXTRA_LAGS_S[best - 1] if self._is_slow else None), later

@@ -17,18 +17,20 @@ from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.decision.limits import FALSE_ALARMS, tail_of
-from mavhums.health.estimation.random_effects import NATURAL_SCATTER, population
-from mavhums.health.estimation.slots import WINDOW_SLOTS
+from mavhums.core.statistics import CENTRAL_95
+from mavhums.health.decision.limits import tail_of
+from mavhums.health.decision.thresholds import (
+    AXIS_SCATTER_SHARE,
+    BASELINE_FLIGHTS,
+    DRIFT_LOOKS,
+    DRIFT_SPANS_WINDOWS,
+    FALSE_ALARMS,
+    LEAST_WINDOW_FREEDOM,
+)
+from mavhums.health.estimation.random_effects import population
+from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, WINDOW_SLOTS
 from mavhums.report.assessment import Indicator, Interval
 
-LEAST_FLIGHTS = 10
-"""Fewer flights make no baseline: their scatter is too uncertain to keep the promised false alarms."""
-_LEAST_FREEDOM = 3
-_SCATTER = {"effectiveness": 0.07, "manoeuvre": 0.07}
-"""Scatter of an axis between healthy flights: 6.5 % of the roll gain in 19 flights of the ALFA aircraft."""
-_SPANS = (1, 2, 3, 5, 8, 13, 21, 34)
-_LOOKS = 4.0  # effective number of independent tests of the overlapping spans
 _FREEDOM = WINDOW_SLOTS - 1.0
 
 
@@ -72,7 +74,7 @@ class Baseline:
 
     def prediction(self) -> Interval:
         """Return the 95 % prediction interval of the value measured in another flight."""
-        half = float(stdtrit(self.flights - 1, 0.975)) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
+        half = float(stdtrit(self.flights - 1, CENTRAL_95)) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
         return Interval(estimate=self.mean, low=self.mean - half, high=self.mean + half)
 
     @classmethod
@@ -81,7 +83,7 @@ class Baseline:
 
         Ten are needed, or as many as the indicators say.
         """
-        needed = max((i.needed_flights for i in indicators if i.needed_flights), default=LEAST_FLIGHTS)
+        needed = max((i.needed_flights for i in indicators if i.needed_flights), default=BASELINE_FLIGHTS)
         shown = [
             (i.value.estimate, i.windows, i.scatter)
             for i in indicators
@@ -92,7 +94,7 @@ class Baseline:
         values, windows, scatter = (np.array(column, dtype=np.float64) for column in zip(*shown, strict=True))
         errors = _errors(windows, scatter)
         errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), 1e-12))
-        natural = _SCATTER.get(indicators[0].fault, NATURAL_SCATTER)
+        natural = AXIS_SCATTER_SHARE.get(indicators[0].fault, NATURAL_SCATTER_SHARE)
         flights = population(np.ones((len(values), 1)), values, errors, natural)
         return cls(
             mean=float(flights.coefficients[0]),
@@ -106,7 +108,7 @@ class Baseline:
 
 def _errors(windows: Array, scatter: Array) -> Array:
     """Return the standard errors of flights' values; with few windows the scatter is uncertain."""
-    freedom = np.maximum(windows - 1, _LEAST_FREEDOM)
+    freedom = np.maximum(windows - 1, LEAST_WINDOW_FREEDOM)
     errors: Array = scatter * np.sqrt(freedom / (freedom - 2) / windows)
     return errors
 
@@ -189,13 +191,13 @@ class Drift:
         self.alarm: Shift | None = None
         self._two_sided = two_sided
         self._tail = tail_of(false_alarms) / 2 / (2 if two_sided else 1)
-        self._windows: deque[_Window] = deque(maxlen=_SPANS[-1])
+        self._windows: deque[_Window] = deque(maxlen=DRIFT_SPANS_WINDOWS[-1])
 
     def feed(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
         """Add a window that does not overlap the previous one; return the most significant shift."""
         self._windows.append(_Window(value - self.baseline.mean, error, freedom, start_s))
-        tail = self._tail / _LOOKS
-        shifts = [self._over(span, tail) for span in _SPANS if span <= len(self._windows)]
+        tail = self._tail / DRIFT_LOOKS
+        shifts = [self._over(span, tail) for span in DRIFT_SPANS_WINDOWS if span <= len(self._windows)]
         return self._heed(max(shifts, key=lambda shift: shift.ratio))
 
     def conclude(self, value: float, error: float, freedom: float, start_s: float) -> Shift:

@@ -11,6 +11,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.decision.baseline import Baseline, Shift, held
 from mavhums.health.decision.limits import Levels
 from mavhums.health.decision.records import Estimate
+from mavhums.health.decision.thresholds import SHOWN_SHIFT_FREEDOM
 from mavhums.report.assessment import Evidence, Suspect
 
 
@@ -111,7 +112,7 @@ def suspected(
         size = abs(value) if described.two_sided else value
         confidence = float(stdtr(freedom, (size - normal) / error)) if error else 1.0
     if alarm is not None:
-        confidence = max(confidence, float(stdtr(10.0, abs(alarm.value) / alarm.error)))
+        confidence = max(confidence, float(stdtr(SHOWN_SHIFT_FREEDOM, abs(alarm.value) / alarm.error)))
     return Suspect(fault=described.fault, confidence=confidence)
 
 

@@ -19,21 +19,22 @@ from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.statistics import TAIL_95
+from mavhums.health.decision.thresholds import (
+    CONFIRM_WINDOWS,
+    LASTING_WINDOWS,
+    MOST_POOLED_FREEDOM,
+    WINDOWS_PER_100_H,
+)
 from mavhums.health.estimation.fits import Estimates
-from mavhums.health.estimation.slots import WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 
-CONFIRM = 5
-LASTING = 20
-FALSE_ALARMS = 1.0
-"""Default number of allowed false alarms per actuator and 100 hours."""
 _CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
-_WINDOWS_OF_100_H = 36_000.0
-_MOST_FREEDOM = 36.0
 
 
 def tail_of(false_alarms: float) -> float:
     """Return the allowed false-alarm probability of one 10 s window, given the alarms per 100 hours."""
-    return false_alarms / _WINDOWS_OF_100_H
+    return false_alarms / WINDOWS_PER_100_H
 
 
 def half_width(estimates: Estimates, *, tail: float | Array) -> Array:
@@ -119,8 +120,8 @@ class Decision:
         self._run += 1
         self._sure = self._sure + 1 if sure else 0
         after = _CONDITIONS[shown]
-        confirm = 1 if self._proven and shown > SEVERITY[self.condition] else CONFIRM
-        if after == self.condition or (self._sure < confirm and self._run < LASTING):
+        confirm = 1 if self._proven and shown > SEVERITY[self.condition] else CONFIRM_WINDOWS
+        if after == self.condition or (self._sure < confirm and self._run < LASTING_WINDOWS):
             return False
         self.condition, self.since_s = after, self._first_s
         return True
@@ -182,7 +183,7 @@ class Panel:
         half = half_width(steadied, tail=self._tails)
         severity, surely = shown_by(size - half, size + half, self._normal, self._emergency)
         sure = (severity == SEVERITY["normal"]) | (surely > 0)
-        printed = half_width(own, tail=0.025)
+        printed = half_width(own, tail=TAIL_95)
         return [
             Look(own.at(k), steadied.at(k), printed[k], severity[k], sure[k]) for k in range(len(estimates))
         ]
@@ -210,6 +211,6 @@ class PooledErrors:
         count = self._count + shown.cumsum(axis=-1)
         self._sum, self._count = total[..., -1:], count[..., -1:]
         freedom, error = estimates.freedom, estimates.error
-        before = np.minimum(freedom * (count // WINDOW_SLOTS), _MOST_FREEDOM)
+        before = np.minimum(freedom * (count // WINDOW_SLOTS), MOST_POOLED_FREEDOM)
         pooled = (freedom * squares + before * total / np.maximum(count, 1)) / (freedom + before)
         return Estimates(estimates.value, np.maximum(error, np.sqrt(pooled)), freedom + before)

@@ -33,20 +33,19 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from mavhums.core.arrays import Array, Flags
+from mavhums.core.statistics import CENTRAL_95, NORMAL_99
+from mavhums.health.decision.thresholds import (
+    FLIGHTS_PER_OUTLIER,
+    MOST_AUTOCORRELATION,
+    OUTLIER_PROBABILITY,
+    STEP_FLIGHTS,
+    STEP_LIKELIHOOD_RATIO,
+    TREND_CONFIDENCE,
+    TREND_FLIGHTS,
+    TREND_REACH_SPANS,
+)
 from mavhums.health.estimation.random_effects import variance_between, weighted
 from mavhums.report.assessment import Interval
-
-MIN_FLIGHTS = 8
-"""Minimum number of flights for a trend."""
-REACH = 3.0
-"""Largest distance of the interval's near end, as a multiple of the span of the flights."""
-_SURE = 0.995
-_OUTLYING = 0.01
-_MOST_ALIKE = 0.8
-_SURE = 0.995
-_SURE_Z = 2.58
-_LIKELIER = 20.0
-_LEAST = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,12 +117,12 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
     >>> round(left.low), round(left.estimate), round(left.high)
     (89, 91, 93)
     """
-    if len(values) < MIN_FLIGHTS:
+    if len(values) < TREND_FLIGHTS:
         return None
     errors = np.maximum(errors, max(1e-3 * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     kept, line = _without_outliers(numbers, values, errors)
-    t = float(stdtrit(line.freedom, 0.975))
-    outlook = _outlook(line, emergency, t, REACH * float(np.ptp(numbers)))
+    t = float(stdtrit(line.freedom, CENTRAL_95))
+    outlook = _outlook(line, emergency, t, TREND_REACH_SPANS * float(np.ptp(numbers)))
     if not kept[-1]:
         outlook = "its last flight lies far off the line of the others; the next ones will tell"
     return Trend(
@@ -141,11 +140,11 @@ def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Fla
     """Exclude outliers: repeatedly the flight farthest from the line of the others, up to one in ten."""
     kept = np.ones(len(values), dtype=np.bool_)
     line = _fit(numbers, values, errors, numbers[-1])
-    for _ in range(max(1, len(values) // 10)):
+    for _ in range(max(1, len(values) // FLIGHTS_PER_OUTLIER)):
         n = len(line.deleted)
         worst = int(np.argmax(np.abs(line.deleted)))
         chance = 2 * n * float(stdtr(n - 3, -abs(line.deleted[worst])))
-        if chance > _OUTLYING:
+        if chance > OUTLIER_PROBABILITY:
             break
         kept[np.flatnonzero(kept)[worst]] = False
         line = _fit(numbers[kept], values[kept], errors[kept], numbers[-1])
@@ -180,7 +179,7 @@ def _widening(residuals: Array) -> float:
     """Return the variance inflation from correlated neighbouring flights; 1 if they are uncorrelated."""
     total = float(residuals @ residuals)
     alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
-    alike = min(max(alike, 0.0), _MOST_ALIKE)
+    alike = min(max(alike, 0.0), MOST_AUTOCORRELATION)
     return (1 + alike) / (1 - alike)
 
 
@@ -188,7 +187,7 @@ def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> In
     """Return the remaining useful life in flights, or the reason why it is not known."""
     if emergency is not None and line.level >= emergency:
         return "the emergency limit is reached"
-    slope_error = float(stdtrit(line.freedom, _SURE)) * sqrt(line.covariance[1, 1])
+    slope_error = float(stdtrit(line.freedom, TREND_CONFIDENCE)) * sqrt(line.covariance[1, 1])
     grows = line.slope > slope_error / sqrt(line.widening)
     if grows and line.departure:
         return f"{line.departure}, so a straight line does not extrapolate"
@@ -198,7 +197,8 @@ def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> In
         return "it grows, but has no emergency limit"
     left = _flights_left(line, emergency, t)
     if left.low > reach:
-        return f"it grows, and its limit is over {REACH:g} times as far ahead as the flights reach back"
+        times = f"over {TREND_REACH_SPANS:g} times as far ahead as the flights reach back"
+        return f"it grows, and its limit is {times}"
     return left
 
 
@@ -241,14 +241,14 @@ def departure(numbers: Array, values: Array, weights: Array) -> str | None:
     at = (numbers - numbers.mean()) / np.ptp(numbers)
     line = _residuals(at, values, root, 1)
     squares = float(line @ line)
-    if _best_step(values, weights) < squares * _LIKELIER ** (-2 / len(values)):
+    if _best_step(values, weights) < squares * STEP_LIKELIHOOD_RATIO ** (-2 / len(values)):
         return "it changed in one step"
     curve = _residuals(at, values, root, 2)
     freedom = len(values) - 3
     gain = squares - float(curve @ curve)
-    if gain * freedom > stdtrit(freedom, _SURE) ** 2 * float(curve @ curve):
+    if gain * freedom > stdtrit(freedom, TREND_CONFIDENCE) ** 2 * float(curve @ curve):
         return "it grows ever faster or slower"
-    if float(line[:-1] @ line[1:]) * sqrt(len(line)) > _SURE_Z * squares:
+    if float(line[:-1] @ line[1:]) * sqrt(len(line)) > NORMAL_99 * squares:
         return "it comes and goes, as with a season"
     return None
 
@@ -263,7 +263,7 @@ def _residuals(at: Array, values: Array, root: Array, degree: int) -> Array:
 def _best_step(values: Array, weights: Array) -> float:
     """Return the smallest weighted sum of squares about two levels, each of at least two flights."""
     values = values - values.mean()
-    first = slice(_LEAST - 1, len(values) - _LEAST)
+    first = slice(STEP_FLIGHTS - 1, len(values) - STEP_FLIGHTS)
     before, moment = np.cumsum(weights), np.cumsum(weights * values)
     explained = moment[first] ** 2 / before[first]
     explained += (moment[-1] - moment[first]) ** 2 / (before[-1] - before[first])

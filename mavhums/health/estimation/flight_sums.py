@@ -16,7 +16,8 @@ from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.grams import Groups, eliminated, full, packed
 from mavhums.health.estimation.least_squares import row_length, sums_of_slots
 from mavhums.health.estimation.motion import lasting
-from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, WINDOW_SLOTS, Slots
+from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
+from mavhums.health.estimation.thresholds import LONGEST_GAP_PERIODS, LONGEST_INTEGRATED_STEP_S, WINDOW_SLOTS
 from mavhums.report.assessment import OwnRecord
 
 KEPT = ("sign", "speed", "acceleration", "load", "angle", "left")
@@ -26,8 +27,6 @@ LOAD, ANGLE, PRESSURE, ONE = 3, 4, 5, 6
 _COLUMNS = [0, 1, 2, LOAD, ANGLE, len(TERMS)]
 _V7, _V10 = column("V7"), column("V10")
 _HALF_DENSITY = 0.5 * AIR_DENSITY
-_LONGEST_STEP_S = 0.5
-_PERIODS = 2.5
 _PRODUCTS = ((0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
 LINEAR = (0, 1, 2, 3)
 """Columns of sgn(w), w, dw/dt and q·d."""
@@ -194,7 +193,7 @@ class AngleIntegrator:
             return np.where(measured, np.radians(shaft_deg), np.nan)
         speed = np.nan_to_num(rad_s)
         before_s = time_s[0] if np.isnan(self._time_s) else self._time_s
-        step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, _LONGEST_STEP_S)
+        step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, LONGEST_INTEGRATED_STEP_S)
         around = (speed + np.concatenate([[self._rad_s], speed[:-1]])) / 2
         angle: Array = np.concatenate([[self._angle], step_s * around]).cumsum()[1:]
         self._time_s, self._rad_s, self._angle = float(time_s[-1]), float(speed[-1]), float(angle[-1])
@@ -220,8 +219,8 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Angle
     span[1:-1] = time_s[2:] - time_s[:-2]
     acceleration[1:-1] = (speed.rad_s[2:] - speed.rad_s[:-2]) / span[1:-1]
     longest_s = 1.0 / equation.min_rate_hz
-    moving = lasting(time_s, speed.rad_s, speed.moving_rad_s, _PERIODS * longest_s)
-    moving &= span < 2 * _PERIODS * longest_s
+    moving = lasting(time_s, speed.rad_s, speed.moving_rad_s, LONGEST_GAP_PERIODS * longest_s)
+    moving &= span < 2 * LONGEST_GAP_PERIODS * longest_s
     values = slots.values
     angle = turned.feed(slots, speed.rad_s[own])
     pressure = _HALF_DENSITY * np.nan_to_num(values[own, AIRSPEED]) ** 2

@@ -16,10 +16,11 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
+from mavhums.core.statistics import uniform_deviation
+from mavhums.health.estimation.thresholds import LEAST_FILLED_SLOTS
 
 _WEAK = 1e-8
 _LEAST = 1e-8
-_MIN_SLOTS = 4
 
 
 def row_length(p: int) -> int:
@@ -213,7 +214,7 @@ class Fit:
     @property
     def spread(self) -> Flags:
         """Whether a window has enough of them for meaningful errors, shape (W,)."""
-        return self.filled >= _MIN_SLOTS
+        return self.filled >= LEAST_FILLED_SLOTS
 
     @property
     def freedom(self) -> Array:
@@ -262,7 +263,7 @@ class Fit:
         noise, place = self._places[noisy], self._places[term]
         own = np.copysign(np.maximum(np.abs(coefficients[:, noise]), _LEAST), coefficients[:, noise])
         most = self.count * variance * own / np.maximum(np.abs(own), healthy) ** 2 * inverse[:, place, noise]
-        std_error = np.hypot(errors[:, place], most / np.sqrt(12.0))
+        std_error = np.hypot(errors[:, place], uniform_deviation(most))
         return Coefficient(coefficients[:, place] + most / 2, std_error)
 
     @cached_property

@@ -9,16 +9,14 @@ import numpy as np
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.quantities import KEYS, column
+from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
 from mavhums.core.window_features import products
-from mavhums.health.estimation.slots import APART, BUS, GUARD_S, MAGNITUDES, TURNED, Slots
+from mavhums.health.estimation.slots import APART, BUS, MAGNITUDES, TURNED, Slots
+from mavhums.health.estimation.thresholds import GUARD_S, LONGEST_GAP_PERIODS
 
-_PERIODS = 2.5
 _LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; rounding must not affect the comparison
 _V7 = column("V7")
 _V1, _V2, _V3, _V4, _V5, _V7, _V11 = (column(f"V{k}") for k in (1, 2, 3, 4, 5, 7, 11))
-_DEGREES_PER_REV_MIN_S = 6.0
-_LONGEST_PERIODS = 2.5
-"""A step in time of more periods of the lowest rate is a gap in the log, over which no path is known."""
 
 
 class Motion(NamedTuple):
@@ -68,7 +66,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     span[1:-1] = time_s[2:] - time_s[:-2]
     acceleration[1:-1] = (speed[2:] - speed[:-2]) / span[1:-1]
     around[1:-1] = (speed[2:] + speed[:-2]) / 2
-    longest_s = _PERIODS / actuator.min_rate_hz
+    longest_s = LONGEST_GAP_PERIODS / actuator.min_rate_hz
     moving = lasting(time_s, rev_min, actuator.moving_speed_rev_min, longest_s) & (span < longest_s)
     own = slots.judged
     values = slots.values[own]
@@ -153,9 +151,9 @@ def _all(actuator: Actuator, slots: Slots) -> Array:
     own, time_s, values = slots.judged, slots.time_s, slots.values
     ratio = actuator.known_ema().gear_ratio
     step_s = np.diff(time_s, prepend=time_s[0])
-    whole = (step_s > 0) & (step_s < _LONGEST_PERIODS / actuator.min_rate_hz)
+    whole = (step_s > 0) & (step_s < LONGEST_GAP_PERIODS / actuator.min_rate_hz)
     commanded = np.abs(np.diff(values[:, _V1], prepend=values[0, _V1]))
-    flown = np.abs(values[:, _V7]) * (_DEGREES_PER_REV_MIN_S / ratio) * step_s
+    flown = np.abs(values[:, _V7]) * (DEGREES_S_PER_REV_MIN / ratio) * step_s
     whole &= np.isfinite(commanded) & np.isfinite(flown)
     missed = values[:, _V1] - values[:, _V3]
     columns = np.column_stack(

@@ -18,24 +18,26 @@ from scipy.special import stdtrit
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95, RAD_S_PER_REV_MIN, uniform_deviation
 from mavhums.health.estimation.grams import Groups, eliminated, full, packed, unpacked
 from mavhums.health.estimation.least_squares import row_length, sums_of_slots
-from mavhums.health.estimation.slots import WINDOW_SLOTS, Slots
+from mavhums.health.estimation.slots import Slots
+from mavhums.health.estimation.thresholds import (
+    LEAST_PARTS,
+    MOST_COLUMN_CORRELATION,
+    PEAK_EXCEEDED_SHARE,
+    WINDOW_SLOTS,
+)
 from mavhums.report.assessment import Interval, OwnRecord
 
 VOLTAGE = "own_voltage"
 _V4, _V5, _V7 = column("V4"), column("V5"), column("V7")
 _TERMS = 4
 _LEFT_OUT = [3]
-_RAD_S = np.pi / 30
 RESOLUTION = 0.01
 """Relative width of a step of the histogram."""
-_ABOVE = 0.001
-_NORMAL_95 = 1.96
 _LEAST, _STEPS = 1e-4, 3200  # up to about 8e9
 _SIZE = 4
-_LEAST_GROUPS = 4
-_MOST_ALIKE = 0.999  # correlation of the columns beyond which they cannot be separated
 
 
 class VoltageSums:
@@ -61,7 +63,7 @@ class VoltageSums:
         """Process the samples of several slots."""
         values, time_s = slots.values[slots.judged], slots.time_s[slots.judged]
         volts, current = np.ascontiguousarray(values[:, _V4]), values[:, _V5]
-        terms = (current, values[:, _V7] * _RAD_S, np.sign(current), np.ones(len(current)))
+        terms = (current, values[:, _V7] * RAD_S_PER_REV_MIN, np.sign(current), np.ones(len(current)))
         X = np.stack(terms, axis=1)
         usable = np.isfinite(X).all(axis=1) & np.isfinite(volts) & self._motor_side
         if not usable.any():
@@ -140,13 +142,13 @@ class Peak:
     @property
     def value(self) -> float:
         """The value, to within :data:`RESOLUTION`; zero before the first sample."""
-        return self._exceeded_by(_ABOVE * self._total)
+        return self._exceeded_by(PEAK_EXCEEDED_SHARE * self._total)
 
     @property
     def interval(self) -> Interval:
         """The value with its 95 % interval: how many of independent samples exceed it is left to chance."""
-        above = _ABOVE * self._total
-        half = _NORMAL_95 * above**0.5
+        above = PEAK_EXCEEDED_SHARE * self._total
+        half = NORMAL_95 * above**0.5
         low, high = self._exceeded_by(above + half), self._exceeded_by(max(above - half, 0.0))
         low, estimate, high = (float(f"{number:.4g}") for number in (low, self.value, high))
         return Interval(estimate=estimate, low=low, high=high)
@@ -198,7 +200,7 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
     """
     own = [record for record in records if record.equation == VOLTAGE]
     rows = [row for record in own for row in record.groups]
-    if len(rows) < _LEAST_GROUPS:
+    if len(rows) < LEAST_PARTS:
         return None
     grams = np.array([unpacked(row[1:], _SIZE) for row in rows])
     total = grams.sum(axis=0)
@@ -211,7 +213,7 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
     error = np.sqrt((spread**2).sum(axis=0) * (count - 1) / count)
     noise = _attenuation(total, value)
     value = value + noise / 2.0
-    half = stdtrit(count - 1, 0.975) * np.hypot(error, noise / np.sqrt(12.0))
+    half = stdtrit(count - 1, CENTRAL_95) * np.hypot(error, uniform_deviation(noise))
     resistance, back_emf, drop = (
         Interval(estimate=float(f"{v:.6g}"), low=float(f"{v - h:.6g}"), high=float(f"{v + h:.6g}"))
         for v, h in zip(value, half, strict=True)
@@ -234,7 +236,7 @@ def _solved(gram: Array) -> Array | None:
     if not (scale > 0.0).all():
         return None
     alike = normal / np.outer(scale, scale)
-    if np.abs(np.triu(alike, 1)).max() > _MOST_ALIKE:
+    if np.abs(np.triu(alike, 1)).max() > MOST_COLUMN_CORRELATION:
         return None
     solved: Array = np.linalg.solve(alike, right / scale) / scale
     return solved

@@ -12,13 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mavhums.core.arrays import Array
-
-NATURAL_SCATTER = 0.05
-"""Share of its mean by which a healthy actuator's friction scatters from flight to flight.
-
-A real electromechanical actuator on a bench scattered by 3–13 % from day to day.
-"""
-_PRIOR_FREEDOM = 9.0  # weight of the natural scatter, in flights
+from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM, NATURAL_SCATTER_SHARE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +40,7 @@ class Population:
 
 
 def population(
-    design: Array, values: Array, errors: Array, natural_scatter: float = NATURAL_SCATTER
+    design: Array, values: Array, errors: Array, natural_scatter: float = NATURAL_SCATTER_SHARE
 ) -> Population:
     """Fit flights; a lower bound prevents a few flights from showing too little scatter by chance.
 
@@ -72,13 +66,13 @@ def population(
     first = weighted(design, values, 1.0 / (errors**2 + own + 1e-300))[0]
     freedom = len(values) - p
     natural = (natural_scatter * float(first[0])) ** 2
-    pooled = (_PRIOR_FREEDOM * natural + freedom * own) / (_PRIOR_FREEDOM + freedom)
+    pooled = (NATURAL_SCATTER_FREEDOM * natural + freedom * own) / (NATURAL_SCATTER_FREEDOM + freedom)
     between = max(own, pooled)
     weights = 1.0 / (errors**2 + between)
     coefficients, residuals, inverse = weighted(design, values, weights)
     scale = max(float(residuals @ residuals) / freedom, 1.0)
     effective = float(weights.sum() ** 2 / (weights**2).sum()) - p
-    trusted = _PRIOR_FREEDOM if pooled > own else 0.0
+    trusted = NATURAL_SCATTER_FREEDOM if pooled > own else 0.0
     return Population(coefficients, scale * inverse, float(np.sqrt(between)), max(effective, 1.0) + trusted)
 
 

@@ -14,14 +14,12 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
+from mavhums.health.estimation.thresholds import GUARD_S, MOST_PLAUSIBLE, WINDOW_SLOTS
 
 BUS, SHAFT, SENSED, APART, AIRSPEED, TURNED = (len(KEYS) + k for k in range(6))
 MAGNITUDES = slice(len(KEYS) + 6, len(KEYS) + 9)
 COLUMNS = len(KEYS) + 9
-GUARD_S = 0.06
-_ABSURD = 1e9
 _V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
-WINDOW_SLOTS = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +98,7 @@ def widen(
         wide[:, APART] = measured[:, _V2] & measured[:, _V3]
         wide[:, TURNED] = measured[:, _V10] & ~measured[:, _V7]
         wide[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan
-    wide[~(np.abs(wide) < _ABSURD)] = np.nan
+    wide[~(np.abs(wide) < MOST_PLAUSIBLE)] = np.nan
     return wide
 
 

@@ -1,17 +1,106 @@
-"""Numbers of the estimation that a verdict rests on: what each trades, and what set it."""
+"""Numbers of the estimation on which a verdict rests: what each trades, and what set it.
+
+Where no benchmark or document is named, the number was chosen by hand and not swept.
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
-MOST_TWIST_OF_STIFFNESS: Final = 2.0
-CERTAIN_DIRECTION_TIMES_MOVING_SPEED: Final = 3.0
-STANDSTILL_OF_MOVING_SPEED: Final = 0.2
+# Length of a window, s. Longer ones estimate better and find later; benchmarks/health.py windows has
+# both.
+WINDOW_S: Final = 10.0
+
+# Slots of a window: fewer make its jackknife errors uncertain, more cost time.
+WINDOW_SLOTS: Final = 10
+
+# A sample is evidence if the motion lasts so long before and after it, s: the time in which a shaft takes
+# up the gear's play at a reversal. By hand, from the paper's actuator; not swept.
+GUARD_S: Final = 0.06
+
+# A longer gap between samples, in periods of the lowest rate, ends a motion: two may be lost, three not. By
+# hand.
+LONGEST_GAP_PERIODS: Final = 2.5
+
+# Longest step over which a speed is integrated to an angle, s: a pause of the telemetry is no travel. By
+# hand.
+LONGEST_INTEGRATED_STEP_S: Final = 0.5
+
+# Larger values are damage, in any unit; they would swamp sums of squares.
+MOST_PLAUSIBLE: Final = 1e9
+
+# Slots with samples that make an error meaningful: a jackknife over fewer is itself uncertain by half. By
+# hand.
+LEAST_FILLED_SLOTS: Final = 4
+
+# Parts of a flight that make an error meaningful, as above. By hand.
+LEAST_PARTS: Final = 4
+
+# Samples, as many to either side, that determine a flight's wear: fewer let single reversals decide. By
+# hand.
+LEAST_INFORMATION_SAMPLES: Final = 40.0
+
+# Samples that determine a flight's law of power; twice the above, because its columns are products. By
+# hand.
+LEAST_POWER_SAMPLES: Final = 80.0
+
+# Standard errors by which the load must show in the power: its law rests on ratios to this coefficient. By
+# hand.
+LOAD_SHOWS_ERRORS: Final = 5.0
+
+# Correlation of two columns beyond which current, speed and drop cannot be separated. By hand.
+MOST_COLUMN_CORRELATION: Final = 0.999
+
+# Share of samples that may exceed a sustained peak: a spike is no load. benchmarks/stall.py has what it
+# costs.
+PEAK_EXCEEDED_SHARE: Final = 0.001
+
+# Share of its mean by which a healthy actuator's friction scatters from flight to flight: 3–13 % from day
+# to day on a real actuator on a bench (docs/own-history.md). It costs sensitivity and keeps the promised
+# false alarms (docs/health.md, early detection with and without it).
+NATURAL_SCATTER_SHARE: Final = 0.05
+
+# Weight of the natural scatter, in degrees of freedom: as much as ten flights have (docs/own-
+# history.md).
+NATURAL_SCATTER_FREEDOM: Final = 9.0
+
+# Largest twist of the gear beside that of its stiffness; without a bound grave play under a small load
+# reads as twist. Set with benchmarks/severities.py, seeds 0–2 and 20–29.
+MOST_TWIST_PER_STIFFNESS: Final = 2.0
+
+# Moving speeds from which a single sample's direction is certain: slower ones may be sensor noise or have a
+# wrong derived sign. By hand.
+CERTAIN_DIRECTION_MOVING_SPEEDS: Final = 3.0
+
+# Moving speeds up to which a shaft stands: an ESC's speed noise at standstill. By hand.
+STANDSTILL_MOVING_SPEEDS: Final = 0.2
+
+# Current that shows a winding at standstill, A: three steps of ESC_TELEMETRY. Less is noise, whose
+# magnitude is no current.
 LOADED_AT_STANDSTILL_A: Final = 0.03
+
+# Prior deviation of the resistance: wide, because a fault may have changed it. By hand.
 RESISTANCE_PRIOR_SHARE: Final = 0.2
+
+# Prior deviation of the torque constant: wide, because a fault may have changed it. By hand.
 BACK_EMF_PRIOR_SHARE: Final = 0.1
+
+# Speed from which a rotor moves whose gear is not known, rev/min: noise of ESC telemetry is below. By
+# hand.
 MOVING_ROTOR_REV_MIN: Final = 50.0
+
+# Speed from which a shaft moves by its angle alone, °/s: noise of 0.02° is 0.7 °/s between neighbours at 50
+# Hz.
 MOVING_ANGLE_DEG_S: Final = 2.5
+
+# Slower telemetry is no evidence for an own-scale equation, Hz: at 25 Hz the figures of docs/own-history.md
+# hold.
 OWN_RATE_HZ: Final = 20.0
+
+# Flights of a baseline: with five neither the promised false alarms nor the stated least rise are kept
+# (docs/own-history.md, 10 % scatter).
 OWN_FLIGHTS: Final = 10
+
+# Flights of a baseline by position only, whose line over the activity takes one more coefficient (docs/own-
+# history.md).
 TRACKING_FLIGHTS: Final = 20

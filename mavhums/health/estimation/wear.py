@@ -11,18 +11,20 @@ from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.flight_sums import KEPT, LINEAR, POWER_COLUMNS, QUADRATIC, WEAR
 from mavhums.health.estimation.grams import eliminated, unpacked
+from mavhums.health.estimation.thresholds import (
+    LEAST_INFORMATION_SAMPLES,
+    LEAST_PARTS,
+    LEAST_POWER_SAMPLES,
+    LOAD_SHOWS_ERRORS,
+)
 from mavhums.report.assessment import OwnRecord
 
 _SIGN, _LEFT = KEPT.index("sign"), KEPT.index("left")
 _SPEED, _ACCELERATION = KEPT.index("speed"), KEPT.index("acceleration")
 _LOAD, _ANGLE = KEPT.index("load"), KEPT.index("angle")
-_LEAST_GROUPS = 4
-_LEAST_INFORMATION = 40.0  # samples, as many to either side
 _C, _D, _E = QUADRATIC.index(9), QUADRATIC.index(11), QUADRATIC.index(12)
 _POWER = POWER_COLUMNS - 1
-_LEAST_SAMPLES = 80.0
 _ROUNDS = 4
-_SURE = 5.0  # standard errors by which the load must show in the power
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +67,7 @@ def _columns(record: OwnRecord) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 def _shows_linear(record: OwnRecord) -> bool:
     """Return whether a flight has enough motion in both directions to determine the wear."""
-    return information(record) >= _LEAST_INFORMATION and len(record.groups) >= _LEAST_GROUPS
+    return information(record) >= LEAST_INFORMATION_SAMPLES and len(record.groups) >= LEAST_PARTS
 
 
 def information(record: OwnRecord) -> float:
@@ -168,7 +170,7 @@ class Law:
 
 def _shows_power(record: OwnRecord) -> bool:
     """Return whether a flight has enough motion to determine its friction."""
-    return len(record.groups) >= _LEAST_GROUPS and sum(row[0] for row in record.groups) >= _LEAST_SAMPLES
+    return len(record.groups) >= LEAST_PARTS and sum(row[0] for row in record.groups) >= LEAST_POWER_SAMPLES
 
 
 def _learned_power(records: Sequence[OwnRecord]) -> Law | None:
@@ -261,7 +263,7 @@ def _law(total: Array, friction: float) -> Law | None:
     alike = normal / np.outer(scale, scale)
     quadratic: Array = np.linalg.lstsq(alike, total[terms, _POWER] / scale, rcond=1e-9)[0] / scale
     load_alone = 1.0 / float(np.linalg.pinv(alike, rcond=1e-9)[_C, _C]) ** 0.5 * float(scale[_C])
-    sure = abs(float(quadratic[_C])) * load_alone > _SURE
+    sure = abs(float(quadratic[_C])) * load_alone > LOAD_SHOWS_ERRORS
     return Law(quadratic, friction) if sure else None
 
 

@@ -12,22 +12,25 @@ from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
-from mavhums.health.decision.limits import FALSE_ALARMS, tail_of
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED
+from mavhums.health.decision.limits import tail_of
+from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.random_effects import Population, population
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.estimation.wear import Individual, Wear, grams_of, information, learned, wear
 from mavhums.health.self_baseline.past import PastRecord, compared
+from mavhums.health.self_baseline.thresholds import (
+    BEYOND_ACTIVITY,
+    BEYOND_K,
+    BLURRED_TIMES,
+    SHOWN_FLIGHTS,
+    TRAILING_FLIGHTS,
+    WARMTH_K,
+)
 from mavhums.report.assessment import Interval, OwnRecord
 
-_WINDOW_S = 10.0
-_MOST_TAIL = 0.01
-_TRAILING = 100
-_LEAST_FLIGHTS = 4
-_BLURRED = 3.0  # times the baseline's largest error, by information; of healthy flights at most 2.4
-_WARMTH_K = 5.0  # temperature difference among the flights from which the slope can be determined
-_BEYOND_K = 3.0
-_ACTIVITY = 0.2  # of the logarithm: a fifth
 _ACCELERATION = KEPT.index("acceleration")
 _Of = Callable[[OwnRecord], float | None]
 
@@ -108,7 +111,7 @@ def compare(
         why = f"its flight was {healthy.beyond(own)} than any of its baseline"
         return Comparison("undecided", _interval(held), healthy.shown, needed, why=why)
     rise, bound, found = healthy.rise(held, own, false_alarms)
-    trailing = after[-_TRAILING:]
+    trailing = after[-TRAILING_FLIGHTS:]
     return Comparison(
         condition="changed" if rise > bound else "unchanged",
         value=_interval(held),
@@ -142,7 +145,7 @@ class _Healthy:
         """Learn from reference flights; ``warm`` is True if the flight's temperature is known."""
         nuisances = learned(records)
         shown = [(w, r) for r in records if (w := wear(r, nuisances))]
-        if nuisances is None or len(shown) < _LEAST_FLIGHTS:
+        if nuisances is None or len(shown) < SHOWN_FLIGHTS:
             return None
         values = np.array([w.value for w, _ in shown])
         errors = np.array([w.error for w, _ in shown])
@@ -150,7 +153,7 @@ class _Healthy:
         flights = population(np.array([_row(known, r) for _, r in shown]), values, errors)
         noise = max(w.error * information(r) ** 0.5 for w, r in shown) if equation.blurs else np.inf
         sign = float(np.sign(flights.coefficients[0])) or 1.0
-        return cls(nuisances, flights, known, sign, len(shown), _BLURRED * noise)
+        return cls(nuisances, flights, known, sign, len(shown), BLURRED_TIMES * noise)
 
     def _row(self, record: OwnRecord) -> Array:
         return _row(self.differences, record)
@@ -168,23 +171,23 @@ class _Healthy:
         variance = self.flights.variance_at(self._row(record))
         own = min(held.error, self.noise / information(record) ** 0.5) ** 2
         freedom = (variance + own) ** 2 / (variance**2 / self.flights.freedom + own**2 / held.freedom)
-        tail = min(tail_of(false_alarms) * max(record.duration_s / _WINDOW_S, 1.0), _MOST_TAIL)
+        tail = min(tail_of(false_alarms) * max(record.duration_s / WINDOW_S, 1.0), MOST_FLIGHT_TAIL)
         error = (variance + own) ** 0.5
         bound = float(stdtrit(freedom, 1.0 - tail)) * error
-        return self.sign * (held.value - self.mean(record)), bound, bound + 1.645 * error
+        return self.sign * (held.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
 
     def relative(self, held: Wear, record: OwnRecord) -> Interval:
         """Return the relative change with its 95 % interval."""
         mean = self.mean(record)
         change = held.value / mean - 1.0
         error = (held.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
-        half = float(stdtrit(min(held.freedom, self.flights.freedom), 0.975)) * error
+        half = float(stdtrit(min(held.freedom, self.flights.freedom), CENTRAL_95)) * error
         return Interval(estimate=change, low=change - half, high=change + half)
 
     def prediction(self, record: OwnRecord) -> Interval:
         """Return the 95 % interval of a healthy flight's value."""
         mean, row = self.mean(record), self._row(record)
-        half = float(stdtrit(self.flights.freedom, 0.975)) * self.flights.variance_at(row) ** 0.5
+        half = float(stdtrit(self.flights.freedom, CENTRAL_95)) * self.flights.variance_at(row) ** 0.5
         return Interval(estimate=mean, low=mean - half, high=mean + half)
 
     def since(self, after: list[tuple[int, str, OwnRecord]], false_alarms: float) -> Onset | None:
@@ -211,7 +214,7 @@ def _still(equation: OwnEquation, flights: int) -> Comparison:
 
 
 def _interval(of: Wear) -> Interval:
-    half = float(stdtrit(of.freedom, 0.975)) * of.error
+    half = float(stdtrit(of.freedom, CENTRAL_95)) * of.error
     return Interval(estimate=of.value, low=of.value - half, high=of.value + half)
 
 
@@ -265,11 +268,11 @@ def differences(equation: OwnEquation, records: Sequence[OwnRecord], *, warm: bo
         Whether the temperature of the judged flight is known.
     """
     found = []
-    warmth = _difference(_temperature, records, _BEYOND_K, "colder", "warmer")
-    if warm and warmth is not None and warmth.high - warmth.low >= _WARMTH_K:
+    warmth = _difference(_temperature, records, BEYOND_K, "colder", "warmer")
+    if warm and warmth is not None and warmth.high - warmth.low >= WARMTH_K:
         found.append(warmth)
     if equation.by_activity:
-        activity = _difference(_activity, records, _ACTIVITY, "calmer", "rougher")
+        activity = _difference(_activity, records, BEYOND_ACTIVITY, "calmer", "rougher")
         if activity is not None and activity.high > activity.low:
             found.append(activity)
     return found

@@ -14,23 +14,27 @@ from math import hypot
 import numpy as np
 from scipy.special import stdtrit
 
+from mavhums.core.statistics import CENTRAL_95
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.estimation.wear import _learned_linear, _linear_wear
 from mavhums.health.self_baseline.comparison import Comparison
-from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord, record_of
+from mavhums.health.self_baseline.past import PastRecord, record_of
+from mavhums.health.self_baseline.thresholds import (
+    LEAST_CONSTANT_LOSS_SHARE,
+    MOTOR_FLIGHTS,
+    OVER_SUPPLY_TIMES,
+    REFERENCE_FLIGHTS,
+    STALL_BIAS_SHARE,
+)
 from mavhums.report.assessment import Indicator, Interval, OwnRecord
 
 _RESISTANCE, _BACK_EMF = "winding_own", "back_emf_own"
 MOTOR_FAULTS = (_RESISTANCE, _BACK_EMF)
 """Names of the indicators."""
-_NEEDED = 10
 _FRICTION, _TORQUE = "friction_of_stall", "torque_of_stall"
 STALL_SHARES = (_FRICTION, _TORQUE)
 """Names of the indicators."""
-_BIAS = 0.1  # of the friction current's level, by flight mode; it cancels only in a comparison with the past
-_ABOVE = 1.1  # of the stated supply: a voltage at the motor beyond it shows that the statement is wrong
-_LEAST_LOSS = 0.03
 
 
 def motor_indicators(records: Sequence[OwnRecord], past: Sequence[PastRecord]) -> tuple[Indicator, ...]:
@@ -74,7 +78,7 @@ def _indicator(
     fault: str, quantity: str, unit: str, value: Interval, earlier: Sequence[Interval], parts: int
 ) -> Indicator:
     half = (value.high - value.low) / 2.0
-    error = half / float(stdtrit(max(parts - 1, 1), 0.975))
+    error = half / float(stdtrit(max(parts - 1, 1), CENTRAL_95))
     return Indicator(
         fault=fault,
         quantity=quantity,
@@ -84,18 +88,18 @@ def _indicator(
         scatter=float(f"{error * parts**0.5:.4g}"),
         baseline=_prediction(earlier),
         baseline_flights=len(earlier),
-        needed_flights=_NEEDED,
+        needed_flights=MOTOR_FLIGHTS,
     )
 
 
 def _prediction(earlier: Sequence[Interval]) -> Interval | None:
     """Return the 95 % prediction interval of another flight; None from too few."""
     count = len(earlier)
-    if count < _NEEDED:
+    if count < MOTOR_FLIGHTS:
         return None
     values = np.array([interval.estimate for interval in earlier])
     mean, spread = float(values.mean()), float(values.std(ddof=1)) * (1.0 + 1.0 / count) ** 0.5
-    half = float(stdtrit(count - 1, 0.975)) * spread
+    half = float(stdtrit(count - 1, CENTRAL_95)) * spread
     low, estimate, high = (float(f"{number:.5g}") for number in (mean - half, mean, mean + half))
     return Interval(estimate=estimate, low=low, high=high)
 
@@ -123,7 +127,7 @@ def lacking(records: Sequence[OwnRecord]) -> str | None:
         return "the supply's voltage is not known; set supply_voltage in the profile"
     supply = max(record.supply_v or 0.0 for record in records)
     highest = max(record.peak_v or 0.0 for record in records)
-    if highest > _ABOVE * supply:
+    if highest > OVER_SUPPLY_TIMES * supply:
         return f"the motor had {highest:g} V, more than the supply_voltage of {supply:g} V in the profile"
     if not all(record.peak_a for record in records):
         return "the records do not tell the highest current; analyse the logs again"
@@ -152,7 +156,7 @@ def shares(records: Sequence[OwnRecord], found: Identified, friction: Interval |
     error = hypot(_relative(found.resistance), _half(found.drop) / volts)
     peak = max((record.peak_a for record in own if record.peak_a), key=lambda one: one.estimate)
     torque = _share(peak, per_ampere, error)
-    return Shares(friction and _share(friction, per_ampere, hypot(error, _BIAS)), torque)
+    return Shares(friction and _share(friction, per_ampere, hypot(error, STALL_BIAS_SHARE)), torque)
 
 
 def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
@@ -183,7 +187,7 @@ def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
     count = len(found)
     between = float(values.std(ddof=1)) if count > 1 else 0.0
     error = max(float(np.hypot.reduce(errors)) / count, between / count**0.5)
-    half = float(stdtrit(max(count - 1.0, freedom.min()), 0.975)) * error
+    half = float(stdtrit(max(count - 1.0, freedom.min()), CENTRAL_95)) * error
     mean = float(values.mean())
     return Interval(estimate=mean, low=mean - half, high=mean + half)
 
@@ -259,4 +263,4 @@ def constant_lost(
     left = now.back_emf.estimate / known.back_emf.estimate
     rest = (1.0 + found.change.estimate) * left - 1.0
     explained = rest < min(found.least_rise, found.change.estimate / 2.0)
-    return 1.0 - left if explained and 1.0 - left >= _LEAST_LOSS else None
+    return 1.0 - left if explained and 1.0 - left >= LEAST_CONSTANT_LOSS_SHARE else None

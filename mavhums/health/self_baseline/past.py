@@ -9,11 +9,8 @@ from typing import NamedTuple
 from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.wear import shows
+from mavhums.health.self_baseline.thresholds import ALIKE_RATE_RATIO, REFERENCE_FLIGHTS
 from mavhums.report.assessment import OwnRecord
-
-REFERENCE_FLIGHTS = 20
-"""The flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter."""
-_RATE_RATIO = 1.25
 
 
 class PastRecord(NamedTuple):
@@ -64,7 +61,7 @@ def compared(
 
 def _alike(one: OwnRecord, other: OwnRecord) -> bool:
     faster, slower = max(one.rate_hz, other.rate_hz), min(one.rate_hz, other.rate_hz)
-    return one.setup == other.setup and faster <= _RATE_RATIO * slower
+    return one.setup == other.setup and faster <= ALIKE_RATE_RATIO * slower
 
 
 def comparable(records: Sequence[OwnRecord]) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mavhums.core.conditions import Condition
-from mavhums.health.decision.limits import FALSE_ALARMS
+from mavhums.core.statistics import ERRORS_95
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
@@ -19,6 +20,7 @@ from mavhums.health.self_baseline.motor import (
     stall_indicators,
 )
 from mavhums.health.self_baseline.past import PastRecord, record_of
+from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE
 from mavhums.report.assessment import (
     Evidence,
     Indicator,
@@ -29,7 +31,6 @@ from mavhums.report.assessment import (
 )
 
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
-_SURE = 0.999
 _CONSTANT = "torque_constant"
 _OF_THE_MOTOR = (*MOTOR_FAULTS, *STALL_SHARES)
 _MAGNETS = "inspect the motor's magnets, which age and suffer from heat"
@@ -71,7 +72,7 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
     indicators.extend(motor_indicators(verdict.own, past))
     indicators.extend(stall_indicators(verdict.own, motor_of(verdict.own), current))
     if found.condition == "changed":
-        suspects.append(Suspect(fault=fault, confidence=_SURE))
+        suspects.append(Suspect(fault=fault, confidence=CHANGED_CONFIDENCE))
     return verdict.model_copy(
         update={
             "condition": found.condition,
@@ -112,7 +113,7 @@ def _kind(equation: OwnEquation) -> str:
 
 def _indicator(equation: OwnEquation, record: OwnRecord, found: Comparison, value: Interval) -> Indicator:
     windows = len(record.groups)
-    error = (value.high - value.low) / 4.0
+    error = (value.high - value.low) / 2 / ERRORS_95
     return Indicator(
         fault=equation.fault,
         quantity=equation.quantity,

@@ -11,7 +11,9 @@ from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
-from mavhums.health.actuator.monitor import WINDOW_S, Findings
+from mavhums.health.actuator.monitor import Findings
+from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import WEAR_UNSEEN, obstacle
 from mavhums.report.assessment import (
     ALL,
@@ -26,8 +28,6 @@ from mavhums.report.assessment import (
 )
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
-
-_MOSTLY = 0.1
 
 
 class Held(NamedTuple):
@@ -246,7 +246,7 @@ def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[st
 def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
     """Return reason and remedy if most values of a quantity are implausible for this actuator."""
     shares = {key: refused / told for key, (refused, told) in implausible.items()}
-    worst = [key for key, share in shares.items() if share > _MOSTLY]
+    worst = [key for key, share in shares.items() if share > IMPLAUSIBLE_SHARE]
     if not worst:
         return None
     share = f"{100 * max(shares.values()):.0f} %"

@@ -8,9 +8,11 @@ from types import MappingProxyType
 from typing import Final
 
 from mavhums.core.conditions import SEVERITY
+from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.monitor import AxisFindings
-from mavhums.health.axis.past import LEAST_FLIGHTS
-from mavhums.health.axis.reference import REFERENCE_S, Reference
+from mavhums.health.axis.reference import Reference
+from mavhums.health.axis.thresholds import LAG_ERROR_S, PAST_FLIGHTS, REFERENCE_S, WINDOW_DEVIATION
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.report.assessment import Indicator, Interval, Since, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
@@ -22,12 +24,8 @@ _BEGINS_IN_FLIGHT: Final = (
     "the log begins in flight: normal is what it was then, and nothing tells whether that was healthy",
     "record from before take-off, or compare with earlier flights (--history)",
 )
-_NORMAL_95: Final = 1.96
 _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m")}
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
-_WINDOW_S: Final = 10.0
-_WINDOW_ERROR: Final = 0.10  # relative deviation of the gain of ten seconds
-_LAG_ERROR_S: Final = 0.03  # candidates are 0.05 s apart
 
 
 def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
@@ -119,7 +117,7 @@ def indicators(findings: AxisFindings) -> Iterator[Indicator]:
     scale = abs(reference.gain) / reference.speed**power
     yield _indicator("effectiveness", "control gain", unit, scale * share, scale * error)
     lag_s = reference.shape.delay_rows / RATE_HZ + reference.shape.tau_s
-    yield _indicator("slow", "lag", "s", lag_s, _LAG_ERROR_S)
+    yield _indicator("slow", "lag", "s", lag_s, LAG_ERROR_S)
     for fault, (value, known) in reference.constants.items():
         yield _indicator(fault, *_CONSTANTS[fault], value, known)
 
@@ -133,15 +131,15 @@ def _share(findings: AxisFindings, reference: Reference) -> tuple[float, float]:
     if k is None:
         return 1.0, reference.error
     if SEVERITY[findings.condition] > SEVERITY["normal"]:
-        return k.estimate, (k.high - k.low) / 2 / _NORMAL_95
-    own, after = REFERENCE_S / _WINDOW_S, float(findings.windows)
+        return k.estimate, (k.high - k.low) / 2 / NORMAL_95
+    own, after = REFERENCE_S / WINDOW_S, float(findings.windows)
     share = (own + after * k.estimate) / (own + after)
-    error = ((own * reference.error) ** 2 + after * _WINDOW_ERROR**2) ** 0.5 / (own + after)
+    error = ((own * reference.error) ** 2 + after * WINDOW_DEVIATION**2) ** 0.5 / (own + after)
     return share, error
 
 
 def _indicator(fault: str, quantity: str, unit: str, value: float, error: float) -> Indicator:
-    half = _NORMAL_95 * error
+    half = NORMAL_95 * error
     numbers = {"estimate": value, "low": value - half, "high": value + half}
     return Indicator(
         fault=fault,
@@ -150,5 +148,5 @@ def _indicator(fault: str, quantity: str, unit: str, value: float, error: float)
         value=Interval(**{name: float(f"{number:.5g}") for name, number in numbers.items()}),
         windows=REFERENCE_S,
         scatter=float(f"{error * REFERENCE_S**0.5:.4g}"),
-        needed_flights=LEAST_FLIGHTS,
+        needed_flights=PAST_FLIGHTS,
     )

@@ -7,8 +7,19 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
-from mavhums.health.axis.monitor import NORMAL_S, AxisFindings
-from mavhums.health.axis.reference import REFERENCE_S
+from mavhums.health.axis.monitor import AxisFindings
+from mavhums.health.axis.thresholds import (
+    DOUBTED_AIRSPEED_S,
+    LEAST_SPEED_SHARE,
+    MOST_BANK_DEG,
+    MOST_LATE_SHARE,
+    MOST_PITCH_DEG,
+    NEEDED_HZ,
+    NEEDED_PITCH_HZ,
+    NORMAL_EFFECTIVENESS,
+    NORMAL_S,
+    REFERENCE_S,
+)
 from mavhums.vehicle.flight import LEAST_SPEED, Flight
 from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
 from mavhums.vehicle.order import Received
@@ -23,14 +34,12 @@ WEAR_UNSEEN = "no servo current or speed in the log, so wear cannot be seen"
 _DRAFT = (
     "name one with --airframe: `mavhums profile new LOG -o mine.toml` drafts it from the log's parameters"
 )
-_DOUBTED_S: Final = 10
 _JUDGED_S: Final = REFERENCE_S + NORMAL_S
 _WINGED: Final = ("fixed wing", "VTOL", "quadplane", "tiltrotor", "tailsitter")
 _WINGED_TYPES: Final = {1, *range(19, 26)}
 _FIXED_WINGS_ONLY: Final = "control effectiveness is judged for fixed-wing aircraft in forward flight only"
 _LONGER: Final = f"choose a log with {_JUDGED_S} s or more of forward flight"
 _IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
-_MUCH: Final = 0.2  # of a stream: below, its verdicts hardly change
 _PX4: Final = 12  # MAV_AUTOPILOT_PX4
 _OUTPUTS: Final = ("SERVO_OUTPUT_RAW", "RCOU", "actuator_outputs")
 _NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
@@ -158,7 +167,7 @@ def disorder(received: Mapping[str, Received]) -> str:
     return ", ".join(
         f"of {message} {kept} of {kept + late} samples came in time"
         for message, (kept, late, _) in received.items()
-        if late > _MUCH * (kept + late)
+        if late > MOST_LATE_SHARE * (kept + late)
     )
 
 
@@ -207,7 +216,7 @@ def _obstacles(
         yield Obstacle(against, _CORRECT)
     elif not outputs:
         yield _unnamed(axis, surfaces, flight)
-    if flight.doubted_s >= _DOUBTED_S:
+    if flight.doubted_s >= DOUBTED_AIRSPEED_S:
         reason = f"for {flight.doubted_s} s the airspeed sensor contradicts ground speed and wind"
         yield Obstacle(f"{reason}, so that the rest is too little", "inspect the pitot tube, then fly again")
     if findings.reference is not None:
@@ -220,7 +229,7 @@ def _unmeasured(
     findings: AxisFindings, flight: Flight, received: Mapping[str, Received]
 ) -> Iterator[Obstacle]:
     """Yield what no flight as it was recorded can tell: streams that are too slow or absent."""
-    axis, needed_hz = findings.axis, 10 if findings.axis == "pitch" else 3
+    axis, needed_hz = findings.axis, NEEDED_PITCH_HZ if findings.axis == "pitch" else NEEDED_HZ
     slow = _slow(findings, flight)
     if slow:
         yield Obstacle(
@@ -266,7 +275,8 @@ def _unclear(findings: AxisFindings) -> Obstacle:
     coverage, found = findings.coverage, findings.effectiveness
     if coverage.decidable >= NORMAL_S and found is not None:
         kept = f"{100 * found.estimate:.0f} % ({100 * found.low:.0f}–{100 * found.high:.0f})"
-        reason = f"control left {kept} is neither certainly above 60 % nor certainly a loss"
+        least = f"{100 * NORMAL_EFFECTIVENESS:.0f} %"
+        reason = f"control left {kept} is neither certainly above {least} nor certainly a loss"
     else:
         reason = (
             f"{coverage.decidable} of {coverage.windows} seconds since the reference were excited enough, "
@@ -280,8 +290,9 @@ def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
     axis, best, needs = findings.axis, findings.best, findings.needs
     if best is None:
         reason = (
-            f"no {REFERENCE_S} s within two minutes were flown within 60° of bank, 34° of pitch and 85 % of "
-            f"the usual speed, with the surfaces of {axis} in motion"
+            f"no {REFERENCE_S} s within two minutes were flown within {MOST_BANK_DEG}° of bank, "
+            f"{MOST_PITCH_DEG}° of pitch and {100 * LEAST_SPEED_SHARE:.0f} % of the usual speed, with the "
+            f"surfaces of {axis} in motion"
         )
         yield Obstacle(reason, "fly straight legs and gentle turns in the first three minutes")
         return

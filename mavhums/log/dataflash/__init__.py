@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from mavhums.log.base.decoder import PIECE, Refusal
 from mavhums.log.dataflash.decoder import DataFlashDecoder
-from mavhums.log.dataflash.refusals import refusal
+from mavhums.log.dataflash.scanner import RecordScanner
 
 __all__ = ["DataFlashDecoder", "decoder", "refusal"]
 
@@ -13,3 +14,24 @@ __all__ = ["DataFlashDecoder", "decoder", "refusal"]
 def decoder(messages: Collection[str] | None) -> DataFlashDecoder:
     """Return a new decoder of the wanted message types, all if None."""
     return DataFlashDecoder(messages)
+
+
+def refusal(head: bytes) -> Refusal | None:
+    """Return why a log that begins with ``head`` cannot be read; None if it can."""
+    scanner = RecordScanner()
+    columns: list[list[bytes]] = []
+    # Definitions stand first: the rest of the megabyte is scanned only where none of them has a time.
+    for place in range(0, len(head), PIECE):
+        scanner.feed(head[place : place + PIECE], final=place + PIECE >= len(head))
+        columns = [body[22:].tobytes().split(b"\0")[0].split(b",") for body in scanner.bodies[1:]]
+        if any(fields[0] == b"TimeUS" for fields in columns):
+            return None
+    if any(b"TimeMS" in fields for fields in columns):
+        return Refusal(
+            "this DataFlash log is older than TimeUS (ArduPilot of before 2015)",
+            "update the autopilot's firmware, or judge the telemetry log (.tlog) of the flight",
+        )
+    return Refusal(
+        "this DataFlash log does not define its records (no FMT in its first megabyte)",
+        "in a copy, put the first 20 kB of another log of the same firmware before it",
+    )

@@ -12,13 +12,12 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.log.flags import ODD_TIME
-from mavhums.log.tables import Table
+from mavhums.log.base.tables import ODD_TIME, Table
 
-__all__ = ["NEEDED", "Dating"]
+__all__ = ["DATING_MESSAGES", "Dating"]
 
-NEEDED: Final = frozenset({"PARM", "GPS"})
-"""Messages that tell."""
+DATING_MESSAGES: Final = frozenset({"PARM", "GPS"})
+"""Messages with the vehicle's id and the date."""
 
 _IDS: Final = (b"SYSID_THISMAV", b"MAV_SYSID")
 _HELD: Final = 1 << 20
@@ -63,7 +62,7 @@ class Dating:
         self._identified = False
         self.end = start + _HELD
 
-    def listen(self, tables: Mapping[str, Table]) -> None:
+    def observe(self, tables: Mapping[str, Table]) -> None:
         """Process the records before ``end``."""
         parameters, positions = tables.get("PARM"), tables.get("GPS")
         if parameters is not None and not self._identified:

@@ -4,30 +4,25 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
-from typing import Final, NamedTuple
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums.log.dataflash._columns import Lexicon, Placed
-from mavhums.log.dataflash.dating import NEEDED, Dating
-from mavhums.log.dataflash.scanner import Batch, RecordScanner
-from mavhums.log.losses import Losses, Region
-from mavhums.log.tables import Table
+from mavhums.core.arrays import Integers
+from mavhums.log.base.decoder import join_tables
+from mavhums.log.base.losses import Losses
+from mavhums.log.base.records import RowContext
+from mavhums.log.base.scanner import Batch
+from mavhums.log.base.tables import Table
+from mavhums.log.dataflash.dating import DATING_MESSAGES, Dating
+from mavhums.log.dataflash.definitions import Definitions
+from mavhums.log.dataflash.scanner import RecordScanner
 
 __all__ = ["DataFlashDecoder"]
 
-_REGIONS_TOLD: Final = 100
 _PIECE: Final = 1 << 16
 _DROPS: Final = frozenset({"DSF"})
-
-
-class _Part(NamedTuple):
-    """The records of one log of the stream within one batch."""
-
-    batch: Batch
-    rows: NDArray[np.void]
-    boot: int
 
 
 class DataFlashDecoder:
@@ -53,11 +48,11 @@ class DataFlashDecoder:
         self._messages = None if messages is None else frozenset(messages)
         self._gathered = None if self._messages is None else self._messages | _DROPS
         self._scanner = RecordScanner()
-        self._lexicon = Lexicon()
+        self._definitions = Definitions()
         self._datings: dict[int, Dating] = {0: Dating(0)}
-        self._pending: deque[_Part] = deque()
+        self._pending: deque[Batch] = deque()
         self._held: list[bytes] = []
-        self._counts: dict[int, NDArray[np.int64]] = {}
+        self._counts: dict[int, Integers] = {}
         self._frames = 0
         self._span: tuple[int, int] | None = None
         self._firsts: dict[int, int] = {}
@@ -76,9 +71,9 @@ class DataFlashDecoder:
         out: Counter[tuple[int, int, str]] = Counter()
         for vehicle, counts in self._counts.items():
             for k in np.flatnonzero(counts).tolist():
-                definition = self._lexicon.definitions[k]
-                if definition is not None:
-                    out[vehicle, 0, definition.name] += int(counts[k])
+                name = self._definitions.name(k)
+                if name is not None:
+                    out[vehicle, 0, name] += int(counts[k])
         return dict(out)
 
     @property
@@ -92,8 +87,8 @@ class DataFlashDecoder:
         out: Counter[int] = Counter()
         for counts in self._counts.values():
             for k in np.flatnonzero(counts).tolist():
-                if self._lexicon.definitions[k] is None:
-                    out[self._lexicon.numbers[k]] += int(counts[k])
+                if self._definitions.name(k) is None:
+                    out[self._definitions.numbers[k]] += int(counts[k])
         return dict(out)
 
     @property
@@ -114,19 +109,8 @@ class DataFlashDecoder:
     @property
     def losses(self) -> Losses:
         """Losses so far: unreadable data, and records that the logger reports as dropped."""
-        totals = self._scanner.totals
-        return Losses(
-            bytes_skipped=totals.skipped,
-            damaged_regions=totals.regions,
-            unknown_frames=sum(self.unknown.values()),
-            implausible_times=totals.odd_times,
-            cut_end_bytes=totals.cut_end,
-            regions=tuple(Region(offset=o, size=n) for o, n in self._scanner.regions[:_REGIONS_TOLD]),
-            trailing_zeros=totals.filler,
-            time_jumps=totals.jumps,
-            time_rewinds=totals.rewinds,
-            logger_dropped=sum(self._dropped.values()),
-        )
+        dropped = sum(self._dropped.values())
+        return self._scanner.losses(unknown_frames=sum(self.unknown.values()), logger_dropped=dropped)
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
         """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows."""
@@ -135,53 +119,49 @@ class DataFlashDecoder:
             return {}  # no output yet, and small pieces would be inefficient
         batch = self._scanner.feed(b"".join(self._held), final=final)
         self._held.clear()
-        self._lexicon.learn(self._scanner.bodies)
+        self._definitions.learn(self._scanner.bodies)
         for part in _by_boot(batch):
-            if part.boot not in self._datings:
-                self._datings[part.boot] = Dating(int(part.rows["offset"][0]))
-            times = part.rows["time_us"]
-            if part.boot not in self._firsts and times[-1] >= 0:
-                self._firsts[part.boot] = int(times[times >= 0][0])
-            self._listen(part)
+            boot, times = _boot_of(part), part.rows["time_us"]
+            if boot not in self._datings:
+                self._datings[boot] = Dating(int(part.rows["offset"][0]))
+            if boot not in self._firsts and times[-1] >= 0:
+                self._firsts[boot] = int(times[times >= 0][0])
+            self._date(part)
             self._pending.append(part)
-        parts: dict[str, list[Table]] = {}
-        for tables in self._settled(final=final):
-            for name, table in tables.items():
-                parts.setdefault(name, []).append(table)
-        return {name: Table.concatenate(tables) for name, tables in parts.items()}
+        return join_tables([table for tables in self._settled(final=final) for table in tables])
 
-    def _listen(self, part: _Part) -> None:
-        dating = self._datings[part.boot]
+    def _date(self, part: Batch) -> None:
+        dating = self._datings[_boot_of(part)]
         if not dating.is_settled(int(part.rows["offset"][0])):
-            rows = part.rows[part.rows["offset"] < dating.end]
-            dating.listen(self._lexicon.tables(part.batch, rows, NEEDED).tables)
+            before_end = replace(part, rows=part.rows[part.rows["offset"] < dating.end])
+            dating.observe(self._definitions.gather(before_end, DATING_MESSAGES, RowContext()).tables)
 
-    def _settled(self, *, final: bool) -> Iterator[dict[str, Table]]:
+    def _settled(self, *, final: bool) -> Iterator[list[Table]]:
         """Yield the tables of the parts whose vehicle and date are final."""
         while self._pending:
-            part = self._pending[0]
-            followed = self._pending[-1].boot > part.boot
-            if not (final or followed or self._datings[part.boot].is_settled(self._scanner.position)):
+            boot = _boot_of(self._pending[0])
+            followed = _boot_of(self._pending[-1]) > boot
+            if not (final or followed or self._datings[boot].is_settled(self._scanner.position)):
                 return
-            yield self._tables(self._pending.popleft())
+            yield self._tables(boot, self._pending.popleft())
 
-    def _tables(self, part: _Part) -> dict[str, Table]:
-        vehicle, shift = self._datings[part.boot].vehicle, self._shift_of(part.boot)
-        placed = Placed(vehicle, self._frames, self._firsts.get(part.boot, 0), shift)
-        found = self._lexicon.tables(part.batch, part.rows, self._gathered, placed)
+    def _tables(self, boot: int, part: Batch) -> list[Table]:
+        vehicle, shift, first = self._datings[boot].vehicle, self._shift_of(boot), self._firsts.get(boot, 0)
+        times = part.rows["time_us"]
+        times[times < 0] = first  # records before the log's first time have this one
+        context = RowContext(self._frames, shift, vehicle)
+        found = self._definitions.gather(part, self._gathered, context)
         counts = found.counts.copy()
         before = self._counts.get(vehicle, counts[:0])
         counts[: before.size] += before
         self._counts[vehicle] = counts
-        self._frames += int(found.counts[self._lexicon.known].sum())
-        if part.boot in self._firsts:
-            first, last = self._firsts[part.boot] + shift, int(part.rows["time_us"].max()) + shift
-            begun = first if self._span is None else self._span[0]
-            self._span = begun, max(first, last, self._span[1] if self._span else first)
-        self._note_drops(part.boot, found.tables.get("DSF"))
-        if self._messages is None:
-            return found.tables
-        return {name: table for name, table in found.tables.items() if name in self._messages}
+        self._frames += int(found.counts[self._definitions.known[:-1]].sum())
+        if boot in self._firsts:
+            last = max(first, int(times.max())) + shift
+            begun, ended = self._span or (first + shift, last)
+            self._span = begun, max(last, ended)
+        self._note_drops(boot, found.tables.get("DSF"))
+        return [t for name, t in found.tables.items() if self._messages is None or name in self._messages]
 
     def _shift_of(self, boot: int) -> int:
         """Return the time offset of a log; an undated log continues where the previous one ended."""
@@ -201,13 +181,14 @@ class DataFlashDecoder:
             self._dropped[boot] = max(self._dropped.get(boot, 0), int(table["Dp"].max()))
 
 
-def _by_boot(batch: Batch) -> Iterator[_Part]:
-    """Yield the rows of a batch, divided by log."""
-    rows = batch.rows
-    if not rows.size:
-        return
-    first, last = int(rows["boot"][0]), int(rows["boot"][-1])
-    edges = np.searchsorted(rows["boot"], np.arange(first, last + 2))
-    for k, boot in enumerate(range(first, last + 1)):
-        if edges[k] < edges[k + 1]:
-            yield _Part(batch, rows[edges[k] : edges[k + 1]], boot)
+def _boot_of(part: Batch) -> int:
+    """Return the log of the stream to which a part of a batch belongs."""
+    return int(part.rows["boot"][0])
+
+
+def _by_boot(batch: Batch) -> Iterator[Batch]:
+    """Yield the parts of a batch that belong to one log each."""
+    boots = batch.rows["boot"]
+    for rows in np.split(batch.rows, np.flatnonzero(np.diff(boots)) + 1):
+        if rows.size:
+            yield replace(batch, rows=rows)

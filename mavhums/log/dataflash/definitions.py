@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums.log.dataflash._layout import BODY, FMT, FMT_SIZE
+from mavhums.core.arrays import Bytes
+from mavhums.log.base.records import DefinitionTable
+from mavhums.log.dataflash.layout import BODY, FMT, FMT_SIZE
 
-__all__ = ["FMT_BODY", "Definition", "definition_of"]
+__all__ = ["FMT_BODY", "Definition", "Definitions", "definition_of"]
 
 _TYPES = {
     "a": "(32,)<i2", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
@@ -29,8 +31,6 @@ class Definition:
 
     Attributes
     ----------
-    number
-        Number of the type.
     name
         Name of the message.
     wire
@@ -39,21 +39,22 @@ class Definition:
         Divisor of a field's raw number, for the type letters that define one.
     """
 
-    number: int
     name: str
     wire: np.dtype[np.void]
     divisors: dict[str, float]
 
 
-def definition_of(body: NDArray[np.uint8]) -> Definition | None:
+@lru_cache(maxsize=4096)
+def definition_of(raw: bytes) -> Definition | None:
     """Return the definition in the payload of a FMT record; None if its fields lack distinct names.
+
+    Logs of one firmware have the same two hundred definitions, and a stream of logs repeats them.
 
     Examples
     --------
-    >>> definition_of(np.frombuffer(FMT_BODY, dtype=np.uint8)).wire["Columns"].str
+    >>> definition_of(FMT_BODY).wire["Columns"].str
     '|S64'
     """
-    raw = body.tobytes()
     name, letters, columns = (
         part.split(b"\0")[0].decode("ascii") for part in (raw[2:6], raw[6:22], raw[22:BODY])
     )
@@ -64,4 +65,31 @@ def definition_of(body: NDArray[np.uint8]) -> Definition | None:
     divisors = {
         f: _DIVISORS[letter] for f, letter in zip(fields, letters, strict=True) if letter in _DIVISORS
     }
-    return Definition(raw[0], name, wire, divisors)
+    return Definition(name, wire, divisors)
+
+
+class Definitions(DefinitionTable):
+    """The definitions of a log, in the order of their FMT records.
+
+    A definition without names for its fields, or whose name already has another layout, cannot be used.
+
+    Attributes
+    ----------
+    numbers
+        Number of the type that each one defines.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.numbers: list[int] = []
+        self._by_name: dict[str, Definition] = {}
+
+    def learn(self, bodies: Bytes) -> None:
+        """Add the new definitions in ``bodies``, the payloads of the FMT records so far."""
+        for body in bodies[len(self) :]:
+            definition = definition_of(body.tobytes())
+            self.numbers.append(int(body[0]))
+            if definition is None or self._by_name.setdefault(definition.name, definition) != definition:
+                self.add_unusable()
+            else:
+                self.add(definition.name, definition.wire, definition.divisors)

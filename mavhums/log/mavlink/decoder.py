@@ -3,26 +3,40 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from mavhums.log.losses import Losses, Region
-from mavhums.log.mavlink._gather import SPARE, count, gather
-from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.log.base.losses import Losses
+from mavhums.log.base.records import DefinitionTable, RowContext
+from mavhums.log.base.scanner import Batch
+from mavhums.log.base.tables import Table
+from mavhums.log.mavlink.dialect import Dialect, load_dialect
 from mavhums.log.mavlink.intake import Intake
-from mavhums.log.mavlink.scanner import Batch, FrameScanner
-from mavhums.log.mavlink.sender_clock import SenderClocks
+from mavhums.log.mavlink.scanner import FrameScanner
+from mavhums.log.mavlink.sequence import StreamStats
 from mavhums.log.mavlink.signing import Guard
-from mavhums.log.mavlink.stream_stats import StreamStats
-from mavhums.log.mavlink.vehicles import vehicles_of
-from mavhums.log.tables import Table
 
-__all__ = ["MavlinkDecoder"]
+__all__ = ["VEHICLE_MESSAGES", "MavlinkDecoder", "vehicles_of"]
 
-_REGIONS_LISTED = 100
+VEHICLE_MESSAGES = frozenset(
+    {
+        "ACTUATOR_OUTPUT_STATUS",
+        "ATTITUDE",
+        "ATTITUDE_QUATERNION",
+        "GLOBAL_POSITION_INT",
+        "GPS_RAW_INT",
+        "SERVO_OUTPUT_RAW",
+        "SYS_STATUS",
+        "VFR_HUD",
+        "DEBUG_FLOAT_ARRAY",
+    }
+)
+"""Messages that only a vehicle sends; a ground station sends heartbeats, too."""
+
+_FIELD = "time_boot_ms"
 
 
 class MavlinkDecoder:
@@ -57,14 +71,13 @@ class MavlinkDecoder:
         key: bytes | None = None,
     ) -> None:
         self._dialect = load_dialect(None if dialect is None else Path(dialect))
-        definitions = self._dialect.definitions.values()
-        wanted = None if messages is None else set(messages)
-        self._wanted = np.array([wanted is None or d.name in wanted for d in definitions])
-        self._sizes = np.array([d.wire.itemsize for d in definitions], dtype=np.int32)
-        self._by_row = list(definitions)
+        self._wanted = None if messages is None else frozenset(messages)
+        self._definitions = DefinitionTable()
+        for definition in self._dialect.definitions.values():
+            self._definitions.add(definition.name, definition.wire)
         self._intake = Intake(self._dialect)
         self._stats = StreamStats(self._dialect)
-        self._clocks = SenderClocks(self._dialect)
+        self._clocks = _SenderClocks(self._dialect)
         self._guard = None if key is None else Guard(key)
         self._scanner: FrameScanner | None = None
 
@@ -108,24 +121,12 @@ class MavlinkDecoder:
         """Losses so far."""
         if self._scanner is None:
             return Losses()
-        totals = self._scanner.totals
-        guard = self._guard
-        bad = self._scanner.bad_crc
-        return Losses(
-            bytes_skipped=totals.skipped,
-            damaged_regions=totals.regions,
+        guard, bad = self._guard, self._scanner.bad_crc
+        return self._scanner.losses(
             bad_crc_frames=int(bad.sum()),
             unknown_frames=sum(self._stats.unknown.values()),
-            implausible_times=totals.odd_times,
-            cut_end_bytes=totals.cut_end,
-            regions=tuple(Region(offset=o, size=n) for o, n in self._scanner.regions[:_REGIONS_LISTED]),
-            bad_crc_by_message={self._by_row[k].name: int(bad[k]) for k in np.flatnonzero(bad)},
-            padded_frames=totals.padded,
-            padded_false_bound=totals.trials / 65536,
-            trailing_zeros=totals.zeros,
+            bad_crc_by_message={self._definitions.name(k): int(bad[k]) for k in np.flatnonzero(bad).tolist()},
             line_ends_restored=self._intake.line_ends,
-            time_jumps=totals.jumps,
-            time_rewinds=totals.rewinds,
             sequence=tuple(self._stats.sequence_losses()),
             unsigned_frames=guard.unsigned if guard else 0,
             bad_signatures=guard.bad if guard else 0,
@@ -144,37 +145,63 @@ class MavlinkDecoder:
             batch = replace(batch, rows=batch.rows[self._guard.admit(batch)])
         if batch.stamp == 0:
             self._clocks.set_times(batch)
-        ordinal = self._stats.frames
+        context = RowContext(ordinal=self._stats.frames)
         self._stats.add(batch.rows)
-        return self._tables(batch, ordinal)
+        return self._definitions.gather(batch, self._wanted, context).tables
 
-    def _tables(self, batch: Batch, ordinal: int) -> dict[str, Table]:
-        counts = count(batch.rows, self._wanted)
-        row_of = np.cumsum(counts) - counts
-        bytes_by_message = counts * self._sizes + SPARE
-        byte_of = np.cumsum(bytes_by_message) - bytes_by_message
-        total = int(counts.sum())
-        frame, time_us = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)
-        header = np.empty((4, total), dtype=np.uint8)
-        payloads = np.empty(int(bytes_by_message.sum()), dtype=np.uint8)
-        places = byte_of.copy(), row_of.copy()
-        gather(
-            batch.data, batch.base, batch.stamp, batch.rows, ordinal, self._wanted, self._sizes,
-            row_of, byte_of, frame, time_us, header, payloads,
-        )  # fmt: skip
-        out = {}
-        for k in np.flatnonzero(counts).tolist():
-            definition = self._by_row[k]
-            begin, end = places[1][k], row_of[k]
-            fields = payloads[places[0][k] : byte_of[k]].view(definition.wire)
-            out[definition.name] = Table(
-                definition.name,
-                frame[begin:end],
-                time_us[begin:end],
-                header[0, begin:end],
-                header[1, begin:end],
-                header[2, begin:end],
-                header[3, begin:end],
-                fields,
+
+def vehicles_of(counts: Mapping[tuple[int, int, str], int]) -> tuple[int, ...]:
+    """Return the system ids that sent messages of vehicles; a heartbeat alone is not sufficient.
+
+    Examples
+    --------
+    >>> vehicles_of({(255, 190, "HEARTBEAT"): 9, (1, 1, "ATTITUDE"): 5})
+    (1,)
+    """
+    return tuple(sorted({system for system, _, name in counts if name in VEHICLE_MESSAGES}))
+
+
+class _SenderClocks:
+    """Assigns each frame the latest ``time_boot_ms`` of the first system that sends one.
+
+    Before the first one the time is 0. A step back of up to a minute, for example from a message
+    that waited in a queue, is ignored; a larger one is a reboot.
+    """
+
+    def __init__(self, dialect: Dialect) -> None:
+        wires = [definition.wire for definition in dialect.definitions.values()]
+        self._places = np.array(
+            [wire.fields[_FIELD][1] if wire.fields and _FIELD in wire.fields else -1 for wire in wires],
+            dtype=np.int64,
+        )
+        self._system: int | None = None
+        self._time_us = 0
+
+    def set_times(self, batch: Batch) -> None:
+        """Write the time of each frame into the batch's rows."""
+        rows = batch.rows
+        places = np.where(rows["definition"] >= 0, self._places[rows["definition"]], -1)
+        speak = np.flatnonzero(places >= 0)
+        if self._system is None and speak.size:
+            self._system = int(rows["system"][speak[0]])
+        speak = speak[rows["system"][speak] == self._system]
+        begin = batch.places + rows["start"]
+        told_us = np.zeros(speak.size, dtype=np.int64)
+        for byte in range(4):
+            at = places[speak] + byte
+            sent = np.where(
+                at < rows["length"][speak],
+                batch.data[np.minimum(begin[speak] + at, batch.data.size - 1)],
+                0,
             )
-        return out
+            told_us += sent.astype(np.int64) << (8 * byte)
+        told_us *= 1000
+        times = np.empty(rows.size, dtype=np.int64)
+        done = 0
+        for row, time_us in zip(speak.tolist(), told_us.tolist(), strict=True):
+            times[done:row] = self._time_us
+            if not self._time_us - 60_000_000 <= time_us < self._time_us:
+                self._time_us = time_us
+            done = row
+        times[done:] = self._time_us
+        rows["time_us"] = times

@@ -125,7 +125,7 @@ class Intake:
 
     def _is_back_to_back(self, head: bytes) -> bool:
         rows = FrameScanner(self._dialect, stamp=0).feed(head, final=True).rows
-        if rows.size == 0 or head[0] not in _MAGIC or rows["offset"][0] or rows["message"][0] < 0:
+        if rows.size == 0 or head[0] not in _MAGIC or rows["offset"][0] or rows["definition"][0] < 0:
             return False
         size = int(rows["length"][0]) + (8 if head[0] == _MAGIC[1] else 25 if head[2] & 1 else 12)
         return bool(size >= len(head) or head[size] in _MAGIC)

@@ -13,13 +13,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Flags, Integers, Records
 from mavhums.core.errors import MavhumsError
-from mavhums.log.flags import MAVLINK1, SIGNED
-from mavhums.log.mavlink._frame import HEAD_V1, HEAD_V2, SIGNATURE
-from mavhums.log.mavlink.scanner import Batch
-from mavhums.log.words import GUARD
+from mavhums.log.base.scanner import Batch
+from mavhums.log.base.tables import MAVLINK1, SIGNED
+from mavhums.log.mavlink.frames import HEAD_V1, HEAD_V2, SIGNATURE
 
 __all__ = ["TICKS_PER_MINUTE", "Guard", "KeyFileError", "frame_sizes", "load_key", "signing_ticks"]
 
@@ -76,7 +75,7 @@ def signing_ticks(time_us: int) -> int:
     return max(time_us - _EPOCH_2015_US, 0) // 10
 
 
-def frame_sizes(rows: NDArray[np.void]) -> NDArray[np.int64]:
+def frame_sizes(rows: Records) -> Integers:
     """Return the size of each frame in bytes, from magic byte to CRC or signature, shape (n,)."""
     head = np.where(rows["flags"] & MAVLINK1, HEAD_V1, HEAD_V2)
     signature = np.where(rows["flags"] & SIGNED, SIGNATURE, 0)
@@ -119,15 +118,15 @@ class Guard:
         """Time stamp of the newest frame that was ever admitted, by link, system and component."""
         return self._before.latest | self._now.latest
 
-    def admit(self, batch: Batch) -> NDArray[np.bool_]:
+    def admit(self, batch: Batch) -> Flags:
         """Return which of a batch's rows are admitted, shape (n,)."""
         rows = batch.rows
         signed = (rows["flags"] & SIGNED) != 0
         self.unsigned += int(np.count_nonzero(~signed))
-        starts = rows["offset"] - batch.base + GUARD + batch.stamp
+        starts = batch.places + batch.stamp
         ends = starts + frame_sizes(rows)
         view = batch.data.data
-        admitted: NDArray[np.bool_] = signed
+        admitted: Flags = signed
         for k in np.flatnonzero(signed).tolist():
             row = rows[k]
             admitted[k] = self._is_new(view[starts[k] : ends[k]], int(row["system"]), int(row["component"]))

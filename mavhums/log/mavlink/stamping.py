@@ -14,14 +14,15 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import kernel
-from mavhums.log.flags import MAVLINK1
+from mavhums.log.base.scanner import Batch
+from mavhums.log.base.tables import MAVLINK1
+from mavhums.log.base.unaligned_io import GUARD
 from mavhums.log.mavlink.dialect import Dialect
-from mavhums.log.mavlink.scanner import Batch, FrameScanner
+from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.signing import Guard, frame_sizes
-from mavhums.log.words import GUARD
 
 __all__ = ["Counts", "Piece", "Stamper"]
 
@@ -64,8 +65,8 @@ class _Found(NamedTuple):
 
     sender: Hashable
     batch: Batch
-    time_us: NDArray[np.int64]
-    arrival: NDArray[np.int64]
+    time_us: Integers
+    arrival: Integers
 
 
 class Hear(Protocol):
@@ -168,7 +169,7 @@ class Stamper:
         rows, data, starts, time_us, owner = _in_order(found)
         if self._guard:
             rows["offset"] = starts
-            admitted = self._guard.admit(Batch(data, GUARD, 0, rows))
+            admitted = self._guard.admit(Batch(data, GUARD, rows))
             rows, starts, time_us = rows[admitted], starts[admitted], time_us[admitted]
             owner = owner[admitted]
         sizes = frame_sizes(rows)
@@ -182,9 +183,9 @@ class Stamper:
     def _tell(
         self,
         found: Sequence[_Found],
-        system: NDArray[np.uint8],
-        sizes: NDArray[np.int64],
-        owner: NDArray[np.int64],
+        system: Bytes,
+        sizes: Integers,
+        owner: Integers,
         time_us: int,
     ) -> None:
         """Call ``hear`` for each sender with its frames' systems."""
@@ -195,9 +196,9 @@ class Stamper:
             sender = found[owner[part[0]]].sender
             self._hear(sender, set(system[part].tolist()), int(sizes[part].sum()), time_us)
 
-    def _count(self, rows: NDArray[np.void]) -> None:
+    def _count(self, rows: Records) -> None:
         self._counts.frames += rows.size
-        self._counts.unknown_frames += int(np.count_nonzero(rows["message"] < 0))
+        self._counts.unknown_frames += int(np.count_nonzero(rows["definition"] < 0))
         if not self.speaks_mavlink2:
             self.speaks_mavlink2 = bool(((rows["flags"] & MAVLINK1) == 0).any())
 
@@ -210,7 +211,7 @@ class _Stream:
         self.frames = 0
         self._fed = 0
 
-    def feed(self, pieces: Sequence[bytes]) -> tuple[Batch, NDArray[np.int64]]:
+    def feed(self, pieces: Sequence[bytes]) -> tuple[Batch, Integers]:
         """Return the frames that these pieces complete, and the index of each frame's last piece."""
         batch = self.scanner.feed(b"".join(pieces))
         ends = self._fed + np.cumsum([len(piece) for piece in pieces])
@@ -221,7 +222,7 @@ class _Stream:
 
 def _in_order(
     found: Sequence[_Found],
-) -> tuple[NDArray[np.void], NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Records, Bytes, Integers, Integers, Integers]:
     """Return the frames of all senders in order of arrival.
 
     Returned are their rows, buffer, positions in it, times and senders.
@@ -229,12 +230,10 @@ def _in_order(
     if len(found) == 1:
         one = found[0].batch
         owner = np.zeros(one.rows.size, dtype=np.int64)
-        return one.rows, one.data, one.rows["offset"] - one.base + GUARD, found[0].time_us, owner
+        return one.rows, one.data, one.places, found[0].time_us, owner
     sizes = [part.batch.rows.size for part in found]
     bases = np.cumsum([0, *(part.batch.data.size for part in found[:-1])])
-    starts = np.concatenate(
-        [p.batch.rows["offset"] - p.batch.base + GUARD + b for p, b in zip(found, bases, strict=True)]
-    )
+    starts = np.concatenate([p.batch.places + b for p, b in zip(found, bases, strict=True)])
     order = np.argsort(np.concatenate([part.arrival for part in found]), kind="stable")
     return (
         np.concatenate([part.batch.rows for part in found])[order],
@@ -257,11 +256,11 @@ def _add_losses(counts: Counts, stream: _Stream) -> None:
 
 @kernel
 def _pack(
-    data: NDArray[np.uint8],
-    starts: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    time_us: NDArray[np.int64],
-    out: NDArray[np.uint8],
+    data: Bytes,
+    starts: Integers,
+    sizes: Integers,
+    time_us: Integers,
+    out: Bytes,
 ) -> None:
     """Write records to ``out``: the time, eight bytes big-endian, then a frame of ``data``."""
     place = 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from mavhums.log.decoding import LogDecoder, Refusal
+from mavhums.log.base.decoder import PIECE, LogDecoder, Refusal
 from mavhums.log.ulog.decoder import UlogDecoder
 from mavhums.log.ulog.messages import flag_bits
 from mavhums.log.ulog.scanner import HEADER, UlogScanner
@@ -27,9 +27,13 @@ def refusal(head: bytes) -> Refusal | None:
     ):
         return Refusal("this ULog needs a newer reader (unknown incompatible flags)", "update mavhums")
     scanner = UlogScanner()
-    rows = sum(batch.rows.size for batch in scanner.feed(head, final=True))
+    rows = 0
+    # A message and a topic settle it, usually in the first piece.
+    for place in range(0, len(head), PIECE):
+        final = place + PIECE >= len(head)
+        rows += sum(batch.rows.size for batch in scanner.feed(head[place : place + PIECE], final=final))
+        if rows and scanner.topics.layouts:
+            return None
     if rows == 0:
         return Refusal("no message in the first megabyte of this ULog", _CUT)
-    if not scanner.topics.layouts:
-        return Refusal("this ULog defines no topic in its first megabyte", _CUT)
-    return None
+    return Refusal("this ULog defines no topic in its first megabyte", _CUT)

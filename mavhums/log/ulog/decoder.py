@@ -6,19 +6,19 @@ from collections.abc import Collection, Iterable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums.log.losses import Losses, Region
-from mavhums.log.tables import Table
-from mavhums.log.ulog._gather import count
+from mavhums.core.arrays import Integers
+from mavhums.log.base.decoder import join_tables
+from mavhums.log.base.losses import Losses
+from mavhums.log.base.scanner import Batch
+from mavhums.log.base.tables import Table
 from mavhums.log.ulog.layouts import Layout
-from mavhums.log.ulog.messages import parameter
-from mavhums.log.ulog.scanner import Batch, UlogScanner
-from mavhums.log.ulog.tables import INSTANCES, Unpacker
+from mavhums.log.ulog.messages import Unpacker, parameter
+from mavhums.log.ulog.scanner import UlogScanner
 
 __all__ = ["UlogDecoder"]
 
-_REGIONS_TOLD = 100
+_INSTANCES = 256
 _HELD_BYTES = 1 << 20
 _DATA, _PARAMETER = b"DP"
 _VEHICLE: Final = b"MAV_SYS_ID"
@@ -55,7 +55,7 @@ class UlogDecoder:
         self._held: list[Batch] = []
         self._first_us: int | None = None
         self._last_us: int | None = None
-        self._counts: NDArray[np.int64] = np.zeros((0, INSTANCES), dtype=np.int64)
+        self._counts: Integers = np.zeros((0, _INSTANCES), dtype=np.int64)
 
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:
@@ -81,18 +81,8 @@ class UlogDecoder:
     @property
     def losses(self) -> Losses:
         """Losses so far: unreadable data, and the number of pauses of the logger."""
-        totals = self._scanner.totals
-        return Losses(
-            bytes_skipped=totals.skipped,
-            damaged_regions=totals.regions,
-            unknown_frames=sum(self.unknown.values()),
-            implausible_times=totals.odd_times,
-            cut_end_bytes=totals.cut_end,
-            regions=tuple(Region(offset=o, size=n) for o, n in self._scanner.regions[:_REGIONS_TOLD]),
-            trailing_zeros=totals.zeros,
-            time_jumps=totals.jumps,
-            logger_dropped=self._unpacker.others.get("dropout", 0),
-        )
+        pauses = self._unpacker.others.get("dropout", 0)
+        return self._scanner.losses(unknown_frames=sum(self.unknown.values()), logger_dropped=pauses)
 
     @property
     def first_time_us(self) -> int | None:
@@ -111,34 +101,35 @@ class UlogDecoder:
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
         """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows."""
-        parts: dict[str, list[Table]] = {}
+        parts: list[Table] = []
         for batch in self._scanner.feed(block, final=final):
             if not self._settled:
                 self._settle(batch)
             self._account(batch)
             if self._settled:
-                self._unpack([*self._held, batch], parts)
+                parts += self._unpack([*self._held, batch])
                 self._held.clear()
             elif batch.rows.size:
-                self._held.append(batch.copy())
+                self._held.append(batch)
         if final:
             self._settled = True
-            self._unpack(self._held, parts)
+            parts += self._unpack(self._held)
             self._held.clear()
-        return {name: Table.concatenate(tables) for name, tables in parts.items()}
+        return join_tables(parts)
 
-    def _unpack(self, batches: Iterable[Batch], parts: dict[str, list[Table]]) -> None:
-        for batch in batches:
-            for table in self._unpacker.tables(batch, self._scanner.topics.layouts):
-                parts.setdefault(table.name, []).append(table)
+    def _unpack(self, batches: Iterable[Batch]) -> list[Table]:
+        layouts = self._scanner.topics.layouts
+        return [table for batch in batches for table in self._unpacker.tables(batch, layouts)]
 
     def _account(self, batch: Batch) -> None:
         missing = len(self._scanner.topics.layouts) - len(self._counts)
         if missing:
-            self._counts = np.vstack([self._counts, np.zeros((missing, INSTANCES), dtype=np.int64)])
-        count(batch.rows, self._counts)
+            self._counts = np.vstack([self._counts, np.zeros((missing, _INSTANCES), dtype=np.int64)])
+        records = batch.rows[batch.rows["definition"] >= 0]
+        places = records["definition"].astype(np.int64) * _INSTANCES + records["component"]
+        self._counts += np.bincount(places, minlength=self._counts.size).reshape(self._counts.shape)
         if self._first_us is None:
-            data = np.flatnonzero((batch.rows["kind"] == _DATA) & (batch.rows["odd"] == 0))
+            data = np.flatnonzero((batch.rows["kind"] == _DATA) & (batch.rows["flags"] == 0))
             self._first_us = int(batch.rows["time_us"][data[0]]) if data.size else None
         if self._first_us is not None and batch.rows.size:
             latest_us = int(batch.rows["time_us"].max())
@@ -150,18 +141,18 @@ class UlogDecoder:
         if self._first_us is None:
             before_data = np.cumsum(rows["kind"] == _DATA) == 0
             for row in rows[before_data & (rows["kind"] == _PARAMETER)]:
-                said = parameter(batch.body(row))
+                said = parameter(batch.payload(row))
                 if said is not None and said[0] == _VEHICLE and said[1] == b"int32_t":
                     self._unpacker.vehicle = int(said[2]) & 0xFF
         for k, layout in enumerate(self._scanner.topics.layouts):
             if layout.name == _GPS and layout.stamp >= 0 and layout.has("time_utc_usec", "u8"):
-                there = (rows["definition"] == k) & (rows["offset"] < _HELD_BYTES) & (rows["odd"] == 0)
+                there = (rows["definition"] == k) & (rows["offset"] < _HELD_BYTES) & (rows["flags"] == 0)
                 for row in rows[there]:
-                    offset_us = _utc_offset(layout, batch.body(row)[2:])
+                    offset_us = _utc_offset(layout, batch.payload(row))
                     if offset_us is not None:
                         self._unpacker.offset_us, self._dated, self._settled = offset_us, True, True
                         return
-        self._settled = batch.base + batch.data.size > _HELD_BYTES
+        self._settled = self._scanner.position >= _HELD_BYTES
 
 
 def _utc_offset(layout: Layout, body: bytes) -> int | None:

@@ -1,4 +1,6 @@
-"""Converts format messages to record layouts: nested types are flattened, padding is omitted.
+"""The meaning of message ids: a log's subscriptions, and the record layouts that its formats define.
+
+Nested types are flattened, padding is omitted.
 
 A format is ``name:type field;type[n] field;…``; a type is a basic one or the name of another format.
 The log contains the padding within a record, but not that at its end.
@@ -7,12 +9,15 @@ The log contains the padding within a record, but not that at its end.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-__all__ = ["Formats", "Layout"]
+from mavhums.core.arrays import Records
+from mavhums.log.ulog.headers import TOPIC, UNKNOWN, UNUSED
+
+__all__ = ["BASIC", "Formats", "Layout", "Topics"]
 
 BASIC: Final = {
     "int8_t": "i1",
@@ -35,6 +40,14 @@ _LARGEST = 65_533
 _MOST_FIELDS = 4096
 _MOST_FORMATS = 4096
 _MOST_STEPS = 1_000_000
+_IDS = 1 << 16
+_TOPIC = re.compile(r"[A-Za-z][A-Za-z0-9_\-/]{0,254}")
+_OF_OTHERS = re.compile("[A-Z0-9_]+")
+"""Names as of MAVLink messages and DataFlash records: what reads those must not take a topic for one."""
+
+_F, _A, _R = b"FAR"
+_RESERVED = frozenset({"parameter", "info", "logged_string", "dropout"})
+"""Tables of messages other than data, whose names no topic may take."""
 
 
 class _NoLayoutError(ValueError):
@@ -166,3 +179,53 @@ def _form(part: _Part) -> object:
     if part.form == "S1":
         return f"S{part.count or 1}"
     return part.form if part.count is None else (part.form, (part.count,))
+
+
+class Topics:
+    """Tracks formats and subscriptions.
+
+    Attributes
+    ----------
+    ids
+        Shape (65536,) of `TOPIC`, by message id, for the scan kernel.
+    layouts
+        Layouts of the subscribed topics, one for each name.
+    """
+
+    def __init__(self) -> None:
+        self.ids: Records = np.zeros(_IDS, dtype=TOPIC)
+        self.ids["definition"] = UNUSED
+        self.layouts: list[Layout] = []
+        self._formats = Formats()
+        self._numbers: dict[str, int] = {}
+
+    @property
+    def unknown(self) -> dict[int, int]:
+        """Number of records by message id that have no layout."""
+        counts = self.ids["unknown"]
+        return {int(number): int(counts[number]) for number in np.flatnonzero(counts)}
+
+    def observe(self, kind: int, body: bytes) -> None:
+        """Process a format, a subscription, or its end."""
+        if kind == _F:
+            self._formats.add(body)
+        elif kind == _A:
+            self._subscribe(body[0], int.from_bytes(body[1:3], "little"), body[3:].decode("utf-8", "replace"))
+        elif kind == _R:
+            self.ids[int.from_bytes(body[:2], "little")]["definition"] = UNKNOWN
+
+    def _subscribe(self, instance: int, number: int, name: str) -> None:
+        layout = self._formats.layout(name) if _TOPIC.fullmatch(name) and name not in _RESERVED else None
+        topic = self.ids[number]
+        topic["instance"] = instance
+        if layout is None:
+            topic["definition"], topic["least"], topic["most"] = UNKNOWN, 0, _IDS
+            return
+        if _OF_OTHERS.fullmatch(name):
+            name = f"ulog_{name}"
+            layout = replace(layout, name=name)
+        if name not in self._numbers:
+            self._numbers[name] = len(self.layouts)
+            self.layouts.append(layout)
+        topic["definition"] = self._numbers[name]
+        topic["least"], topic["most"], topic["stamp"] = layout.wire.itemsize, layout.most, layout.stamp

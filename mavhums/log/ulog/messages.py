@@ -1,16 +1,22 @@
-"""Parses the messages of a ULog other than data to rows of tables."""
+"""Converts the messages of a ULog to tables: data by its layout, each other kind by its parser."""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.log.ulog.layouts import BASIC
+from mavhums.log.base.records import DefinitionTable, RowContext
+from mavhums.log.base.scanner import Batch
+from mavhums.log.base.tables import Table
+from mavhums.log.ulog.layouts import BASIC, Layout
 
-__all__ = ["READERS", "RESERVED", "FlagBits", "flag_bits", "parameter"]
+__all__ = ["FlagBits", "Unpacker", "flag_bits", "parameter"]
+
+_DATA = ord("D")
 
 TEXT_BYTES: Final = 255
 PARAMETER: Final = np.dtype([("name", "S64"), ("type", "S16"), ("value", "<f8")])
@@ -96,4 +102,58 @@ READERS: Final = {
 }
 """By kind. Defaults of parameters (Q), and information in many parts (M), are passed over."""
 
-RESERVED: Final = frozenset(reader.table for reader in READERS.values())
+
+@dataclass(slots=True)
+class Unpacker:
+    """Converts batches in stream order to tables.
+
+    Attributes
+    ----------
+    wanted
+        Names of the wanted tables; all if None.
+    vehicle
+        Id of the vehicle.
+    offset_us
+        Offset that is added to times, microseconds.
+    others
+        Number of messages other than data, by table.
+    """
+
+    wanted: frozenset[str] | None
+    vehicle: int = 1
+    offset_us: int = 0
+    others: dict[str, int] = field(default_factory=dict)
+    _frames: int = 0
+    _definitions: DefinitionTable = field(default_factory=lambda: DefinitionTable(counts_undefined=True))
+
+    def tables(self, batch: Batch, layouts: list[Layout]) -> Iterator[Table]:
+        """Yield the tables of a batch."""
+        yield from self._said(batch)
+        for layout in layouts[len(self._definitions) :]:
+            self._definitions.add(layout.name, layout.wire)
+        context = RowContext(self._frames, self.offset_us, self.vehicle)
+        yield from self._definitions.gather(batch, self.wanted, context).tables.values()
+        self._frames += batch.rows.size
+
+    def _said(self, batch: Batch) -> Iterator[Table]:
+        """Yield parameters, texts, information and dropouts."""
+        found: dict[str, list[tuple[int, tuple[object, ...]]]] = {}
+        for k in np.flatnonzero(batch.rows["kind"] != _DATA).tolist():
+            reader = READERS.get(int(batch.rows["kind"][k]))
+            if reader is not None:
+                self.others[reader.table] = self.others.get(reader.table, 0) + 1
+                said = reader.read(batch.payload(batch.rows[k])) if self._wants(reader.table) else None
+                if said is not None:
+                    found.setdefault(reader.table, []).append((k, said))
+        for reader in READERS.values():
+            if reader.table in found:
+                places, said_rows = zip(*found.pop(reader.table), strict=True)
+                rows = batch.rows[list(places)]
+                fields = np.array(list(said_rows), dtype=reader.wire)
+                frame = np.array(places, dtype=np.int64) + self._frames
+                vehicle, zeros = np.full(rows.size, self.vehicle, np.uint8), np.zeros(rows.size, np.uint8)
+                time_us = rows["time_us"] + self.offset_us
+                yield Table(reader.table, frame, time_us, vehicle, zeros, zeros, zeros, fields)
+
+    def _wants(self, name: str) -> bool:
+        return self.wanted is None or name in self.wanted

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.log.flags import LOOSE_TIME
+from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.clocks import stamped
 from mavhums.vehicle.signals import OUTPUTS, Signal, placed
 

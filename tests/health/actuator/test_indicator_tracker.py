@@ -15,7 +15,8 @@ from mavhums.health.actuator.detector import Detector
 from mavhums.health.actuator.indicator_tracker import IndicatorTracker, evidence_of, indicator_of, suspect_of
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.conditions import Change
-from mavhums.health.decision.limits import FALSE_ALARMS, Levels, Panel
+from mavhums.health.decision.limits import Levels, Panel
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
 

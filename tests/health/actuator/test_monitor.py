@@ -16,7 +16,7 @@ from mavhums.core.quantities import column
 from mavhums.engine.events import ConditionChanged, Event, Indication, Window
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.limits import CONFIRM, LASTING
+from mavhums.health.decision.thresholds import CONFIRM_WINDOWS, LASTING_WINDOWS
 from mavhums.learn import default_model, packaged_models
 from mavhums.report.assessment import Indicator
 from mavhums_sim import Flight, fly
@@ -342,7 +342,7 @@ def test_windows_too_poor_each_by_itself_are_judged_together() -> None:
     events, findings = watch(seen)
     assert findings.since_s == 50.0
     decided = [event for event in events if isinstance(event, ConditionChanged)]
-    assert 0 < findings.coverage.decidable < LASTING
+    assert 0 < findings.coverage.decidable < LASTING_WINDOWS
     assert [(change.after, change.time_s) for change in decided] == [("emergency", findings.last_s)]
     assert "over the whole flight" in decided[0].rule
     assert findings.friction is not None
@@ -365,7 +365,7 @@ def test_motion_too_brief_for_most_windows_decides_the_flight(friction: float, e
     worn = (Condition.constant("friction", friction),) if friction else ()
     seen = telemetry(flown(*worn, rate_hz=15.0, seconds=100.0, cyclogram="cruise", seed=933))
     events, findings = watch(seen)
-    assert 0 < findings.coverage.decidable < CONFIRM
+    assert 0 < findings.coverage.decidable < CONFIRM_WINDOWS
     (change,) = [event for event in events if isinstance(event, ConditionChanged)]
     assert (change.after, change.time_s) == (expected, findings.last_s)
     assert findings.friction is not None

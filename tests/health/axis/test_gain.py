@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.health.axis.monitor import AxisMonitor, new_gain
+from mavhums.health.axis.effectiveness import new_tracker
+from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.residuals import Residual, RollTracking
 from mavhums.vehicle.flight import Rows
 from tests.health.axis.flights import SPEED, Array, changes_of, excited, rolling, rows, steady, turning
@@ -22,7 +23,7 @@ def lost(at_s: float, left: float, back_s: float = np.inf) -> Callable[[Array], 
 
 
 def test_the_gain_of_the_reference_is_found() -> None:
-    gain = new_gain("roll")
+    gain = new_tracker("roll")
     gain.feed(rolling(60, lost(99, 1.0)))
     reference = gain.reference
     assert reference is not None
@@ -91,7 +92,7 @@ def test_a_slow_servo_is_no_emergency() -> None:
 
 @pytest.mark.parametrize(("spacing", "told"), [(0.1, True), (0.35, True), (0.5, False)])
 def test_streams_below_three_hertz_give_no_reference(spacing: float, told: bool) -> None:
-    gain = new_gain("roll")
+    gain = new_tracker("roll")
     gain.feed(replace(rolling(80, lost(99, 1.0)), spacing=np.full(80 * 20, spacing)))
     assert (gain.reference is not None) is told
     assert gain.too_slow is not told
@@ -100,7 +101,7 @@ def test_streams_below_three_hertz_give_no_reference(spacing: float, told: bool)
 def test_pitch_needs_ten_hertz() -> None:
     flight = rolling(80, lost(99, 1.0))
     for spacing, refused in ((0.1, False), (0.25, True)):
-        gain = new_gain("pitch")
+        gain = new_tracker("pitch")
         gain.feed(replace(flight, spacing=np.full(80 * 20, spacing)))
         assert gain.too_slow is refused
 
@@ -115,7 +116,7 @@ def test_a_pitch_reference_without_damping_is_refused(damping: float, told: bool
         flight["outputs"][k, 1] = demand[k] + trim / 6.0
         rate[k] = rate[k - 1] + (6.0 * flight["outputs"][k, 1] + damping * rate[k - 1]) / 20
     flight["pitch_rate"] = rate
-    gain = new_gain("pitch")
+    gain = new_tracker("pitch")
     gain.feed(rows(flight))
     assert (gain.reference is not None) is told
 
@@ -133,7 +134,7 @@ def test_the_tail_of_one_manoeuvre_is_no_evidence() -> None:
     spike = slice(100 * 20, 101 * 20)
     flight.outputs[spike, 0] += 0.6
     flight.roll_rate[100 * 20 + 4 : 101 * 20 + 4] += 0.45 * 2.2 * 0.6
-    levels = {second.end_s: second.level for second in new_gain("roll").feed(flight)}
+    levels = {second.end_s: second.level for second in new_tracker("roll").feed(flight)}
     assert levels[110] <= levels[103] + 1.0
 
 
@@ -155,7 +156,7 @@ def test_gusts_that_the_autopilot_fights_are_no_loss() -> None:
     flight.roll_rate[at] += gusts[at]
     late = np.concatenate([gusts[4:], np.zeros(4)])
     flight.outputs[at, 0] -= 0.12 * late[at]
-    seconds = new_gain("roll").feed(flight)
+    seconds = new_tracker("roll").feed(flight)
     assert max(second.level for second in seconds) < 9.0
 
 
@@ -163,7 +164,7 @@ def test_a_loss_counts_only_while_gusts_leave_the_gain_certain() -> None:
     def level(gusts: float) -> float:
         flight = rolling(200, lost(100, 0.5), noise=0.005)
         flight.roll_rate[:] += excited(200, seed=7, size=gusts)
-        return max(second.level for second in new_gain("roll").feed(flight))
+        return max(second.level for second in new_tracker("roll").feed(flight))
 
     assert level(0.02) > 30.0
     assert level(0.15) < 9.0
@@ -173,7 +174,7 @@ def test_the_trim_of_a_turn_is_no_loss_of_gain() -> None:
     """Twelve seconds of a turn after each reversal need the same aileron: no independent evidence."""
     flight = turning(60, spiral=0.3)
     later = turning(400, spiral=0.3, every_s=25)
-    gain = new_gain("roll")
+    gain = new_tracker("roll")
     gain.feed(flight)
     assert gain.reference is not None
     assert gain.reference.gain == pytest.approx(2.2, rel=0.03)

@@ -11,16 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mavhums.core.conditions import Condition
-from mavhums.health.decision.limits import (
-    CONFIRM,
-    LASTING,
-    Decision,
-    Levels,
-    bounds,
-    half_width,
-    shown_by,
-    tail_of,
-)
+from mavhums.health.decision.limits import Decision, Levels, bounds, half_width, shown_by, tail_of
+from mavhums.health.decision.thresholds import CONFIRM_WINDOWS, LASTING_WINDOWS
 from mavhums.health.estimation.fits import Estimates
 
 LEVELS = Levels(0.375, 0.875)
@@ -73,8 +65,8 @@ def test_intervals_are_as_wide_as_the_false_alarm_rate_asks() -> None:
 
 
 def test_the_first_condition_counts_from_the_first_window() -> None:
-    decision, changes = follow([EMERGENCY] * CONFIRM)
-    assert changes == [("emergency", 0.0, CONFIRM + 9.0)]
+    decision, changes = follow([EMERGENCY] * CONFIRM_WINDOWS)
+    assert changes == [("emergency", 0.0, CONFIRM_WINDOWS + 9.0)]
     assert decision.since_s == 0.0
 
 
@@ -85,7 +77,7 @@ def test_a_change_counts_from_the_middle_of_the_window_that_showed_it() -> None:
 
 def test_sure_windows_count_only_in_a_row() -> None:
     """One that is less sure between them leaves the change to those that last: two windows' worth."""
-    for sure, windows in (([True, True, True, True, False], LASTING), ([True], CONFIRM)):
+    for sure, windows in (([True, True, True, True, False], LASTING_WINDOWS), ([True], CONFIRM_WINDOWS)):
         decision = Decision(LEVELS)
         shown = [decision.feed(DEGRADED, k, k + 10.0, sure=sure[k % len(sure)]) for k in range(60)]
         assert shown.index(True) + 1 == windows
@@ -102,13 +94,13 @@ def test_the_whole_flight_settles_only_what_windows_left_open() -> None:
 
 
 def test_undecided_has_no_since() -> None:
-    decision, changes = follow([NOTHING] * 50 + [DEGRADED] * (CONFIRM - 1))
+    decision, changes = follow([NOTHING] * 50 + [DEGRADED] * (CONFIRM_WINDOWS - 1))
     assert (decision.condition, decision.since_s, changes) == ("undecided", None, [])
 
 
-@given(st.lists(st.integers(1, CONFIRM - 1), max_size=10))
+@given(st.lists(st.integers(1, CONFIRM_WINDOWS - 1), max_size=10))
 def test_fewer_windows_than_confirm_change_nothing(runs: list[int]) -> None:
-    shown = [NORMAL] * CONFIRM
+    shown = [NORMAL] * CONFIRM_WINDOWS
     for run in runs:
         shown += [DEGRADED] * run + [NORMAL]
     decision, changes = follow(shown)

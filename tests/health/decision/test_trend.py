@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import brentq
 
-from mavhums.health.decision.trend import MIN_FLIGHTS, REACH, Trend, departure, fit_trend
+from mavhums.health.decision.thresholds import TREND_FLIGHTS, TREND_REACH_SPANS
+from mavhums.health.decision.trend import Trend, departure, fit_trend
 
 Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], Array]
@@ -58,7 +59,7 @@ def test_the_interval_covers_the_flights_left(draw: Draw, flights: int, slope: f
 
 
 @pytest.mark.parametrize("draw", [normal, heavy])
-@pytest.mark.parametrize("flights", [MIN_FLIGHTS, 20, 60])
+@pytest.mark.parametrize("flights", [TREND_FLIGHTS, 20, 60])
 def test_flat_histories_have_no_flights_left(draw: Draw, flights: int) -> None:
     """The limit lies a little above, so that nothing but the lack of growth forbids an interval."""
     rng = np.random.default_rng(flights)
@@ -75,7 +76,7 @@ def test_flat_histories_have_none_at_any_time() -> None:
         numbers, values, errors = history(rng, 60, 0.0, heavy)
         false += any(
             fitted(numbers[:n], values[:n], errors[:n]).flights_left is not None
-            for n in range(MIN_FLIGHTS, 61)
+            for n in range(TREND_FLIGHTS, 61)
         )
     assert false <= 4
 
@@ -168,7 +169,7 @@ def test_an_outlier_makes_no_false_trend() -> None:
 
 
 def test_few_flights_make_no_trend() -> None:
-    numbers, values, errors = history(np.random.default_rng(1), MIN_FLIGHTS, 0.05)
+    numbers, values, errors = history(np.random.default_rng(1), TREND_FLIGHTS, 0.05)
     assert fit_trend(numbers[1:], values[1:], errors[1:], EMERGENCY) is None
     assert fitted(numbers, values, errors).flights_left is not None
 
@@ -184,7 +185,7 @@ def test_what_is_no_line_is_not_extrapolated() -> None:
         assert "a straight line does not extrapolate" in str(trend.reason)
 
 
-@pytest.mark.parametrize("n", [MIN_FLIGHTS, 20, 60])
+@pytest.mark.parametrize("n", [TREND_FLIGHTS, 20, 60])
 def test_lines_are_rarely_taken_for_something_else(n: int) -> None:
     rng = np.random.default_rng(n)
     said = []
@@ -194,7 +195,7 @@ def test_lines_are_rarely_taken_for_something_else(n: int) -> None:
     assert sum(word is not None for word in said) <= 12
 
 
-@pytest.mark.parametrize("n", [MIN_FLIGHTS, 20, 60])
+@pytest.mark.parametrize("n", [TREND_FLIGHTS, 20, 60])
 def test_departures_are_seen_in_few_flights_too(n: int) -> None:
     at = np.linspace(0, 1, n)
     shapes = {
@@ -211,7 +212,9 @@ def test_departures_are_seen_in_few_flights_too(n: int) -> None:
 def test_the_limit_may_not_lie_too_far_ahead() -> None:
     numbers, values, errors = history(np.random.default_rng(11), 30, 0.01)
     level = fitted(numbers, values, errors).level.estimate
-    near, far = (fitted(numbers, values, errors, level + 0.01 * 29 * REACH * by) for by in (0.95, 1.05))
+    near, far = (
+        fitted(numbers, values, errors, level + 0.01 * 29 * TREND_REACH_SPANS * by) for by in (0.95, 1.05)
+    )
     assert near.flights_left is not None
     assert far.flights_left is None
     assert "3 times as far ahead" in str(far.reason)
@@ -227,7 +230,7 @@ def test_reasons_are_said() -> None:
 
 
 @given(
-    st.lists(st.floats(-1e12, 1e12), min_size=MIN_FLIGHTS, max_size=30),
+    st.lists(st.floats(-1e12, 1e12), min_size=TREND_FLIGHTS, max_size=30),
     st.lists(st.floats(0, 1e12), min_size=30, max_size=30),
     st.one_of(st.none(), st.floats(-1e12, 1e12)),
 )

@@ -7,7 +7,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.health.estimation.slots import COLUMNS, GUARD_S, SlotCutter, Slots
+from mavhums.health.estimation.slots import COLUMNS, SlotCutter, Slots
+from mavhums.health.estimation.thresholds import GUARD_S
 
 Array = NDArray[np.float64]
 

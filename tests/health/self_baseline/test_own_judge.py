@@ -11,7 +11,8 @@ from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import population
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import REFERENCE_FLIGHTS, PastRecord
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.health.self_baseline.verdict import held_against, told
 from mavhums.report.assessment import OwnRecord, Verdict
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left

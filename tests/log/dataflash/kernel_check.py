@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.unaligned_io import GUARD
 from mavhums.log.dataflash.scanner import RecordScanner
-from mavhums.log.flags import ODD_TIME
-from mavhums.log.words import GUARD
 from tests.log.dataflash import reference
 from tests.log.dataflash.reference import Record
 
@@ -39,7 +39,7 @@ def agree(data: bytes) -> list[Record]:
     found, scanner = scan(data)
     assert found == expected.records
     totals = scanner.totals
-    assert (totals.old, totals.odd_times, totals.jumps, totals.rewinds) == (
+    assert (totals.old_records, totals.odd_times, totals.jumps, totals.rewinds) == (
         expected.old,
         expected.odd_times,
         expected.jumps,

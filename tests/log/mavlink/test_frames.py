@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder, Table
-from mavhums.log.flags import PADDED
+from mavhums.log.base.tables import PADDED
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from tests.log.mavlink.kernel_check import agree, frames_of, scan
@@ -143,7 +143,7 @@ def test_a_cut_last_record_is_told(log: list[Record], data: st.DataObject) -> No
     assume(rest and not (signed and zeros))
     found, scanner = scan(b"".join(record.data for record in log[:-1]) + rest + bytes(zeros))
     assert len(found) == len(log) - 1
-    assert (scanner.totals.cut_end, scanner.totals.zeros) == (len(rest), zeros)
+    assert (scanner.totals.cut_end, scanner.totals.filler) == (len(rest), zeros)
     assert scanner.totals.skipped == 0
 
 

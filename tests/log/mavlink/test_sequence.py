@@ -8,10 +8,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.log.losses import SequenceLoss
-from mavhums.log.mavlink._kernel import ROW
+from mavhums.log.base.losses import SequenceLoss
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.stream_stats import StreamStats
+from mavhums.log.mavlink.scan import ROW
+from mavhums.log.mavlink.sequence import StreamStats
 
 
 def follow(frames: list[tuple[int, int]], *, system: int = 1, cut: int | None = None) -> SequenceLoss | None:
@@ -99,7 +99,7 @@ def test_senders_do_not_disturb_each_other() -> None:
     senders = np.arange(rows.size) % 200
     rows["system"], rows["component"] = senders % 20, senders // 20
     rows["sequence"] = (np.arange(rows.size) // 200 + senders) % 256
-    rows["message"] = senders % 3
+    rows["definition"] = senders % 3
     rows["time_us"] = np.arange(rows.size)
     stats.add(rows)
     assert list(stats.sequence_losses()) == []
@@ -110,7 +110,7 @@ def test_senders_do_not_disturb_each_other() -> None:
 
 def test_any_number_of_unknown_ids_fills_no_memory() -> None:
     rows = np.zeros(5000, dtype=ROW)
-    rows["message"], rows["id"] = -1, np.arange(5000) + 60_000
+    rows["definition"], rows["id"] = -1, np.arange(5000) + 60_000
     stats = StreamStats(load_dialect())
     for part in np.split(rows, 10):
         stats.add(part)
@@ -129,7 +129,7 @@ def test_any_number_of_senders_fills_no_memory_and_none_is_uncounted(
     dice = np.random.default_rng(seed)
     rows = np.zeros(9000, dtype=ROW)
     rows["system"], rows["component"] = dice.integers(0, systems, 9000), dice.integers(0, 256, 9000)
-    rows["sequence"], rows["message"] = dice.integers(0, 256, 9000), dice.integers(0, 2, 9000)
+    rows["sequence"], rows["definition"] = dice.integers(0, 256, 9000), dice.integers(0, 2, 9000)
     steady = np.arange(0, 9000, 10)
     rows["system"][steady], rows["component"][steady] = 77, 1
     rows["sequence"][steady] = np.arange(steady.size) % 256
@@ -143,7 +143,7 @@ def test_any_number_of_senders_fills_no_memory_and_none_is_uncounted(
     names = [definition.name for definition in load_dialect().definitions.values()]
     for system in range(systems):
         for message in range(2):
-            sent = np.count_nonzero((rows["system"] == system) & (rows["message"] == message))
+            sent = np.count_nonzero((rows["system"] == system) & (rows["definition"] == message))
             told = [n for (s, _, name), n in whole.counts.items() if s == system and name == names[message]]
             assert sum(told) == sent
     steadily = [count for (s, component, _), count in whole.counts.items() if (s, component) == (77, 1)]

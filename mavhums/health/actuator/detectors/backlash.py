@@ -7,12 +7,10 @@ from typing import ClassVar
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.actuator.detector import EquationDetector, sharp
-from mavhums.health.actuator.thresholds import LEAST_FLANK_SLOTS
+from mavhums.health.actuator.thresholds import LEAST_FLANK_SLOTS, WIDEST_GEAR_ERROR_DEG
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
-
-_WIDEST_DEG = 0.05
 
 
 class BacklashDetector(EquationDetector):
@@ -39,5 +37,5 @@ class BacklashDetector(EquationDetector):
         half_play, half_error = fit["flank"]
         both = fit.spread & (fit.both_ways("flank", "bias") >= LEAST_FLANK_SLOTS)
         play, error = -2.0 * half_play, 2.0 * half_error
-        shown = both & sharp(play, error, _WIDEST_DEG, self.levels.normal)
+        shown = both & sharp(play, error, WIDEST_GEAR_ERROR_DEG, self.levels.normal)
         return Estimates.of(play, error, fit.freedom, shown)

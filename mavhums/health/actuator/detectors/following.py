@@ -22,16 +22,18 @@ from mavhums.core.arrays import Array
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
 from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.actuator.thresholds import (
+    FOLLOWING_ASKED_LIMITS,
+    FOLLOWING_LONGEST_GAP_S,
+    FOLLOWING_SECONDS,
+    FOLLOWING_STANDS_SHARE,
+)
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.slots import SENSED, SHAFT, Windows
 
 _V1 = column("V1")
-_LASTING = 3  # seconds of ten in which it must show: one glitch of a sensor is no fault
-_LONGEST_GAP_S = 0.5
-_STANDS = 0.1  # of its error a shaft travels at least within a second; one that does not stands
-_ASKS = 5.0  # times the limit of travel asked in a second: less asks too little to show that a shaft follows
 
 
 class FollowingDetector:
@@ -78,10 +80,10 @@ class FollowingDetector:
             np.fmax.reduceat(angle, slots.start) - np.fmin.reduceat(angle, slots.start)
             for angle in (shaft, shaft - error)
         )
-        tells = (rms > self._limit) | (asked >= _ASKS * self._limit)
-        moved = np.where((travel >= _STANDS * rms) & tells, rms, np.nan)
+        tells = (rms > self._limit) | (asked >= FOLLOWING_ASKED_LIMITS * self._limit)
+        moved = np.where((travel >= FOLLOWING_STANDS_SHARE * rms) & tells, rms, np.nan)
         windows = self._windows.feed(slots.index, moved[:, None])[:, :, 0]
-        largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -_LASTING]
+        largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -FOLLOWING_SECONDS]
         return Estimates.of(largest, np.zeros_like(largest), np.ones_like(largest), np.isfinite(largest))
 
     def overall(self, flight: Mapping[str, Fit]) -> None:
@@ -105,7 +107,7 @@ def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Ar
         if np.isnan(command[k]) or np.isnan(shaft[k]):
             continue
         passed = time_s[k] - state[0]
-        if passed <= _LONGEST_GAP_S:  # not of NaN
+        if passed <= FOLLOWING_LONGEST_GAP_S:  # not of NaN
             asked = min(max((command[k] + state[1]) / 2, low), high)
             step = (asked - state[2]) * (1.0 - exp(-passed / lag))
             state[2] += min(max(step, -slew * passed), slew * passed)

@@ -12,17 +12,21 @@ from typing import ClassVar
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.statistics import ERRORS_95
 from mavhums.health.actuator.detector import Detector, EquationDetector
 from mavhums.health.actuator.detectors.torque_constant import contradicts, relative_constant
-from mavhums.health.decision.limits import FALSE_ALARMS, Levels, half_width, tail_of
+from mavhums.health.actuator.thresholds import (
+    FRICTION_CONTRADICTION_ERRORS,
+    FRICTION_SAMPLES,
+    FRICTIONLESS_LIMIT_SHARE,
+    MODEL_ERROR_LIMIT_SHARE,
+    PER_SAMPLE_ERROR_SHARE,
+)
+from mavhums.health.decision.limits import Levels, half_width, tail_of
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
 
-MIN_SAMPLES = 20
-CONTRADICTION = 3.0  # standard errors below zero
-_BRIEF_ERROR = 0.05  # what motion in single samples leaves out; share of the friction
-FRICTIONLESS = 0.01  # of the normal limit: no gear turns with less
-_MODEL_ERROR = 0.02  # play, wind-up and stick-slip, which the balance leaves out; share of the normal limit
 _MOVE_IT = "analyse a flight in which the surface moves, or sweep it before take-off"
 _CHECK = "check torque_constant and gear_ratio of the profile, and the units and signs of V4, V5, V7 and V11"
 
@@ -67,7 +71,7 @@ class FrictionDetector(EquationDetector):
         A rotor that winds up its gear against a jammed shaft also moves, but most torque is unexplained.
         """
         fit = flight["torque_per_sample"]
-        mean = self._widened(self._scaled(fit, flight), _BRIEF_ERROR)
+        mean = self._widened(self._scaled(fit, flight), PER_SAMPLE_ERROR_SHARE)
         holds = fit.variance < self.actuator.known_limits().emergency ** 2
         return Estimates.of(mean.value, mean.error, mean.freedom, holds)
 
@@ -83,7 +87,7 @@ class FrictionDetector(EquationDetector):
         return self._scaled(fits["torque"], flight)
 
     def _widened(self, mean: Estimates, share: float) -> Estimates:
-        left_out = np.hypot(share * mean.value, _MODEL_ERROR * self.actuator.known_limits().normal)
+        left_out = np.hypot(share * mean.value, MODEL_ERROR_LIMIT_SHARE * self.actuator.known_limits().normal)
         return Estimates(mean.value, np.hypot(mean.error, left_out), mean.freedom)
 
     def _scaled(self, fit: Fit, flight: Mapping[str, Fit]) -> Estimates:
@@ -93,10 +97,12 @@ class FrictionDetector(EquationDetector):
         )
         friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
-        shown = fit.spread & (fit.count >= MIN_SAMPLES)
-        shown &= 2 * 2 * whole_error < np.maximum(self._widest, friction * scale - self._normal)
-        shown &= friction > -CONTRADICTION * error
-        shown &= (friction + 2 * error) * scale > FRICTIONLESS * self.actuator.known_limits().normal
+        shown = fit.spread & (fit.count >= FRICTION_SAMPLES)
+        shown &= 2 * ERRORS_95 * whole_error < np.maximum(self._widest, friction * scale - self._normal)
+        shown &= friction > -FRICTION_CONTRADICTION_ERRORS * error
+        shown &= (
+            friction + ERRORS_95 * error
+        ) * scale > FRICTIONLESS_LIMIT_SHARE * self.actuator.known_limits().normal
         return Estimates.of(friction * scale, whole_error, fit.freedom, shown)
 
 
@@ -124,14 +130,14 @@ def why_no_friction(
     if rate_hz < actuator.min_rate_hz:
         reason = f"its telemetry comes at {rate_hz:.1f} Hz, less than the profile's min_rate_hz of "
         return f"{reason}{actuator.min_rate_hz:g}", "record its telemetry faster"
-    if fit.count[0] < MIN_SAMPLES or not fit.spread[0]:
+    if fit.count[0] < FRICTION_SAMPLES or not fit.spread[0]:
         return _too_few(int(fit.count[0]), moving, samples)
     return _contradiction(detector, flight) or _too_wide(detector, flight)
 
 
 def _too_few(usable: int, moving: int, samples: int) -> tuple[str, str]:
     share = f"{100 * moving / max(samples, 1):.0f} %"
-    if moving >= MIN_SAMPLES and usable < moving / 2:
+    if moving >= FRICTION_SAMPLES and usable < moving / 2:
         return (
             f"it moves in {share} of the samples, but only {usable} of these have a current of known sign",
             "record current and speed together, with their signs",
@@ -147,9 +153,9 @@ def _contradiction(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tup
         share = f"the back-EMF shows {100 * constant[0]:.0f} % of the profile's torque constant"
         return f"{share}, so the current does not tell the torque", _CHECK
     friction, error = (float(column[0]) for column in flight["torque"]["friction"])
-    if friction <= -CONTRADICTION * error:
+    if friction <= -FRICTION_CONTRADICTION_ERRORS * error:
         return f"the torque balance comes to a friction of {friction:.3g} N·m, below zero", _CHECK
-    if friction + 2 * error <= FRICTIONLESS * limits.normal:
+    if friction + ERRORS_95 * error <= FRICTIONLESS_LIMIT_SHARE * limits.normal:
         return (
             "the torque balance comes to no friction at all: the current does not follow the motion",
             _CHECK,
@@ -163,7 +169,7 @@ def _too_wide(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tuple[st
         return "the actuator moves one way only, which does not tell friction from load", _MOVE_IT
     error = float(fit["friction"].std_error[0])
     return (
-        f"it moves too little both ways: its friction is known to ± {2 * error:.2g} N·m, "
+        f"it moves too little both ways: its friction is known to ± {ERRORS_95 * error:.2g} N·m, "
         f"and its limits are {limits.emergency - limits.normal:.2g} N·m apart",
         _MOVE_IT,
     )

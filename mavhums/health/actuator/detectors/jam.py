@@ -23,23 +23,28 @@ from numpy.lib.stride_tricks import sliding_window_view
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
+from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
 from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.actuator.thresholds import (
+    JAM_COMMAND_DEG,
+    JAM_LATEST_PARTS,
+    JAM_PARTS,
+    JAM_PARTS_PER_SLOT,
+    JAM_SHARE,
+    JAM_SPAN_S,
+    LONGEST_SPEED_STEP_S,
+    STALLED_SECONDS,
+    STALLED_SHARE,
+    SURELY_FOLLOWS_SHARE,
+    WOUND_UP_DEG,
+)
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
-from mavhums.health.estimation.slots import GUARD_S, MAGNITUDES, SENSED, SHAFT, Slots, Windows
+from mavhums.health.estimation.slots import MAGNITUDES, SENSED, SHAFT, Slots, Windows
+from mavhums.health.estimation.thresholds import GUARD_S
 
 _V1, _V5, _V7 = (column(key) for key in ("V1", "V5", "V7"))
-_STANDS = 0.8  # of healthy actuators none leaves out more than 0.15, of 1.5 N·m of friction 0.4
-_LEAST_COMMAND_DEG = 4.0
-_PARTS = 4  # of a slot: a jam of 3 s holds 11 whole quarters of a second, whenever it begins
-_LASTING = (11, 40)  # parts: 2.75 s and 10 s
-_FOLLOWING = 4  # parts: 1 s
-_WOUND_UP_DEG = 1.5  # of a gear of 400 N·m/rad and 0.1° of play, by 5 N·m to either side
-_LONGEST_STEP_S = 0.15  # between speeds: a shaft may travel and stop again between two that are farther apart
-_SURELY_FOLLOWS = 2.0  # integral of the speed over the commanded travel; a held rotor's reaches 1.6
-_STALLED = 0.8  # of the current at stall; a standing shaft takes up to 0.3, with 1.0 N·m of friction 0.66
-_DEGREES_S = 6.0  # of one rev/min
 
 
 class JamDetector:
@@ -56,17 +61,17 @@ class JamDetector:
     inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
     equations: ClassVar[tuple[str, ...]] = ()
     two_sided: ClassVar[bool] = False
-    span_s: ClassVar[float | None] = 3.0
+    span_s: ClassVar[float | None] = JAM_SPAN_S
 
     def __init__(self, actuator: Actuator, slot_s: float = 1.0) -> None:
-        self.levels = Levels(_STANDS, _STANDS)
+        self.levels = Levels(JAM_SHARE, JAM_SHARE)
         self._slot_s = slot_s
         ema, supply_v = actuator.ema, actuator.known_supply_v
         self._ratio = ema.gear_ratio if ema else np.nan
         self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
         self._least_samples = actuator.min_rate_hz * slot_s
-        self._windows = Windows(6, max(_LASTING), empty=-np.inf)
+        self._windows = Windows(6, max(JAM_PARTS), empty=-np.inf)
         self._in_vain = Windows(1)
 
     @staticmethod
@@ -84,17 +89,17 @@ class JamDetector:
                 -np.minimum.reduceat(own[:, _V1], start),
                 np.maximum.reduceat(own[:, SHAFT], start),
                 -np.minimum.reduceat(own[:, SHAFT], start),
-                _WOUND_UP_DEG * (1.0 - np.minimum.reduceat(own[:, SENSED], start)),
+                WOUND_UP_DEG * (1.0 - np.minimum.reduceat(own[:, SENSED], start)),
                 np.add.reduceat(self._most_travel(seen.slots), start),
             ],
             axis=1,
         )
         windows = self._windows.feed(part[start], extremes)
         left_out = np.full(len(windows), np.nan)
-        for parts in _LASTING:
+        for parts in JAM_PARTS:
             share = self._left_out(windows[:, -parts:])
             left_out = np.where(np.isnan(left_out), share, left_out)
-        slot = part[start] // _PARTS
+        slot = part[start] // JAM_PARTS_PER_SLOT
         most = np.fmax.reduceat(left_out, np.flatnonzero(np.diff(slot, prepend=slot[0] - 1)))
         most = np.where(np.isnan(most) & self._stalls(seen.slots), 1.0, most)
         return Estimates.of(most, np.zeros_like(most), np.ones_like(most), np.isfinite(most))
@@ -106,29 +111,29 @@ class JamDetector:
         """
         slot = np.repeat(slots.index, slots.count())
         within = (slots.time_s[slots.judged] + GUARD_S) / self._slot_s - slot
-        part = np.clip(np.floor(within * _PARTS), 0, _PARTS - 1).astype(np.int64)
-        return np.asarray(slot * _PARTS + part)
+        part = np.clip(np.floor(within * JAM_PARTS_PER_SLOT), 0, JAM_PARTS_PER_SLOT - 1).astype(np.int64)
+        return np.asarray(slot * JAM_PARTS_PER_SLOT + part)
 
     def _stalls(self, slots: Slots) -> Flags:
         """Return in which windows the shaft stands while the motor pushes, for a second, shape (k,)."""
         values, time_s = slots.values, slots.time_s
         _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
-        pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= _STALLED * self._stall_a
+        pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= STALLED_SHARE * self._stall_a
         moves = ~(np.fmax(np.abs(values[:, _V7]), unsigned_rev_min) < self._standing)
         moved_s = np.concatenate([[-np.inf], time_s[moves], [np.inf]])
         at = np.searchsorted(moved_s, time_s)
         apart_s = np.minimum(moved_s[at] - time_s, time_s - moved_s[at - 1])
         in_vain = (pushes & (apart_s >= GUARD_S))[slots.judged, None].astype(np.float64)
         share = slots.sums(in_vain)[:, 0] / np.maximum(slots.count(), self._least_samples)
-        stalled: Flags = self._in_vain.feed(slots.index, share[:, None]).sum(axis=(1, 2)) >= 1.0
+        stalled: Flags = self._in_vain.feed(slots.index, share[:, None]).sum(axis=(1, 2)) >= STALLED_SECONDS
         return stalled
 
     def _most_travel(self, slots: Slots) -> Array:
         """Return how far the shaft travelled at most since the sample before, °; NaN where unknown."""
-        speed = slots.values[:, MAGNITUDES][:, -1] * _DEGREES_S / self._ratio
+        speed = slots.values[:, MAGNITUDES][:, -1] * DEGREES_S_PER_REV_MIN / self._ratio
         step_s = np.diff(slots.time_s, prepend=np.nan)
         faster = np.maximum(speed, np.concatenate([[np.nan], speed[:-1]]))
-        travel: Array = np.where(step_s <= _LONGEST_STEP_S, step_s * faster, np.nan)
+        travel: Array = np.where(step_s <= LONGEST_SPEED_STEP_S, step_s * faster, np.nan)
         return travel[slots.judged]
 
     def _left_out(self, windows: Array) -> Array:
@@ -136,16 +141,16 @@ class JamDetector:
 
         NaN as well if no sample came for a second: the shaft may have moved and returned.
         """
-        commanded = windows[:, :-_FOLLOWING, :2].max(axis=1).sum(axis=1)
+        commanded = windows[:, :-JAM_LATEST_PARTS, :2].max(axis=1).sum(axis=1)
         wound_up = windows[:, :, 4].max(axis=1)
         bound = np.where(np.isneginf(windows[:, :, 5]), 0.0, windows[:, :, 5]).sum(axis=1)
         angle = windows[:, :, 2:4].max(axis=1).sum(axis=1)
         travelled = np.where(np.isnan(angle), bound, angle) - wound_up
         empty = np.isneginf(windows[:, :, 0])
-        gap = np.any(sliding_window_view(empty, _PARTS, axis=1).all(axis=2), axis=1)
-        enough = np.where((commanded >= _LEAST_COMMAND_DEG + wound_up) & ~gap, commanded, np.nan)
+        gap = np.any(sliding_window_view(empty, JAM_PARTS_PER_SLOT, axis=1).all(axis=2), axis=1)
+        enough = np.where((commanded >= JAM_COMMAND_DEG + wound_up) & ~gap, commanded, np.nan)
         share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
-        proves = ~np.isnan(angle) | (share >= _STANDS) | (share <= 1.0 - _SURELY_FOLLOWS)
+        proves = ~np.isnan(angle) | (share >= JAM_SHARE) | (share <= 1.0 - SURELY_FOLLOWS_SHARE)
         return np.where(proves, share, np.nan)
 
     def overall(self, flight: Mapping[str, Fit]) -> None:

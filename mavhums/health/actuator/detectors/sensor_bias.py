@@ -9,13 +9,11 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.actuator.detector import EquationDetector, sharp
-from mavhums.health.actuator.thresholds import LEAST_FLANK_SLOTS
+from mavhums.health.actuator.thresholds import LEAST_FLANK_SLOTS, WIDEST_GEAR_ERROR_DEG
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.equations.gear import GEAR
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
-
-_WIDEST_DEG = 0.05
 
 
 class SensorBiasDetector(EquationDetector):
@@ -44,5 +42,5 @@ class SensorBiasDetector(EquationDetector):
         one_sided = fit.both_ways("flank", "bias") < LEAST_FLANK_SLOTS
         bias, error = fit["bias"]
         error = np.maximum(error, np.where(one_sided, self._play, 0.0))
-        shown = fit.spread & sharp(bias, error, _WIDEST_DEG, self.levels.normal)
+        shown = fit.spread & sharp(bias, error, WIDEST_GEAR_ERROR_DEG, self.levels.normal)
         return Estimates.of(bias, error, fit.freedom, shown)

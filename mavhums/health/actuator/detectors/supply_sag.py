@@ -13,11 +13,10 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.actuator.detector import EquationDetector
+from mavhums.health.actuator.thresholds import SUPPLY_SENSOR_V
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
-
-_SENSOR_V = 0.1
 
 
 class SupplySagDetector(EquationDetector):
@@ -44,5 +43,5 @@ class SupplySagDetector(EquationDetector):
         """Return the sag; undecidable without the voltage at the bus."""
         fit = fits["supply"]
         voltage, error = fit["voltage"]
-        error = np.hypot(error, _SENSOR_V)
+        error = np.hypot(error, SUPPLY_SENSOR_V)
         return Estimates.of(self._supply - voltage, error, fit.freedom, fit.spread)

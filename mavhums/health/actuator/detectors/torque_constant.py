@@ -10,14 +10,15 @@ import numpy as np
 from mavhums.actuator.profile import Actuator, Ema
 from mavhums.core.arrays import Array, Flags
 from mavhums.health.actuator.detector import EquationDetector, sharp
+from mavhums.health.actuator.thresholds import (
+    CONTRADICTED_CONSTANT_SHARE,
+    CONTRADICTION_ERROR_SHARE,
+    LEAST_TURNING_CONSTANT_SHARE,
+    WIDEST_TORQUE_CONSTANT_SHARE,
+)
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
-
-_WIDEST = 0.02
-_CONTRADICTION = 0.5
-_SURE = 0.1
-_TURNS = 0.05  # of the torque constant: with less, no motor overcomes the friction of its gear
 
 
 class TorqueConstantDetector(EquationDetector):
@@ -42,8 +43,8 @@ class TorqueConstantDetector(EquationDetector):
         ema = self.actuator.known_ema()
         fit = fits["voltage"]
         constant, error = _seen(fit, ema, turned=self.turned)
-        shown = fit.spread & sharp(1.0 - constant, error, _WIDEST, self.levels.normal)
-        shown &= (constant > _TURNS) & (constant < 1.0 + _CONTRADICTION)
+        shown = fit.spread & sharp(1.0 - constant, error, WIDEST_TORQUE_CONSTANT_SHARE, self.levels.normal)
+        shown &= (constant > LEAST_TURNING_CONSTANT_SHARE) & (constant < 1.0 + CONTRADICTED_CONSTANT_SHARE)
         return Estimates.of(1.0 - constant, error, fit.freedom, shown)
 
 
@@ -53,7 +54,7 @@ def contradicts(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Flags, 
     Then nobody knows what torque a current is worth, and no torque balance holds.
     """
     shown, error = _seen(voltage, ema, turned=turned)
-    return (error < _SURE) & (np.abs(1.0 - shown) >= _CONTRADICTION), shown
+    return (error < CONTRADICTION_ERROR_SHARE) & (np.abs(1.0 - shown) >= CONTRADICTED_CONSTANT_SHARE), shown
 
 
 def relative_constant(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]:

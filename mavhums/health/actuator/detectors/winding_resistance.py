@@ -10,11 +10,10 @@ from typing import ClassVar
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.actuator.detector import EquationDetector, sharp
+from mavhums.health.actuator.thresholds import WIDEST_RESISTANCE_SHARE
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
-
-_WIDEST = 0.05
 
 
 class WindingResistanceDetector(EquationDetector):
@@ -36,5 +35,5 @@ class WindingResistanceDetector(EquationDetector):
         """Return the resistance; undecidable if the current varies too little."""
         fit, nominal = fits["voltage"], self.actuator.known_ema().resistance
         resistance, error = fit.corrected("resistance", noisy="resistance")
-        shown = fit.spread & sharp(resistance, error, _WIDEST * nominal, self.levels.normal)
+        shown = fit.spread & sharp(resistance, error, WIDEST_RESISTANCE_SHARE * nominal, self.levels.normal)
         return Estimates.of(resistance, error, fit.freedom, shown)

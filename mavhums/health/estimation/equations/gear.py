@@ -18,7 +18,7 @@ from mavhums.core.statistics import uniform_deviation
 from mavhums.health.estimation.equations.interface import Equation
 from mavhums.health.estimation.least_squares import Prior
 from mavhums.health.estimation.motion import Motion
-from mavhums.health.estimation.thresholds import MOST_TWIST_OF_STIFFNESS
+from mavhums.health.estimation.thresholds import MOST_TWIST_PER_STIFFNESS
 
 _V2, _V3, _V11 = column("V2"), column("V3"), column("V11")
 
@@ -33,7 +33,7 @@ def _prior(actuator: Actuator) -> Prior:
     flank = _up_to(-limits.backlash_deg if limits.backlash_deg else None)
     drag = _up_to(-np.degrees(limits.normal / stiffness) if stiffness else None)
     # Without a bound on the twist, grave play under a small load would read as twist.
-    twist = _up_to(-MOST_TWIST_OF_STIFFNESS * np.degrees(1.0 / stiffness) if stiffness else None)
+    twist = _up_to(-MOST_TWIST_PER_STIFFNESS * np.degrees(1.0 / stiffness) if stiffness else None)
     known = (flank, twist, drag, _up_to(None))
     return Prior(np.array([mean for mean, _ in known]), np.array([deviation for _, deviation in known]))
 

@@ -24,7 +24,7 @@ from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.interface import Equation
 from mavhums.health.estimation.least_squares import Prior
 from mavhums.health.estimation.motion import Motion
-from mavhums.health.estimation.thresholds import CERTAIN_DIRECTION_TIMES_MOVING_SPEED
+from mavhums.health.estimation.thresholds import CERTAIN_DIRECTION_MOVING_SPEEDS
 
 _V1, _V3, _V5, _V8, _V11 = (column(key) for key in ("V1", "V3", "V5", "V8", "V11"))
 
@@ -69,7 +69,7 @@ def _sample_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flag
     X = np.stack([np.sign(motion.speed), np.ones(len(left)), deflection], axis=1)
     y = left - actuator.known_ema().viscous * motion.speed
     # Slower ones may be sensor noise or have a wrong derived sign.
-    least = CERTAIN_DIRECTION_TIMES_MOVING_SPEED * np.radians(actuator.moving_speed_deg_s)
+    least = CERTAIN_DIRECTION_MOVING_SPEEDS * np.radians(actuator.moving_speed_deg_s)
     return X, y, (np.abs(motion.speed) > least) & np.isfinite(y) & np.isfinite(deflection)
 
 

@@ -24,7 +24,7 @@ from mavhums.health.estimation.thresholds import (
     BACK_EMF_PRIOR_SHARE,
     LOADED_AT_STANDSTILL_A,
     RESISTANCE_PRIOR_SHARE,
-    STANDSTILL_OF_MOVING_SPEED,
+    STANDSTILL_MOVING_SPEEDS,
 )
 
 _V4, _V5 = column("V4"), column("V5")
@@ -46,7 +46,7 @@ def _rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
     X = np.stack([current, motion.speed, np.ones(len(volts))], axis=1)
     usable = np.isfinite(X).all(axis=1) & np.isfinite(volts)
     unsigned_v, unsigned_a, rev_min = motion.magnitudes.T
-    stands = ~usable & (rev_min <= STANDSTILL_OF_MOVING_SPEED * actuator.moving_speed_rev_min)
+    stands = ~usable & (rev_min <= STANDSTILL_MOVING_SPEEDS * actuator.moving_speed_rev_min)
     # The magnitude of a small current is noise, which would read as resistance.
     stands &= unsigned_v > LOADED_AT_STANDSTILL_A * actuator.known_ema().resistance
     X[stands] = 0.0

@@ -10,16 +10,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.ulog._headers import (
+from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
+from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.unaligned_io import load_word
+from mavhums.log.ulog.headers import (
     BODY,
-    NO,
     UNKNOWN,
     UNUSED,
-    WAIT,
-    YES,
     follows,
     header_fits,
     kind_of,
@@ -28,30 +28,18 @@ from mavhums.log.ulog._headers import (
     size_of,
     topic_of,
 )
-from mavhums.log.words import load_word
 
-__all__ = ["MOST_PAUSES", "REGION", "ROW", "STATE", "scan"]
+__all__ = ["MOST_PAUSES", "ROW", "STATE", "scan"]
 
-ROW = np.dtype(
-    [
-        ("offset", "i8"),
-        ("time_us", "i8"),
-        ("definition", "i4"),
-        ("size", "u2"),
-        ("kind", "u1"),
-        ("instance", "u1"),
-        ("odd", "u1"),
-    ],
-    align=True,
-)
-"""One message: ``offset`` of its header in the stream, ``definition`` of its layout, -1 if it is no data."""
+ROW = np.dtype([*RECORD, ("kind", "u1")], align=True)
+"""One message: ``offset`` of its header in the stream, ``definition`` of its layout, -1 if it is no data, and
+its ``kind``. The payload of data begins after the message id; ``component`` is the multi id."""
 
-REGION = np.dtype([("offset", "i8"), ("size", "i8")])
 STATE = np.dtype(
     [
         (name, "i8")
         for name in (
-            "base", "position", "found", "ended", "lost_step", "skipped", "zeros", "time_us",
+            "base", "position", "found", "ended", "lost_step", "skipped", "filler", "time_us",
             "astray", "run", "odd_times", "jumps", "unknown", "pauses", "cut",
         )
     ]
@@ -61,7 +49,7 @@ STATE = np.dtype(
 ``base`` is the stream offset of the buffer's first byte, ``position`` where in the buffer the scan
 stopped, ``found`` and ``ended`` how many rows and regions of this buffer are written. Since the last
 message ``lost_step`` tells whether the next was not where it ought to be, ``skipped`` counts the bytes
-skipped and ``zeros`` the zero bytes at their end. ``time_us`` is the clock, ``astray`` the last time
+skipped and ``filler`` the zero bytes at their end. ``time_us`` is the clock, ``astray`` the last time
 that was too far from it, ``run`` how many in a row were near that one. ``unknown`` counts messages of
 unknown kinds, ``cut`` tells whether a message is cut by the end.
 """
@@ -100,7 +88,7 @@ def _judge_time(state: Record, told_us: int) -> bool:
 
 
 @inlined
-def _note_region(state: Record, regions: NDArray[np.void], offset: int, size: int) -> None:
+def _note_region(state: Record, regions: Records, offset: int, size: int) -> None:
     region = regions[state.ended]
     region.offset = offset
     region.size = size
@@ -108,31 +96,31 @@ def _note_region(state: Record, regions: NDArray[np.void], offset: int, size: in
 
 
 @inlined
-def _note_row(
-    state: Record, row: Record, data: NDArray[np.uint8], position: int, topics: NDArray[np.void]
-) -> None:
+def _note_row(state: Record, row: Record, data: Bytes, position: int, topics: Records) -> None:
     row.offset = state.base + position
-    row.size = size_of(data, position)
+    row.start = BODY
+    row.length = size_of(data, position)
     row.kind = kind_of(data, position)
     row.definition = -1
-    row.instance = 0
-    row.odd = 0
+    row.component = row.sequence = row.flags = 0
     if row.kind == _D:
+        row.start += 2
+        row.length -= 2
         topic = topics[topic_of(data, position)]
         row.definition = topic.definition
-        row.instance = topic.instance
+        row.component = topic.instance
         if topic.stamp >= 0:
             told_us = int(np.int64(load_word(data, position + BODY + 2 + topic.stamp)))
             if _judge_time(state, told_us):
                 topic.timed = 1
             else:
-                row.odd = 1
+                row.flags = ODD_TIME
                 state.odd_times += topic.timed
     row.time_us = state.time_us
 
 
 @inlined
-def _is_data(data: NDArray[np.uint8], place: int, topics: NDArray[np.void]) -> bool:
+def _is_data(data: Bytes, place: int, topics: Records) -> bool:
     """Return whether a record of a known layout begins at ``place``; five bytes must be readable there."""
     topic = topics[topic_of(data, place)]
     size = size_of(data, place) - 2
@@ -140,9 +128,7 @@ def _is_data(data: NDArray[np.uint8], place: int, topics: NDArray[np.void]) -> b
 
 
 @kernel
-def _run_of_data(
-    data: NDArray[np.uint8], position: int, state: Record, topics: NDArray[np.void], rows: NDArray[np.void]
-) -> int:
+def _run_of_data(data: Bytes, position: int, state: Record, topics: Records, rows: Records) -> int:
     """Write rows for regular records in step; return the position of the first irregularity.
 
     `scan` finds the same rows, but checks each more thoroughly.
@@ -167,10 +153,11 @@ def _run_of_data(
         row.offset = state.base + position
         row.time_us = told_us
         row.definition = topic.definition
-        row.size = size
+        row.start = BODY + 2
+        row.length = size - 2
         row.kind = _D
-        row.instance = topic.instance
-        row.odd = 0
+        row.component = topic.instance
+        row.sequence = row.flags = 0
         found += 1
         position = end
     if found > state.found:
@@ -182,11 +169,11 @@ def _run_of_data(
 @inlined
 def _pass_damaged(
     state: Record,
-    data: NDArray[np.uint8],
+    data: Bytes,
     position: int,
     end: int,
-    topics: NDArray[np.void],
-    regions: NDArray[np.void],
+    topics: Records,
+    regions: Records,
 ) -> None:
     """Count a message with a damaged header and a known end."""
     kind = kind_of(data, position)
@@ -201,9 +188,7 @@ def _pass_damaged(
 
 
 @kernel
-def _judge(
-    data: NDArray[np.uint8], position: int, final: bool, state: Record, topics: NDArray[np.void]
-) -> tuple[int, int]:
+def _judge(data: Bytes, position: int, final: bool, state: Record, topics: Records) -> tuple[int, int]:
     """Return whether a message that counts begins at ``position``, and its end.
 
     ``_DAMAGED`` is a message with a damaged header and a known end.
@@ -229,12 +214,12 @@ def _judge(
 
 @kernel
 def scan(
-    data: NDArray[np.uint8],
+    data: Bytes,
     final: bool,
-    carried: NDArray[np.void],
-    topics: NDArray[np.void],
-    rows: NDArray[np.void],
-    regions: NDArray[np.void],
+    carried: Records,
+    topics: Records,
+    rows: Records,
+    regions: Records,
 ) -> bool:
     """Find the messages of a buffer, from ``carried[0].position`` on.
 
@@ -266,7 +251,7 @@ def scan(
         if answer == NO:
             state.lost_step = 1
             state.skipped += 1
-            state.zeros = state.zeros + 1 if data[position] == 0 else 0
+            state.filler = state.filler + 1 if data[position] == 0 else 0
             position += 1
             continue
         if answer == _DAMAGED:
@@ -275,7 +260,7 @@ def scan(
             continue
         if state.lost_step:
             _note_region(state, regions, state.base + position - state.skipped, state.skipped)
-            state.lost_step = state.skipped = state.zeros = state.cut = 0
+            state.lost_step = state.skipped = state.filler = state.cut = 0
         kind = kind_of(data, position)
         if kind == _D and topics[topic_of(data, position)].definition == UNKNOWN:
             topics[topic_of(data, position)].unknown += 1

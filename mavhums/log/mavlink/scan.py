@@ -23,65 +23,46 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.flags import MAVLINK1, ODD_TIME, PADDED, SIGNED
-from mavhums.log.mavlink._crc import crc_of, finish_crc, seed_of
-from mavhums.log.mavlink._frame import (
-    NO,
+from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
+from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
+from mavhums.log.base.unaligned_io import GUARD
+from mavhums.log.mavlink.crc import crc_of, finish_crc, seed_of
+from mavhums.log.mavlink.frames import (
+    DAY_US,
+    HEAD_V1,
+    HEAD_V2,
     SIGNATURE,
-    WAIT,
-    YES,
     follows,
     frame_end,
+    judge_time,
     parts_of,
+    plausible,
+    stamp_at,
+    time_without_stamp,
 )
-from mavhums.log.mavlink._times import DAY_US, judge_time, plausible, stamp_at, time_without_stamp
-from mavhums.log.words import GUARD
 
-__all__ = ["REGION", "ROW", "STATE", "scan"]
+__all__ = ["ROW", "STATE", "scan"]
 
-ROW = np.dtype(
-    [
-        ("offset", "i8"),
-        ("time_us", "i8"),
-        ("id", "i4"),
-        ("crc", "u2"),
-        ("message", "i2"),
-        ("system", "u1"),
-        ("component", "u1"),
-        ("sequence", "u1"),
-        ("length", "u1"),
-        ("flags", "u1"),
-    ],
-    align=True,
-)
-"""One frame: ``offset`` of its record in the stream, ``message`` the row of its definition or -1."""
+ROW = np.dtype([*RECORD, ("id", "i4"), ("crc", "u2")], align=True)
+"""One frame: ``id`` of its message, and its ``crc``; the definition of an unknown message is -1."""
 
-REGION = np.dtype([("offset", "i8"), ("size", "i8")])
 STATE = np.dtype(
     [
-        ("base", "i8"),
-        ("position", "i8"),
-        ("time_us", "i8"),
-        ("lost_step", "i8"),
-        ("reserve", "i8"),
-        ("sender", "i8"),
-        ("sequence", "i8"),
-        ("skipped", "i8"),
-        ("zeros", "i8"),
-        ("odd_times", "i8"),
-        ("jumps", "i8"),
-        ("rewinds", "i8"),
-        ("padded", "i8"),
-        ("trials", "i8"),
+        (name, "i8")
+        for name in (
+            "base", "position", "time_us", "lost_step", "reserve", "sender", "sequence", "skipped", "filler",
+            "odd_times", "jumps", "rewinds", "padded", "trials",
+        )
     ]
-)
+)  # fmt: skip
 """State carried from block to block.
 
 ``base`` is the stream offset of the buffer's first byte after the guard; ``position`` is the
 position in the buffer where the scan stopped. Since the last frame, ``lost_step`` is set if the
 next record was not at the expected position, ``skipped`` counts the skipped bytes (negative while
-the scan tries a record inside the last frame, whose end may be missing), and ``zeros`` counts the
+the scan tries a record inside the last frame, whose end may be missing), and ``filler`` counts the
 zero bytes at their end. ``reserve`` is the size of that frame's signature; ``sender`` is
 256 · system + component of the last frame of a known message, and ``sequence`` its sequence number.
 ``trials`` counts the padded lengths tried.
@@ -97,7 +78,7 @@ Record = Any
 
 @kernel
 def _tries_until_crc_fits(
-    data: NDArray[np.uint8], start: int, length: int, largest: int, seed: int, scratch: NDArray[np.uint8]
+    data: Bytes, start: int, length: int, largest: int, seed: int, scratch: Bytes
 ) -> int:
     """Try payloads padded with zeros, from ``largest`` bytes down; most such senders trim a full payload.
 
@@ -116,7 +97,7 @@ def _tries_until_crc_fits(
 
 @inlined
 def _accept(
-    data: NDArray[np.uint8],
+    data: Bytes,
     position: int,
     sender: int,
     place: int,
@@ -126,9 +107,9 @@ def _accept(
     state: Record,
     message: int,
     flags: int,
-    seeds: NDArray[np.uint8],
+    seeds: Bytes,
     largest: NDArray[np.int32],
-    scratch: NDArray[np.uint8],
+    scratch: Bytes,
 ) -> tuple[int, int]:
     """Return whether a frame (sequence number at ``sender``, CRC at ``place``) is accepted, and its flags."""
     start = position + stamp
@@ -164,7 +145,7 @@ def _is_near(last: int, time_us: int) -> bool:
 
 
 @inlined
-def _goes_on(state: Record, data: NDArray[np.uint8], sender: int) -> bool:
+def _goes_on(state: Record, data: Bytes, sender: int) -> bool:
     """Return whether a frame has the last one's sender and one of its next eight sequence numbers."""
     identity = np.int64(data[sender + 1]) << 8 | np.int64(data[sender + 2])
     ahead = (np.int64(data[sender]) - state.sequence) & 0xFF
@@ -172,7 +153,7 @@ def _goes_on(state: Record, data: NDArray[np.uint8], sender: int) -> bool:
 
 
 @inlined
-def _note_frame(state: Record, data: NDArray[np.uint8], sender: int, message: int, flags: int) -> None:
+def _note_frame(state: Record, data: Bytes, sender: int, message: int, flags: int) -> None:
     state.reserve = SIGNATURE if flags & SIGNED else 0
     if flags & PADDED:
         state.padded += 1
@@ -188,7 +169,7 @@ def _has_stamp(state: Record) -> bool:
 
 
 @inlined
-def _step_on(data: NDArray[np.uint8], position: int, stamp: int, state: Record) -> int:
+def _step_on(data: Bytes, position: int, stamp: int, state: Record) -> int:
     """Return the next position to scan.
 
     Out of step the scan continues directly after the last frame's CRC, because its signature or
@@ -199,7 +180,7 @@ def _step_on(data: NDArray[np.uint8], position: int, stamp: int, state: Record) 
         state.skipped = -state.reserve - stamp
         return int(position - state.reserve - stamp)
     if state.skipped >= 0:
-        state.zeros = state.zeros + 1 if data[position] == 0 else 0
+        state.filler = state.filler + 1 if data[position] == 0 else 0
     state.skipped += 1
     return position + 1
 
@@ -212,7 +193,7 @@ def _end_region(state: Record, region: Record, offset: int, stamp: int) -> int:
     region.size = size
     state.lost_step = 0
     state.skipped = 0
-    state.zeros = 0
+    state.filler = 0
     return 1 if size > 0 else 0
 
 
@@ -231,17 +212,17 @@ def _note_time(state: Record, sound: bool, time_us: int) -> None:
 
 @kernel
 def scan(
-    data: NDArray[np.uint8],
+    data: Bytes,
     stamp: int,
     final: bool,
-    carried: NDArray[np.void],
+    carried: Records,
     ids: NDArray[np.int16],
-    seeds: NDArray[np.uint8],
+    seeds: Bytes,
     largest: NDArray[np.int32],
-    bad_crc: NDArray[np.int64],
-    rows: NDArray[np.void],
-    regions: NDArray[np.void],
-    spare: NDArray[np.uint8],
+    bad_crc: Integers,
+    rows: Records,
+    regions: Records,
+    spare: Bytes,
 ) -> tuple[int, int]:
     """Find the frames of a buffer.
 
@@ -321,7 +302,8 @@ def scan(
         row.time_us = time_us
         row.id = number
         row.crc = np.int64(data[place]) | np.int64(data[place + 1]) << 8
-        row.message = message
+        row.definition = message
+        row.start = stamp + (HEAD_V1 if flags & MAVLINK1 else HEAD_V2)
         row.sequence = data[sender]
         row.system = data[sender + 1]
         row.component = data[sender + 2]

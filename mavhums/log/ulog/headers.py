@@ -8,18 +8,16 @@ header that follows.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
+from mavhums.log.base.scanner import NO, WAIT, YES
 
 __all__ = [
     "BODY",
-    "NO",
     "TOPIC",
     "UNKNOWN",
     "UNUSED",
-    "WAIT",
-    "YES",
     "follows",
     "header_fits",
     "kind_of",
@@ -28,9 +26,6 @@ __all__ = [
     "size_of",
     "topic_of",
 ]
-
-YES, NO, WAIT = 1, 0, -1
-"""Answers; ``WAIT`` where it lies in bytes to come."""
 
 UNUSED, UNKNOWN = -1, -2
 
@@ -58,19 +53,19 @@ _LONGEST_TEXT = 2048
 
 
 @inlined
-def size_of(data: NDArray[np.uint8], place: int) -> int:
+def size_of(data: Bytes, place: int) -> int:
     """Return the body size in the header at ``place``."""
     return int(np.int64(data[place]) | np.int64(data[place + 1]) << 8)
 
 
 @inlined
-def kind_of(data: NDArray[np.uint8], place: int) -> int:
+def kind_of(data: Bytes, place: int) -> int:
     """Return the kind of the message whose header is at ``place``."""
     return int(np.int64(data[place + 2]))
 
 
 @inlined
-def topic_of(data: NDArray[np.uint8], place: int) -> int:
+def topic_of(data: Bytes, place: int) -> int:
     """Return the message id of the data message at ``place``."""
     return int(np.int64(data[place + BODY]) | np.int64(data[place + BODY + 1]) << 8)
 
@@ -88,7 +83,7 @@ def _cut(final: bool) -> int:
 
 
 @kernel
-def header_fits(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]) -> int:
+def header_fits(data: Bytes, place: int, final: bool, topics: Records) -> int:
     """Return whether a message of a known kind with a valid size begins at ``place``."""
     if place + BODY > data.size:
         return _cut(final)
@@ -115,7 +110,7 @@ def header_fits(data: NDArray[np.uint8], place: int, final: bool, topics: NDArra
 
 
 @inlined
-def _is_sync(data: NDArray[np.uint8], place: int) -> int:
+def _is_sync(data: Bytes, place: int) -> int:
     for k in range(min(_SYNC.size, data.size - place)):
         if data[place + k] != _SYNC[k]:
             return NO
@@ -123,14 +118,14 @@ def _is_sync(data: NDArray[np.uint8], place: int) -> int:
 
 
 @inlined
-def _level_at(data: NDArray[np.uint8], place: int, final: bool) -> int:
+def _level_at(data: Bytes, place: int, final: bool) -> int:
     if place >= data.size:
         return _cut(final)
     return YES if 48 <= data[place] <= 55 else NO
 
 
 @inlined
-def _keyed_at(data: NDArray[np.uint8], place: int, size: int, before: int, final: bool) -> int:
+def _keyed_at(data: Bytes, place: int, size: int, before: int, final: bool) -> int:
     """Return whether the length of a key fits at ``place + before``, and a basic type's name follows."""
     if size < before + 2:
         return NO
@@ -149,14 +144,14 @@ def _keyed_at(data: NDArray[np.uint8], place: int, size: int, before: int, final
 
 
 @inlined
-def _letter_at(data: NDArray[np.uint8], place: int, final: bool) -> int:
+def _letter_at(data: Bytes, place: int, final: bool) -> int:
     if place >= data.size:
         return _cut(final)
     return YES if _is_letter(data[place]) else NO
 
 
 @inlined
-def _is_text(data: NDArray[np.uint8], begin: int, end: int) -> bool:
+def _is_text(data: Bytes, begin: int, end: int) -> bool:
     sound = True
     for k in range(begin, end):
         sound &= data[k] >= 32 or 9 <= data[k] <= 13
@@ -164,7 +159,7 @@ def _is_text(data: NDArray[np.uint8], begin: int, end: int) -> bool:
 
 
 @kernel
-def looks_sound(data: NDArray[np.uint8], place: int) -> bool:
+def looks_sound(data: Bytes, place: int) -> bool:
     """Return whether the text parts of the complete message at ``place`` are text.
 
     This applies out of step, to kinds whose header alone cannot be distinguished from noise.
@@ -187,14 +182,14 @@ def looks_sound(data: NDArray[np.uint8], place: int) -> bool:
 
 
 @inlined
-def _sound_at(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]) -> int:
+def _sound_at(data: Bytes, place: int, final: bool, topics: Records) -> int:
     if place > data.size:
         return NO if final else WAIT
     return header_fits(data, place, final, topics)
 
 
 @kernel
-def landing(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np.void]) -> tuple[int, int]:
+def landing(data: Bytes, place: int, final: bool, topics: Records) -> tuple[int, int]:
     """Return whether a message with a damaged header begins at ``place``, and its end.
 
     Two of the header's three parts (size, kind, message id) must agree, and a valid header must be
@@ -220,7 +215,7 @@ def landing(data: NDArray[np.uint8], place: int, final: bool, topics: NDArray[np
 
 
 @kernel
-def follows(data: NDArray[np.uint8], start: int, final: bool, topics: NDArray[np.void], strict: bool) -> int:
+def follows(data: Bytes, start: int, final: bool, topics: Records, strict: bool) -> int:
     """Return whether a message follows the one at ``start``.
 
     Unless ``strict`` it may be damaged in one part of its header.

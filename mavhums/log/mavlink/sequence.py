@@ -10,14 +10,18 @@ overtaken by up to 127 others, is no longer counted as missing.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Integers, Records
 from mavhums.core.kernels import inlined, kernel
+from mavhums.log.base.losses import SequenceLoss
+from mavhums.log.mavlink.dialect import Dialect
 
-__all__ = ["LINK", "SENDER", "account"]
+__all__ = ["StreamStats"]
 
 _LINKS = 4
 _AHEAD = 32
@@ -25,8 +29,11 @@ _BEHIND = 128
 _WORD = 64
 _SETTLED = 8
 _ONE = np.uint64(1)
+_IDS_KEPT = 1000
+_SENDERS_KEPT = 1024
+_SUMS = ("frames", "missing", "gaps", "reordered", "duplicated")
 
-LINK = np.dtype(
+_LINK = np.dtype(
     [
         ("high", "i8"),
         ("seen", "u8"),
@@ -42,7 +49,7 @@ LINK = np.dtype(
 ``opened`` are the sender's frame counts then (0: free); ``before`` is the counter that spoke before it, or
 -1."""
 
-SENDER = np.dtype(
+_SENDER = np.dtype(
     [
         ("id", "i8"),
         ("frames", "i8"),
@@ -52,7 +59,7 @@ SENDER = np.dtype(
         ("duplicated", "i8"),
         ("link", "i8"),
         ("latest", "i8"),
-        ("links", LINK, (_LINKS,)),
+        ("links", _LINK, (_LINKS,)),
     ],
     align=True,
 )
@@ -182,14 +189,14 @@ def _goes_on(sender: Any, link: Any, sequence: int, crc: int) -> bool:
 
 
 @kernel
-def account(
-    rows: NDArray[np.void],
+def _account(
+    rows: Records,
     first: int,
     places: NDArray[np.int32],
     known: int,
-    senders: NDArray[np.void],
-    counts: NDArray[np.int64],
-    totals: NDArray[np.int64],
+    senders: Records,
+    counts: Integers,
+    totals: Integers,
 ) -> tuple[int, int]:
     """Process the frames ``rows[first:]``, until there is no room for a new sender.
 
@@ -224,8 +231,8 @@ def account(
         sender.frames += 1
         totals[3] += 1
         sender.latest = totals[3]
-        if row.message >= 0:
-            counts[place, row.message] += 1
+        if row.definition >= 0:
+            counts[place, row.definition] += 1
             if totals[0] == 0:
                 totals[1] = row.time_us
             totals[0] += 1
@@ -233,3 +240,100 @@ def account(
         if not _goes_on(sender, sender.links[sender.link], int(row.sequence), row.crc):
             _follow(sender, int(row.sequence), row.crc)
     return rows.size, known
+
+
+class StreamStats:
+    """Message counts, times and sequence losses of a stream, in bounded memory.
+
+    If there are more than about a thousand senders, the least recently active ones are counted
+    together, as component 0 (MAVLink's "all") of their system.
+
+    Attributes
+    ----------
+    unknown
+        Number of frames by message id that the dialect does not define; -1 stands for all ids
+        beyond the first thousand.
+    """
+
+    def __init__(self, dialect: Dialect) -> None:
+        self.unknown: dict[int, int] = {}
+        self._totals = np.zeros(4, dtype=np.int64)
+        self._names = [definition.name for definition in dialect.definitions.values()]
+        self._places = np.full(1 << 16, -1, dtype=np.int32)
+        self._known = 0
+        self._senders = np.zeros(8, dtype=_SENDER)
+        self._counts = np.zeros((8, len(self._names)), dtype=np.int64)
+
+    def add(self, rows: Records) -> None:
+        """Add the next frames."""
+        if rows.size == 0:
+            return
+        done, before = 0, self.frames
+        while True:
+            done, self._known = _account(
+                rows, done, self._places, self._known, self._senders, self._counts, self._totals
+            )
+            if done == rows.size:
+                break
+            if self._known == _SENDERS_KEPT:
+                self._fold()
+            else:
+                self._senders = np.concatenate([self._senders, np.zeros_like(self._senders)])
+                self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])
+        if self.frames - before < rows.size:
+            numbers = rows["id"][rows["definition"] < 0]
+            for number, count in zip(*np.unique(numbers, return_counts=True), strict=True):
+                key = int(number) if number in self.unknown or len(self.unknown) < _IDS_KEPT else -1
+                self.unknown[key] = self.unknown.get(key, 0) + int(count)
+
+    @property
+    def frames(self) -> int:
+        """Number of intact frames of known messages."""
+        return int(self._totals[0])
+
+    @property
+    def first_time_us(self) -> int | None:
+        """Time of the first frame, microseconds of UTC; None before it."""
+        return int(self._totals[1]) if self.frames else None
+
+    @property
+    def last_time_us(self) -> int | None:
+        """Time of the latest frame, microseconds of UTC; None before the first."""
+        return int(self._totals[2]) if self.frames else None
+
+    @property
+    def counts(self) -> dict[tuple[int, int, str], int]:
+        """Number of intact messages by (system, component, name)."""
+        counts = self._counts[: self._known]
+        out = {}
+        for place, message in zip(*(axis.tolist() for axis in np.nonzero(counts)), strict=True):
+            system, component = divmod(int(self._senders["id"][place]), 256)
+            out[system, component, self._names[message]] = int(counts[place, message])
+        return out
+
+    def sequence_losses(self) -> Iterator[SequenceLoss]:
+        """Yield the losses of each sender whose sequence numbers have gaps, reordering or duplicates."""
+        for sender in self._senders[: self._known]:
+            found = {name: int(sender[name]) for name in ("missing", "gaps", "reordered", "duplicated")}
+            if any(found.values()):
+                system, component = divmod(int(sender["id"]), 256)
+                yield SequenceLoss(system=system, component=component, frames=int(sender["frames"]), **found)
+
+    def _fold(self) -> None:
+        """Merge the least recently active half of the senders into component 0 of their systems."""
+        identity = self._senders["id"]
+        single = np.flatnonzero(identity & 0xFF)
+        folded = single[np.argsort(self._senders["latest"][single], kind="stable")[: _SENDERS_KEPT // 2]]
+        kept = np.setdiff1d(np.arange(_SENDERS_KEPT), folded)
+        systems = np.setdiff1d(identity[folded] & ~0xFF, identity[kept])
+        self._known = kept.size + systems.size
+        senders, counts = np.zeros_like(self._senders), np.zeros_like(self._counts)
+        senders[: kept.size], counts[: kept.size] = self._senders[kept], self._counts[kept]
+        senders["id"][kept.size : self._known] = systems
+        self._places[:] = -1
+        self._places[senders["id"][: self._known]] = np.arange(self._known)
+        target = self._places[identity[folded] & ~0xFF]
+        for name in _SUMS:
+            np.add.at(senders[name], target, self._senders[name][folded])
+        np.add.at(counts, target, self._counts[folded])
+        self._senders, self._counts = senders, counts

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.words import load_word
+from mavhums.log.base.unaligned_io import load_word
 
 __all__ = ["crc_of", "finish_crc", "seed_of"]
 
@@ -54,7 +55,7 @@ _ONES = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
 
 
 @inlined
-def crc_of(data: NDArray[np.uint8], start: int, end: int) -> Any:
+def crc_of(data: Bytes, start: int, end: int) -> Any:
     """Return the CRC of ``data[start:end]``, at most 265 bytes, without crc_extra.
 
     Seven bytes before ``start`` must be readable.

@@ -1,4 +1,4 @@
-"""Plausibility of a record's time stamp.
+"""Positions of the parts of a frame, and the plausibility of its record's time stamp.
 
 A time more than a minute from the last one is compared with the next record's: if the path over it
 is a detour of more than two minutes, the time stamp is damaged; otherwise the clock was set or the
@@ -8,13 +8,34 @@ link was silent. If no record follows, a step of up to a day is accepted.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.mavlink._frame import NO, WAIT, YES, follows, frame_end
-from mavhums.log.words import load_word
+from mavhums.log.base.scanner import NO, WAIT, YES
+from mavhums.log.base.tables import MAVLINK1, SIGNED
+from mavhums.log.base.unaligned_io import load_word
 
-__all__ = ["DAY_US", "STAMP", "judge_time", "plausible", "stamp_at", "time_without_stamp"]
+__all__ = [
+    "DAY_US",
+    "HEAD_V1",
+    "HEAD_V2",
+    "MAGIC_V1",
+    "MAGIC_V2",
+    "SIGNATURE",
+    "STAMP",
+    "follows",
+    "frame_end",
+    "judge_time",
+    "parts_of",
+    "plausible",
+    "stamp_at",
+    "time_without_stamp",
+]
+
+MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
+HEAD_V1, HEAD_V2 = 6, 10
+_CRC = 2
+SIGNATURE = 13
 
 STAMP = 8
 """Size of a time stamp, bytes."""
@@ -25,7 +46,46 @@ _YEAR_2000_US, _YEAR_2100_US = 946_684_800_000_000, 4_102_444_800_000_000
 
 
 @inlined
-def stamp_at(data: NDArray[np.uint8], place: int) -> int:
+def frame_end(data: Bytes, start: int) -> int:
+    """Return the end of the frame at ``start``, ``NO`` if there is none, ``WAIT`` if its header is cut."""
+    if start >= data.size:
+        return WAIT
+    if data[start] == MAGIC_V2:
+        if start + HEAD_V2 > data.size:
+            return WAIT
+        flags = data[start + 2]
+        if flags > 1:
+            return NO
+        return int(start + HEAD_V2 + _CRC + np.int64(data[start + 1]) + SIGNATURE * np.int64(flags))
+    if data[start] == MAGIC_V1:
+        if start + HEAD_V1 > data.size:
+            return WAIT
+        return int(start + HEAD_V1 + _CRC + np.int64(data[start + 1]))
+    return NO
+
+
+@inlined
+def follows(data: Bytes, end: int, stamp: int, final: bool) -> int:
+    """Return whether a magic byte, or the end of the log, follows the record that ends at ``end``."""
+    if end + stamp < data.size:
+        return YES if data[end + stamp] == MAGIC_V2 or data[end + stamp] == MAGIC_V1 else NO
+    if final:
+        return YES if end == data.size else NO
+    return WAIT
+
+
+@inlined
+def parts_of(data: Bytes, start: int) -> tuple[int, int, int, int]:
+    """Return message id, positions of sequence number and CRC, and flags of the frame at ``start``."""
+    length = int(np.int64(data[start + 1]))
+    if data[start] == MAGIC_V1:
+        return int(np.int64(data[start + 5])), start + 2, start + HEAD_V1 + length, MAVLINK1
+    number = np.int64(data[start + 7]) | np.int64(data[start + 8]) << 8 | np.int64(data[start + 9]) << 16
+    return int(number), start + 4, start + HEAD_V2 + length, SIGNED if data[start + 2] else 0
+
+
+@inlined
+def stamp_at(data: Bytes, place: int) -> int:
     """Return the big-endian time stamp at ``place``, as a signed number."""
     word = load_word(data, place)
     out = np.uint64(0)
@@ -55,9 +115,7 @@ def _is_detour(last: int, time_us: int, following: int) -> bool:
 
 
 @kernel
-def _judge_first_time(
-    data: NDArray[np.uint8], time_us: int, following: int, end: int, final: bool
-) -> tuple[int, int]:
+def _judge_first_time(data: Bytes, time_us: int, following: int, end: int, final: bool) -> tuple[int, int]:
     """Return whether the first frame's time is valid, and the time to use.
 
     If it differs by a day from the time of the second record, which begins at ``end``, the third
@@ -87,7 +145,7 @@ def _judge_first_time(
 
 
 @inlined
-def judge_time(data: NDArray[np.uint8], position: int, end: int, last: int, final: bool) -> tuple[int, int]:
+def judge_time(data: Bytes, position: int, end: int, last: int, final: bool) -> tuple[int, int]:
     """Return whether the time stamp of the record from ``position`` to ``end`` is valid, and the time to use.
 
     ``last`` is the previous time, -1 if there is none. ``WAIT`` means that more bytes are needed.

@@ -1,4 +1,4 @@
-"""Eight bytes at a time from and to a buffer of bytes, for the compiled loops of every format."""
+"""Reads and writes of eight bytes at any position of a buffer, for the compiled loops of every format."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ import numpy as np
 from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes
 from mavhums.core.kernels import inlined
 
-__all__ = ["GUARD", "load_word", "store_word"]
+__all__ = ["GUARD", "SPARE", "load_word", "store_word"]
 
 GUARD = 32
 """Readable bytes before a buffer's first frame or record: MAVLink's signature and stamp, and a word."""
+
+SPARE = 8
+"""Bytes after a buffer's last record that may be read or written with it: a word."""
 
 
 def _load_word(typing_context: Any, data: Any, index: Any) -> Any:
@@ -44,7 +47,7 @@ def _store_word(typing_context: Any, data: Any, index: Any, word: Any) -> Any:
     return types.void(data, types.int64, types.uint64), generate
 
 
-def _load_bytes(data: NDArray[np.uint8], index: int) -> Any:
+def _load_bytes(data: Bytes, index: int) -> Any:
     if index < 0:
         raise IndexError
     word = np.uint64(0)
@@ -53,7 +56,7 @@ def _load_bytes(data: NDArray[np.uint8], index: int) -> Any:
     return word
 
 
-def _store_bytes(data: NDArray[np.uint8], index: int, word: Any) -> None:
+def _store_bytes(data: Bytes, index: int, word: Any) -> None:
     if index < 0:
         raise IndexError
     for k in range(8):

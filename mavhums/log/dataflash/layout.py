@@ -3,35 +3,39 @@
 A record is ``A3 95``, a type and a payload without padding, little-endian. Its length is defined only
 by the FMT record of its type, which itself has type 128: type, length of the whole record, name
 (4 characters), a letter for each field (16), and their names, separated by commas (64).
+
+Across types times step back by less than a millisecond. A time more than a tenth of a second from the one
+before counts as a step only if the next records continue from there; otherwise the stamp is damaged.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.words import load_word
+from mavhums.log.base.scanner import WAIT
+from mavhums.log.base.unaligned_io import load_word
 
 __all__ = [
+    "BACK",
     "BODY",
     "DEFINITIONS",
     "FMT",
     "FMT_SIZE",
+    "GAP_US",
     "HEAD",
+    "IN_ORDER",
     "MAGIC_1",
     "MAGIC_2",
-    "NO",
-    "SIZES",
+    "ODD",
     "TYPE",
-    "WAIT",
-    "YES",
     "begins",
     "define",
+    "is_near",
+    "judge_time",
+    "time_at",
 ]
-
-YES, NO, WAIT = 1, 0, -1
-"""Answers; ``WAIT`` where it lies in bytes to come."""
 
 MAGIC_1, MAGIC_2 = 0xA3, 0x95
 HEAD = 3
@@ -40,7 +44,7 @@ BODY = FMT_SIZE - HEAD
 DEFINITIONS = 1024
 """Most definitions that one log may hold; more are taken for damage."""
 
-SIZES = {
+_SIZES = {
     "a": 64, "b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4, "f": 4, "d": 8, "g": 2, "n": 4, "N": 16,
     "Z": 64, "c": 2, "C": 2, "e": 4, "E": 4, "L": 4, "M": 1, "q": 8, "Q": 8,
 }  # fmt: skip
@@ -50,21 +54,30 @@ TYPE = np.dtype([("length", "i4"), ("epoch", "i4"), ("definition", "i2"), ("time
 """What is known of a type: bytes of a record, 0 if unknown; since which beginning of a log; the number of
 its definition; and whether its records begin with TimeUS."""
 
+IN_ORDER, AHEAD, BACK, ODD = 1, 2, 3, 4
+"""A time near the one before, a step forward, a step back, and a damaged stamp."""
+
+_TOLERANCE_US = 100_000
+GAP_US = 60 * 1_000_000
+_LATEST_US = 1 << 52
+_CONFIRM = 2
+_LOOKED_AT = 16
+
 _SIZE_OF = np.zeros(256, dtype=np.uint8)
-for _letter, _size in SIZES.items():
+for _letter, _size in _SIZES.items():
     _SIZE_OF[ord(_letter)] = _size
 _TIME = np.frombuffer(b"TimeUS", dtype=np.uint8)
 _NAME, _FORMAT, _COLUMNS = HEAD + 2, HEAD + 6, HEAD + 22
 
 
 @inlined
-def begins(data: NDArray[np.uint8], place: int) -> bool:
+def begins(data: Bytes, place: int) -> bool:
     """Return whether ``place`` holds a record's two magic bytes."""
     return bool(data[place] == MAGIC_1 and data[place + 1] == MAGIC_2)
 
 
 @kernel
-def _is_text(data: NDArray[np.uint8], start: int, end: int) -> bool:
+def _is_text(data: Bytes, start: int, end: int) -> bool:
     """Return whether these bytes are printable text, with zeros only at its end."""
     length = 0
     while start + length < end and data[start + length] != 0:
@@ -78,7 +91,7 @@ def _is_text(data: NDArray[np.uint8], start: int, end: int) -> bool:
 
 
 @kernel
-def _size_told(data: NDArray[np.uint8], start: int, end: int) -> int:
+def _size_told(data: Bytes, start: int, end: int) -> int:
     """Return the size of a record with these fields, bytes; 0 if a field type does not exist."""
     size = HEAD
     place = start
@@ -95,7 +108,7 @@ def _size_told(data: NDArray[np.uint8], start: int, end: int) -> int:
 
 
 @kernel
-def _is_timed(data: NDArray[np.uint8], position: int) -> bool:
+def _is_timed(data: Bytes, position: int) -> bool:
     if data[position + _FORMAT] != ord("Q"):
         return False
     for k in range(_TIME.size):
@@ -107,7 +120,7 @@ def _is_timed(data: NDArray[np.uint8], position: int) -> bool:
 
 @kernel
 def define(
-    data: NDArray[np.uint8], position: int, epoch: int, types: NDArray[np.void], bodies: NDArray[np.uint8],
+    data: Bytes, position: int, epoch: int, types: Records, bodies: Bytes,
     known: int,
 ) -> int:  # fmt: skip
     """Process a FMT record, and return the number of definitions, or -1 if it is damaged.
@@ -154,6 +167,61 @@ def define(
 
 
 @inlined
-def time_at(data: NDArray[np.uint8], position: int) -> int:
+def time_at(data: Bytes, position: int) -> int:
     """Return TimeUS of the record at ``position``."""
     return int(np.int64(load_word(data, position + HEAD)))
+
+
+@kernel
+def _confirm(
+    data: Bytes, size: int, place: int, time_us: int, last: int, types: Records,
+    final: bool,
+) -> int:  # fmt: skip
+    """Judge a time by the times of the records from ``place`` on."""
+    before, agreed = time_us, 0
+    for _ in range(_LOOKED_AT):
+        if place + HEAD > size:
+            if not final:
+                return WAIT
+            agreed += last < 0 or 0 < time_us - last <= GAP_US
+            break
+        length = int(types[data[place + 2]].length)
+        if not begins(data, place) or length == 0:
+            break
+        if place + length > size:
+            if not final:
+                return WAIT
+            break
+        if types[data[place + 2]].timed:
+            following = time_at(data, place)
+            if following < before - _TOLERANCE_US:
+                return ODD
+            if agreed == 0 and time_us < last and -_TOLERANCE_US <= following - last <= GAP_US:
+                return ODD
+            before = following
+            agreed += 1
+            if agreed == _CONFIRM:
+                break
+        place += length
+    if agreed == 0:
+        return ODD
+    return AHEAD if time_us > last else BACK
+
+
+@inlined
+def is_near(time_us: int, last: int) -> bool:
+    """Return whether a time is in order after ``last``."""
+    return bool(-_TOLERANCE_US <= time_us - last <= _TOLERANCE_US)
+
+
+@inlined
+def judge_time(
+    data: Bytes, size: int, end: int, time_us: int, last: int, types: Records,
+    final: bool,
+) -> int:  # fmt: skip
+    """Compare the time of a record that ends at ``end`` with ``last``, -1 if there is none."""
+    if last >= 0 and is_near(time_us, last):
+        return IN_ORDER
+    if not 0 <= time_us < _LATEST_US:
+        return ODD
+    return _confirm(data, size, end, time_us, last, types, final)

@@ -17,39 +17,38 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.dataflash._layout import (
+from mavhums.log.base.scanner import NO, RECORD, WAIT, YES
+from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.unaligned_io import GUARD
+from mavhums.log.dataflash.layout import (
+    BACK,
     FMT,
+    GAP_US,
     HEAD,
+    IN_ORDER,
     MAGIC_1,
     MAGIC_2,
-    NO,
-    WAIT,
-    YES,
+    ODD,
     begins,
     define,
+    is_near,
+    judge_time,
     time_at,
 )
-from mavhums.log.dataflash._times import BACK, GAP_US, IN_ORDER, ODD, is_near, judge_time
-from mavhums.log.flags import ODD_TIME
-from mavhums.log.words import GUARD
 
-__all__ = ["REGION", "ROW", "STATE", "scan"]
+__all__ = ["ROW", "STATE", "scan"]
 
-ROW = np.dtype(
-    [("offset", "i8"), ("time_us", "i8"), ("boot", "i4"), ("definition", "i2"), ("flags", "u1")], align=True
-)
-"""One record: ``offset`` in the stream; ``time_us`` since boot, -1 before the first time; ``boot`` counts
-the logs in the stream."""
+ROW = np.dtype([*RECORD, ("boot", "i4")], align=True)
+"""One record: ``time_us`` since boot, -1 before the first time; ``boot`` counts the logs in the stream."""
 
-REGION = np.dtype([("offset", "i8"), ("size", "i8")])
 STATE = np.dtype(
     [
         (name, "i8")
         for name in (
-            "base", "position", "time_us", "lost_step", "skipped", "fill", "definitions", "epoch",
+            "base", "position", "time_us", "lost_step", "skipped", "filler", "definitions", "epoch",
             "marked", "boot", "old_from", "old_records", "odd_times", "jumps", "rewinds",
         )
     ]
@@ -57,7 +56,7 @@ STATE = np.dtype(
 """What is carried from block to block.
 
 ``base`` is the stream offset of the buffer's first byte after the guard, ``position`` where in the
-buffer the scan stopped. Since the last record ``skipped`` counts the bytes skipped and ``fill`` the
+buffer the scan stopped. Since the last record ``skipped`` counts the bytes skipped and ``filler`` the
 equal bytes at their end. ``marked`` tells whether a FMT of FMT came since the last time, ``epoch``
 counts those, ``old_from`` is the offset at which an old cluster began, or -1.
 """
@@ -75,9 +74,7 @@ Record = Any
 
 
 @kernel
-def _ends_before(
-    data: NDArray[np.uint8], size: int, end: int, offset: int, in_step: bool, final: bool
-) -> int:
+def _ends_before(data: Bytes, size: int, end: int, offset: int, in_step: bool, final: bool) -> int:
     """Return whether a record ending at ``end`` (``offset`` in the stream) counts with no magic after it."""
     if end == size:
         return YES if final else WAIT
@@ -99,7 +96,7 @@ def _ends_before(
 
 
 @inlined
-def _end_of(data: NDArray[np.uint8], size: int, position: int, types: NDArray[np.void]) -> int:
+def _end_of(data: Bytes, size: int, position: int, types: Records) -> int:
     """Return the end of the record at ``position``, ``NO`` if there is none, ``WAIT`` if it is cut."""
     if data[position] != MAGIC_1:
         return NO
@@ -114,15 +111,15 @@ def _end_of(data: NDArray[np.uint8], size: int, position: int, types: NDArray[np
 
 
 @inlined
-def _step_on(data: NDArray[np.uint8], position: int, state: Record) -> None:
+def _step_on(data: Bytes, position: int, state: Record) -> None:
     state.lost_step = 1
     again = state.skipped > 0 and data[position] == data[position - 1]
-    state.fill = state.fill + 1 if again else 1
+    state.filler = state.filler + 1 if again else 1
     state.skipped += 1
 
 
 @inlined
-def _counts(data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, final: bool) -> int:
+def _counts(data: Bytes, size: int, position: int, end: int, state: Record, final: bool) -> int:
     """Return whether the bytes after a record from ``position`` to ``end`` confirm it."""
     if end <= NO:
         return NO if final else end
@@ -149,7 +146,7 @@ def _out_of_order(state: Record, how: int, time_us: int, offset: int) -> bool:
 
 @inlined
 def _take_time(
-    data: NDArray[np.uint8], size: int, position: int, end: int, state: Record, types: NDArray[np.void],
+    data: Bytes, size: int, position: int, end: int, state: Record, types: Records,
     final: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """Return whether a record with a time counts, and its flags; store the time."""
@@ -169,9 +166,7 @@ def _take_time(
 
 
 @kernel
-def _take_definition(
-    data: NDArray[np.uint8], position: int, state: Record, types: NDArray[np.void], bodies: NDArray[np.uint8]
-) -> int:
+def _take_definition(data: Bytes, position: int, state: Record, types: Records, bodies: Bytes) -> int:
     """Return whether a FMT record counts; store its definition."""
     if data[position + HEAD] == FMT and state.time_us >= 0:
         state.marked = 1
@@ -187,7 +182,7 @@ def _take_definition(
 def _end_region(state: Record, region: Record, offset: int) -> int:
     """Record the bytes skipped before the record at ``offset``; return 1 if there are any, else 0."""
     state.lost_step = 0
-    state.fill = 0
+    state.filler = 0
     if state.skipped == 0:
         return 0
     region.offset = offset - state.skipped
@@ -198,7 +193,7 @@ def _end_region(state: Record, region: Record, offset: int) -> int:
 
 @kernel
 def _run_in_step(
-    data: NDArray[np.uint8], size: int, state: Record, types: NDArray[np.void], rows: NDArray[np.void],
+    data: Bytes, size: int, state: Record, types: Records, rows: Records,
     found: int,
 ) -> int:  # fmt: skip
     """Take records from ``state.position`` on while each is in step and in order; return the number found.
@@ -223,7 +218,9 @@ def _run_in_step(
         row.time_us = time_us
         row.boot = boot
         row.definition = kind.definition
-        row.flags = 0
+        row.start = HEAD
+        row.length = kind.length - HEAD
+        row.component = row.sequence = row.flags = 0
         found += 1
         position = end
     state.position, state.time_us, state.marked = position, time_us, marked
@@ -232,14 +229,14 @@ def _run_in_step(
 
 @kernel
 def scan(
-    data: NDArray[np.uint8],
+    data: Bytes,
     size: int,
     final: bool,
-    carried: NDArray[np.void],
-    types: NDArray[np.void],
-    bodies: NDArray[np.uint8],
-    rows: NDArray[np.void],
-    regions: NDArray[np.void],
+    carried: Records,
+    types: Records,
+    bodies: Bytes,
+    rows: Records,
+    regions: Records,
 ) -> tuple[int, int]:
     """Find the records of a buffer.
 
@@ -289,7 +286,7 @@ def scan(
         if counts == OLD:
             state.old_records += 1
             state.skipped += end - position
-            state.lost_step = state.fill = 0
+            state.lost_step = state.filler = 0
             position = end
             continue
         offset = state.base + (position - GUARD)
@@ -299,6 +296,9 @@ def scan(
         row.time_us = state.time_us
         row.boot = state.boot
         row.definition = types[kind].definition
+        row.start = HEAD
+        row.length = types[kind].length - HEAD
+        row.component = row.sequence = 0
         row.flags = flags
         found += 1
         position = end

@@ -1,4 +1,4 @@
-"""Texts shared by the report and the terminal."""
+"""Values in words: conditions and their colours, times, shares, intervals, losses, names."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.core.text import printable
-from mavhums.health.actuator.detectors import to_inspect
-from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
-from mavhums.log.losses import Losses
+from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, LogSummary, Verdict
 
 __all__ = [
-    "ADVICE",
     "BLUE",
     "COLOURS",
     "PALE_BLUE",
@@ -21,20 +18,18 @@ __all__ = [
     "STALE",
     "STALE_COLOUR",
     "YELLOW",
-    "advice",
+    "capital",
     "clock",
-    "explained",
+    "condition_word",
+    "effectiveness",
     "finding",
     "friction",
-    "implausible",
     "join",
     "link_loss",
     "losses",
     "name",
     "percent",
     "printable",
-    "undecided",
-    "unmonitored",
     "whose",
 ]
 
@@ -57,19 +52,28 @@ PALE_BLUE: Final = (60, 110, 145)
 YELLOW: Final = (240, 228, 66)
 SERIES: Final = (BLUE, YELLOW, (204, 121, 167), (0, 158, 115))
 
-ADVICE: Final[dict[Condition, str]] = {
-    "normal": "nothing to do; keep the log for the trend over flights",
-    "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
-    "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
-    "unchanged": "nothing to do; keep the log: later flights are compared with it",
-    "changed": "inspect {parts} before the next flight, and watch the trend over flights",
-    "learning": "keep the log: the baseline grows with every flight",
-    "undecided": "undecided is not healthy: check it by other means, or record what is missing",
-    "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
-}
+_TO_ACT_ON: Final[tuple[Condition, ...]] = ("changed", "degraded", "emergency")
 
 
-_COMPARED: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged")
+def condition_word(condition: Condition) -> str:
+    """Return a condition as a table shows it: what must be acted on in capitals."""
+    return condition.upper() if condition in _TO_ACT_ON else condition
+
+
+def capital(text: str) -> str:
+    """Return a text with a capital at its beginning."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def effectiveness(interval: Interval) -> str:
+    """Return what is left of the control effectiveness, with its interval.
+
+    Examples
+    --------
+    >>> effectiveness(Interval(estimate=0.52, low=0.31, high=0.73))
+    '52 % (31–73)'
+    """
+    return f"{100 * interval.estimate:.0f} % ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
 def name(verdict: Verdict, assessment: Assessment) -> str:
@@ -108,20 +112,6 @@ def friction(interval: Interval) -> str:
     return f"{interval.estimate:.3f} ({interval.low:.3f}–{interval.high:.3f})"
 
 
-def implausible(verdict: Verdict) -> str | None:
-    """Return how many values no such actuator can have; None if there are none.
-
-    Examples
-    --------
-    >>> implausible(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
-    """
-    counts = verdict.coverage.implausible
-    if not counts:
-        return None
-    values = ", ".join(f"{count:,} of {key}" for key, count in counts.items())
-    return f"values that no such actuator can have, counted as not measured: {values}"
-
-
 def percent(fraction: float) -> str:
     """Return a fraction in per cent; only what is certain is called 0 or 100.
 
@@ -149,22 +139,6 @@ def join(items: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-def unmonitored(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
-    """Return the unmonitored actuators by reason and remedy."""
-    return _by_reason(assessment, "unmonitored")
-
-
-def advice(verdict: Verdict) -> str:
-    """Return the recommended action for an actuator, by its worst condition and suspected fault."""
-    suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
-    faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
-    look = axis_to_inspect if verdict.subject == "axis" else to_inspect
-    parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
-    if verdict.subject == "axis" and verdict.gravest == "emergency":
-        return f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"
-    return ADVICE[verdict.gravest].format(parts=parts)
-
-
 def finding(item: Evidence) -> str:
     """Return one finding: time, value and rule.
 
@@ -183,32 +157,9 @@ def finding(item: Evidence) -> str:
     return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
 
 
-def explained(assessment: Assessment) -> dict[tuple[Condition, str, str], list[Verdict]]:
-    """Return the actuators without a known limit, and what must be said of normal ones, by reason."""
-    return {
-        (condition, *why): verdicts
-        for condition in (*_COMPARED, "normal")
-        for why, verdicts in _by_reason(assessment, condition).items()
-    }
-
-
-def undecided(assessment: Assessment) -> dict[tuple[str, str], list[Verdict]]:
-    """Return the undecided actuators by reason and remedy, so that neither is said twice."""
-    return _by_reason(assessment, "undecided")
-
-
-def _by_reason(assessment: Assessment, condition: Condition) -> dict[tuple[str, str], list[Verdict]]:
-    groups: dict[tuple[str, str], list[Verdict]] = {}
-    for verdict in assessment.verdicts:
-        if verdict.condition == condition and (verdict.reason or condition != "normal"):
-            reason, remedy = verdict.reason or "no reason was given", verdict.remedy or ADVICE[condition]
-            groups.setdefault((reason.rstrip("."), remedy.rstrip(".")), []).append(verdict)
-    return groups
-
-
 def whose(log: LogSummary) -> list[str]:
     """Return sentences on whose flight it is: other recordings of it, and what could not be checked."""
-    said = [f"{notice[:1].upper()}{notice[1:]}" for notice in log.notices]
+    said = [capital(notice) for notice in log.notices]
     if log.copies:
         others = join(sorted({copy.log or "a live link" for copy in log.copies}))
         best = next((copy.log or "a live link" for copy in log.copies if copy.counts), None)

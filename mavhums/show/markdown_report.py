@@ -9,32 +9,23 @@ from typing import Final
 
 from mavhums.core.quantities import QUANTITIES
 from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
-from mavhums.show import _usage
-from mavhums.show._certainty import certainty
-from mavhums.show._headline import headline
-from mavhums.show._listing import heading, listed, together, without_wingless
-from mavhums.show._network import beside, in_column
-from mavhums.show._standing import control_left, course, word
-from mavhums.show._words import (
-    advice,
+from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
+from mavhums.show.verdict_words import certainty
+from mavhums.show.words import (
+    capital,
     clock,
-    explained,
+    condition_word,
     finding,
     friction,
-    implausible,
     join,
-    losses,
     name,
     percent,
     printable,
-    undecided,
-    unmonitored,
-    whose,
 )
 
-__all__ = ["markdown", "so_far"]
+__all__ = ["live_markdown", "markdown"]
 
-_HEAD: Final = ("| actuator | condition | friction, N·m | network | since |", "|---|---|---|---|---|")
+_LIVE_COLUMNS: Final = ("actuator", "condition", "friction, N·m", "network", "since")
 _COLUMNS: Final = ("condition", "control left", "friction, N·m", "network", "since")
 _FIRST, _LAST = 4, 6
 _NUMBER = re.compile(r"(\d+)")
@@ -55,25 +46,40 @@ def markdown(assessment: Assessment) -> str:
         The result in the first line; then the actuators, worst first, with advice, reasons and
         certainty; then the log's losses and the provenance of each value.
     """
-    sections = [f"# {_literal(headline(assessment))}", f"*{assessment.notice}*"]
-    assessment, wingless = without_wingless(assessment)
-    sections += [f"{_literal(line)}." for line in wingless if assessment.verdicts]
-    if assessment.verdicts:
-        sections.append(_table(assessment))
-    ranked = assessment.ranked()
-    told = [verdict for verdict in ranked if verdict.worst in ("degraded", "emergency")]
-    sections += [_section(verdict, name(verdict, assessment)) for verdict in told]
-    sections += _explained(assessment)
-    sections += _doubtful(assessment)
-    sections += _undecided(assessment)
-    sections += _beside(assessment)
-    sections += _used(assessment)
-    sections.append(_log(assessment))
-    sections += _provenance(assessment)
+    said = digest(assessment)
+    sections = [f"# {_literal(said.headline)}", f"*{assessment.notice}*"]
+    sections += [f"{_literal(line)}." for line in said.without_wings]
+    if said.subjects:
+        sections.append(_table(said.subjects))
+    sections += [_section(verdict, name(verdict, said.assessment)) for verdict in said.faulty]
+    compared = [found for found in said.open if found.condition != "undecided"]
+    undecided = [found for found in said.open if found.condition == "undecided"]
+    sections += map(_paragraph, compared)
+    sections += [
+        f"## {_literal(of)}: values in doubt\n\n{_literal(capital(odd))}." for of, odd in said.doubtful
+    ]
+    sections += map(_paragraph, (*undecided, *said.unmonitored))
+    if said.network:
+        lines = "\n".join(f"- {_literal(sentence)}." for sentence in said.network)
+        sections.append(f"## Physics and network\n\n{lines}")
+    for table in said.tables:
+        rows = _rows((table.head, ("---",) * len(table.head), *(map(_literal, row) for row in table.rows)))
+        sections.append(f"## {_literal(table.title)}" + (f"\n\n{rows}" if table.rows else ""))
+    sections.append(_log(said, assessment))
+    sections += _provenance(said.assessment)
     return "\n\n".join(sections) + "\n"
 
 
-def so_far(actuators: Iterable[tuple[str, str, Interval | None, float | None, float | None]]) -> str:
+def _rows(rows: Iterable[Iterable[str]]) -> str:
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _paragraph(found: Paragraph) -> str:
+    why, todo = _literal(found.why), _literal(found.todo)
+    return f"## {_literal(found.title)}: {found.condition}\n\n**Why:** {why}.\n\n**What to do:** {todo}."
+
+
+def live_markdown(actuators: Iterable[tuple[str, str, Interval | None, float | None, float | None]]) -> str:
     """Return the report of a flight in progress.
 
     Parameters
@@ -81,52 +87,35 @@ def so_far(actuators: Iterable[tuple[str, str, Interval | None, float | None, fl
     actuators
         The worst first: name, condition, friction, the network's vote, and since when it is so.
     """
-    lines = ["# Now", f"*{NOTICE}*\n", *_HEAD]
-    for title, condition, torque, vote, since_s in actuators:
-        word = condition if condition == "normal" else f"**{condition}**"
-        lines.append(_row(title, word, torque, vote, since_s))
-    lines.append("\nThe report at the end of the flight gives reasons and advice.")
-    return "\n".join(lines) + "\n"
+    rows = [
+        (
+            _literal(title),
+            condition if condition == "normal" else f"**{condition}**",
+            friction(torque) if torque else "—",
+            percent(vote) if vote is not None else "—",
+            clock(since_s) if since_s is not None else "—",
+        )
+        for title, condition, torque, vote, since_s in actuators
+    ]
+    table = _rows((_LIVE_COLUMNS, ("---",) * len(_LIVE_COLUMNS), *rows))
+    end = "The report at the end of the flight gives reasons and advice."
+    return f"# Now\n*{NOTICE}*\n\n{table}\n\n{end}\n"
 
 
-def _row(
-    title: str, condition: str, torque: Interval | None, vote: float | None, since_s: float | None
-) -> str:
-    cells = (
-        _literal(title),
-        condition,
-        friction(torque) if torque else "—",
-        percent(vote) if vote is not None else "—",
-        clock(since_s) if since_s is not None else "—",
-    )
-    return f"| {' | '.join(cells)} |"
-
-
-def _table(assessment: Assessment) -> str:
+def _table(subjects: Sequence[Subject]) -> str:
     """Return a row for each subject; what no row tells has no column."""
-    rows = [_cells(alike[0], heading(alike, assessment)) for alike in together(listed(assessment))]
-    subjects = {verdict.subject for verdict in assessment.verdicts}
-    head = ("actuator" if subjects == {"actuator"} else "subject", *_COLUMNS)
-    told = [k for k in range(len(head)) if k < 2 or any(row[k] != "—" for row in rows)]
-    lines = [head, ("---",) * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line[k] for k in told)} |" for line in lines)
+    kinds = {one.verdict.subject for one in subjects}
+    rows = [_cells(one) for one in subjects]
+    head = ("actuator" if kinds == {"actuator"} else "subject", *_COLUMNS)
+    shown = [k for k in range(len(head)) if k < 2 or any(row[k] != "—" for row in rows)]
+    return _rows([line[k] for k in shown] for line in (head, ("---",) * len(head), *rows))
 
 
-def _cells(verdict: Verdict, title: str) -> tuple[str, ...]:
-    return (
-        _literal(title),
-        _condition(verdict),
-        control_left(verdict) or "—",
-        friction(verdict.friction_nm) if verdict.friction_nm else "—",
-        in_column(verdict),
-        clock(verdict.since.flight_time_s) if verdict.since else "—",
-    )
-
-
-def _condition(verdict: Verdict) -> str:
-    present = f"**{verdict.condition}**" if verdict.condition != "normal" else verdict.condition
-    past = course(verdict)
-    return present if past is None else f"{f'**{word(past[0])}** {past[1]}'.rstrip()}, then {present}"
+def _cells(one: Subject) -> tuple[str, ...]:
+    present = one.verdict.condition if one.verdict.condition == "normal" else f"**{one.verdict.condition}**"
+    past = f"{f'**{condition_word(one.past[0])}** {one.past[1]}'.rstrip()}, then " if one.past else ""
+    cells = (one.control_left, one.friction, one.network, one.since)
+    return (_literal(one.title), past + present, *(cell or "—" for cell in cells))
 
 
 def _section(verdict: Verdict, title: str) -> str:
@@ -186,49 +175,6 @@ def _figure(value: float, interval: Interval) -> str:
     return f"{value:z.{digits}f}"
 
 
-def _explained(assessment: Assessment) -> Iterator[str]:
-    for (condition, reason, remedy), verdicts in explained(assessment).items():
-        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
-        why, what = _literal(reason), _literal(remedy)
-        yield f"## {names}: {condition}\n\n**Why:** {why}.\n\n**What to do:** {what}."
-
-
-def _doubtful(assessment: Assessment) -> Iterator[str]:
-    for verdict in assessment.ranked():
-        odd = implausible(verdict)
-        if odd:
-            title = _literal(name(verdict, assessment))
-            yield f"## {title}: values in doubt\n\n{_literal(odd[:1].upper() + odd[1:])}."
-
-
-def _undecided(assessment: Assessment) -> Iterator[str]:
-    for (reason, remedy), verdicts in undecided(assessment).items():
-        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
-        yield f"## {names}: undecided\n\n**Why:** {_literal(reason)}.\n\n**What to do:** {_literal(remedy)}."
-    for (reason, remedy), verdicts in unmonitored(assessment).items():
-        names = _literal(join(name(verdict, assessment) for verdict in verdicts))
-        why, todo = _literal(reason), _literal(remedy)
-        yield f"## {names}: unmonitored\n\n**Why:** {why}.\n\n**What to do:** {todo}."
-
-
-def _beside(assessment: Assessment) -> Iterator[str]:
-    said = beside(assessment)
-    if said:
-        lines = "\n".join(f"- {_literal(sentence)}." for sentence in said)
-        yield f"## Physics and network\n\n{lines}"
-
-
-def _used(assessment: Assessment) -> Iterator[str]:
-    """Yield a table of what was used of each vehicle's servos."""
-    for usage in assessment.usage:
-        rows = [tuple(map(_literal, row)) for row in _usage.rows(usage)]
-        table = "\n".join(
-            f"| {' | '.join(row)} |" for row in (_usage.HEAD, ("---",) * len(_usage.HEAD), *rows)
-        )
-        title = _literal(_usage.title(usage, several=len(assessment.usage) > 1))
-        yield f"## {title}" + (f"\n\n{table}" if rows else "")
-
-
 def _provenance(assessment: Assessment) -> Iterator[str]:
     """Yield a table of sources for each group of actuators whose sources differ only in numbers."""
     groups: dict[object, list[Verdict]] = {}
@@ -260,16 +206,16 @@ def _as_one(sources: Sequence[str]) -> str:
     return "".join(part[0] if len({*part}) == 1 else "/".join(part) for part in parts)
 
 
-def _log(assessment: Assessment) -> str:
+def _log(said: Digest, assessment: Assessment) -> str:
     log = assessment.log
     facts = [
         f"File: {_literal(log.path) if log.path else 'a live link'}",
         f"Start: {log.start_utc or 'not known'}; duration: {clock(log.duration_s)}",
-        f"Losses: {losses(log.losses)}",
+        f"Losses: {said.losses}",
         f"Airframe: {_literal(assessment.airframe or 'none named')}; "
         f"network: {_literal(assessment.model.name) if assessment.model else 'none'}",
+        *map(_literal, said.whose),
     ]
-    facts += map(_literal, whose(log))
     return "## The log\n\n" + "\n".join(f"- {fact}" for fact in facts)
 
 

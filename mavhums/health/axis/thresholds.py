@@ -1,0 +1,281 @@
+"""Numbers that decide about an axis: what each trades, and what set it.
+
+Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.report.axis_limits`).
+Most others were chosen on the development flights of docs/control.md: 24 real flights of the ALFA data set,
+49 flights in software in the loop, and closed-loop flights with seeds below 9000; "development" below.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from mavhums.health.estimation.thresholds import WINDOW_S
+
+# The length of a window, in whole seconds.
+WINDOW_SECONDS: Final = int(WINDOW_S)
+
+# Seconds of flight that make a reference: fewer leave the gain too uncertain, more leave fewer to be
+# judged. Development (docs/control.md).
+REFERENCE_S: Final = 45
+
+# Seconds within which a reference is sought, s: older rows are of another phase of the flight.
+# Development.
+LONGEST_REFERENCE_S: Final = 120
+
+# Seconds of forward flight within which a reference must come: later ones may already hold the fault.
+# Development.
+LATEST_REFERENCE_S: Final = 180
+
+# Seconds between attempts at a reference; costs only time.
+REFERENCE_RETRY_S: Final = 10
+
+# Rows of 20 that make a second usable: two thirds, so that one lost sample of a slow stream passes. By
+# hand.
+LEAST_ROWS_PER_S: Final = 14
+
+# Standard deviation of the drive below which the surfaces stand still, of their full travel. By hand.
+LEAST_DRIVE: Final = 1e-4
+
+# Judged seconds without a loss that make an axis normal: three windows that share no row. Development.
+NORMAL_S: Final = 30
+
+# Effectiveness that the 95 % interval of a normal axis must exceed: a loss of 40 % is what the test is for
+# (docs/control.md).
+NORMAL_EFFECTIVENESS: Final = 0.6
+
+# Seconds in a row at full effectiveness that end a fault: two windows that share no row. By hand.
+FULL_S: Final = 20
+
+# Largest standard error of an effectiveness that is shown or counted: half of the loss of 40 %. By hand.
+JUDGED_ERROR: Final = 0.2
+
+# Share of the effectiveness whose loss the CUSUM is tuned to, where no profile has limits: smaller losses
+# are within what manoeuvres change by themselves (docs/control.md).
+LOSS_TO_DETECT: Final = 0.4
+
+# The loss that the CUSUM is tuned to, beside the loss that the profile calls degraded: halfway lies the
+# limit.
+DETECTED_LOSS_PER_LIMIT: Final = 2.0
+
+# CUSUM that makes a loss in roll certain: 1.5 times the highest of the healthy development flights.
+CERTAIN_ROLL: Final = 9.0
+
+# CUSUM that makes a loss in pitch certain: 1.8 times the highest of the healthy development flights.
+CERTAIN_PITCH: Final = 12.0
+
+# CUSUM that makes a loss in yaw certain: 1.6 times the highest of the healthy development flights.
+CERTAIN_YAW: Final = 20.0
+
+# Effectiveness above which a loss in pitch needs twice the evidence: where the reference lies in a calm
+# part of a flight in 12 m/s of wind, half a minute of another part keeps as little as 0.53 of it.
+# Development.
+COMMON_PITCH: Final = 0.5
+
+# Times the limit while a loss rests on few seconds: the gain differs between manoeuvres. Development.
+DOUBTFUL_TIMES: Final = 2.0
+
+# Judged seconds below which a loss is doubtful, and a lag is not sought: a single manoeuvre may differ
+# (docs/control.md).
+DOUBTFUL_S: Final = 7
+
+# Judged seconds that make a loss an emergency, a whole window. By hand.
+EMERGENCY_S: Final = 10
+
+# A larger shift of the trim in roll, in deviations of the reference, is that and no loss of gain.
+# Development.
+TRIM_SHIFT_DEVIATIONS: Final = 4.0
+
+# Least deviation of a roll reference, rad/s: a calm reference does not promise a calm flight.
+# Development.
+SHIFT_FLOOR_RAD_S: Final = 0.045
+
+# Seconds over which a shift of the trim and a residual are averaged: gusts are shorter, a hard-over lasts.
+# Development.
+SHIFT_S: Final = 3
+
+# Deviations of the side force from which a hard-over is the rudder's: above 5.0, once per 100 h in
+# development.
+SKID_DEVIATIONS: Final = 6.0
+
+# Side force from which a hard-over is the rudder's, m/s²: a tenth of g; coordinated turns have less. By
+# hand.
+SKID_M_S2: Final = 1.0
+
+# Seconds in a row that a trim or a pitch must be away: one alone may be a gust. Development.
+PERSISTENT_S: Final = 2
+
+# Seconds in a row that a roll must be away: a large step of the command is followed within 2 s.
+ROLL_PERSISTENT_S: Final = 3
+
+# Time between samples beyond which roll and yaw are not judged, s: 3 Hz with jitter passes, 2 Hz does not.
+# Below, tracking limits are wider.
+SLOW_STREAM_S: Final = 0.42
+
+# The same for pitch, s: 10 Hz; slower samples miss most of the short period (docs/control.md: 4 % of the
+# seconds at 4 Hz could be judged, and the only false alarms came from there).
+SLOW_PITCH_STREAM_S: Final = 0.15
+
+# Rate that a reason names for roll and yaw.
+NEEDED_HZ: Final = 3
+
+# Rate that a reason names for pitch.
+NEEDED_PITCH_HZ: Final = 10
+
+# Times the tracking limit where samples are that slow: a turn begins and ends between two. Development.
+COARSE_TIMES: Final = 1.5
+
+# Confidence shown beside a tracking error or a hard-over, whose limit lies a quarter above all healthy
+# flights.
+SURE_CONFIDENCE: Final = 0.99
+
+# Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
+MASKED_S: Final = 20
+
+# Seconds known before the first of flight that show a take-off: a log's beginning is known to within
+# seconds.
+FROM_TAKE_OFF_S: Final = 10
+
+# Additional lags that are tested, s: neighbours differ by a quarter of the gain; healthy flights have up to
+# 0.3.
+EXTRA_LAGS_S: Final = (0.3, 0.45, 0.65, 1.0, 1.5)
+
+# Share of the response that a lag must explain beyond a loss to be a slow servo. Development (0.98 against
+# 0.70 in software in the loop).
+LAG_MUCH_BETTER: Final = 0.15
+
+# Share from which the kind of a fault is open: degraded, and no emergency. Development.
+LAG_BETTER: Final = 0.05
+
+# Gain that must be left at that lag: neighbouring tested lags differ by a quarter of the gain.
+LAG_GAIN: Final = 0.75
+
+# Gain that must stay left for a slow servo to remain one. Development.
+LAG_GAIN_KEPT: Final = 0.6
+
+# Relative deviation of the gain of one second between manoeuvres. Development: healthy seconds.
+MANOEUVRE_DEVIATION: Final = 0.2
+
+# Relative deviation of the gain of ten seconds. Development: healthy windows scatter by 9 % in calm air.
+WINDOW_DEVIATION: Final = 0.10
+
+# Standard error of a lag, s: candidates are 0.05 s apart.
+LAG_ERROR_S: Final = 0.03
+
+# Judged seconds over which a loss is measured: longer ones blur its onset. By hand.
+LOSS_SECONDS: Final = 20
+
+# Largest CUSUM: twice the highest limit, so that a long loss does not take minutes to be forgotten.
+MOST_CUSUM: Final = 40.0
+
+# Time within which the CUSUM forgets, s: a small deficit over minutes is the reference's error.
+# Development.
+FORGET_S: Final = 60.0
+
+# Share of the reference's drive from which a second may count for a loss: less, and gusts dominate.
+# Development.
+DRIVEN_SHARE: Final = 0.5
+
+# Share of the last manoeuvre's drive below which the slow filter's tail dominates. Development.
+TAIL_SHARE: Final = 0.07
+
+# Largest unexplained response in roll: beyond it, gusts alone make the gain of ten healthy seconds scatter
+# by 14 % and more (docs/control.md).
+GUSTY_ROLL: Final = 0.1
+
+# The same in pitch and yaw. Development.
+GUSTY: Final = 0.5
+
+# Memory of the filter that removes trim, s: longer ones keep phugoid and wind. Development.
+SLOW_PART_S: Final = 8.0
+
+# The same in pitch, s: a step of thrust or speed changes the elevator's trim for good (docs/control.md).
+SLOW_PART_PITCH_S: Final = 2.0
+
+# Share of the response that a reference must explain: below, the surfaces cannot be told from gusts and
+# each other (docs/control.md).
+EXPLAINED: Final = {"roll": 0.75, "pitch": 0.45, "yaw": 0.5}
+
+# Largest relative standard error of a reference's gain (docs/control.md).
+GAIN_ERROR: Final = {"roll": 0.10, "pitch": 0.06, "yaw": 0.06}
+
+# Least variance of a second's score, relative to the gain's square: quiet air does not last.
+# Development.
+SCORE_SCATTER: Final = {"roll": 0.002, "pitch": 0.004, "yaw": 0.004}
+
+# Share of the reference speed below which an aircraft may be stalling: there the gain of ailerons falls to
+# 0.2–0.5 in flights with failed engines. Development.
+LEAST_SPEED_SHARE: Final = 0.85
+
+# Steeper banks are left out, °: the regressions are linear. By hand.
+MOST_BANK_DEG: Final = 60
+
+# Steeper climbs and dives are left out, °, as above. By hand.
+MOST_PITCH_DEG: Final = 34
+
+# A longer gap between samples is not judged, s: one lost sample of a stream of 3 Hz passes.
+LONGEST_SAMPLE_GAP_S: Final = 0.75
+
+# Rows that are averaged, 0.4 s: noise of rates falls, delays of 0.05 s can still be told. Development.
+MEAN_ROWS: Final = 8
+
+# Seconds of the flight's beginning that trim and tracking are held against. Development.
+RESIDUAL_REFERENCE_S: Final = 40
+
+# Least deviation of the tracking in roll, rad: a calm beginning does not promise a calm flight.
+# Development.
+ROLL_TRACKING_FLOOR_RAD: Final = 0.033
+
+# Least deviation of the tracking in pitch, rad, as above. Development.
+PITCH_TRACKING_FLOOR_RAD: Final = 0.025
+
+# Least deviation of the side force, m/s², as above. Development.
+SIDE_FORCE_FLOOR_M_S2: Final = 0.15
+
+# Prior deviation of an attitude's offset, rad: trim and mounting are smaller. By hand.
+OFFSET_SPREAD_RAD: Final = 0.1
+
+# Prior deviation of the side force's parts in turns, m/s². By hand.
+SIDE_FORCE_SPREAD: Final = 5.0
+
+# Natural frequency of a controlled roll, rad/s: fitted over the pooled development flights.
+ROLL_RESPONSE_RAD_S: Final = 2.5
+
+# Natural frequency of a controlled pitch, rad/s: fitted over the pooled development flights.
+PITCH_RESPONSE_RAD_S: Final = 4.0
+
+# Delay of a controlled pitch, s: fitted over the pooled development flights.
+PITCH_DELAY_S: Final = 0.6
+
+# Rate at which a large reversal of the bank may be followed, °/s: it takes seconds, and a calm beginning
+# does not tell how many. Development.
+FASTEST_ROLL_DEG_S: Final = 45
+
+# Pitch below the commanded one that is a stall or a lost engine where the aircraft is slow, too, °.
+# Development.
+NOSE_LOW_DEG: Final = 3
+
+# Share of the usual speed below which it is slow for that. Development: engine failures show 0.55–0.77,
+# late.
+SLOW_FLIGHT_SHARE: Final = 0.95
+
+# Seconds of flight that give the usual speed: a whole circuit, climb and cruise. By hand.
+USUAL_SPEED_S: Final = 60
+
+# Blocks of a reference for the jackknife of its constants: 5 s each, longer than gusts. By hand.
+CONSTANT_BLOCKS: Final = 9
+
+# Earlier flights that an axis is compared with: fewer tell too little about their scatter.
+PAST_FLIGHTS: Final = 5
+
+# Quantities of an axis that are tested, among which the false alarms are divided: gain, manoeuvre, lag,
+# trim.
+PAST_TESTS: Final = 4
+
+# Largest confidence that is shown.
+MOST_CONFIDENCE: Final = 0.9999
+
+# Share of a stream that comes too late from which a reason names it: below, its verdicts hardly change.
+MOST_LATE_SHARE: Final = 0.2
+
+# Seconds of a doubted airspeed from which a reason names it.
+DOUBTED_AIRSPEED_S: Final = 10

@@ -1,0 +1,80 @@
+"""Numbers that decide for every kind of subject: what each trades, and what set it.
+
+Where no benchmark or document is named, the number was chosen by hand and not swept.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+# Allowed false alarms per actuator and 100 hours. Fewer find faults later; the default of ``--false-
+# alarms``.
+FALSE_ALARMS: Final = 1.0
+
+# Windows of 10 s that share no sample in 100 hours: turns the rate into a probability of one window.
+WINDOWS_PER_100_H: Final = 36_000.0
+
+# Windows in a row that change a condition if even the wide interval agrees: a glitch lasts less. By
+# hand.
+CONFIRM_WINDOWS: Final = 5
+
+# Windows in a row that change a condition by the narrow interval: two windows that share no sample, each
+# with the square root of the allowed probability.
+LASTING_WINDOWS: Final = 20
+
+# Degrees of freedom that earlier windows may add to an error, those of four windows: more would make the
+# error deaf to rougher air. By hand.
+MOST_POOLED_FREEDOM: Final = 36.0
+
+# Fewer flights make no baseline: their scatter is too uncertain to keep the promised false alarms
+# (docs/own-history.md).
+BASELINE_FLIGHTS: Final = 10
+
+# Degrees of freedom that a flight of few windows is taken to have, so that its error stays finite. By
+# hand.
+LEAST_WINDOW_FREEDOM: Final = 3
+
+# Scatter of an axis between healthy flights: 6.5 % of the roll gain in 19 flights of the ALFA aircraft;
+# chosen after a first run of benchmarks/control_history.py with aircraft 3–6.
+AXIS_SCATTER_SHARE: Final = {"effectiveness": 0.07, "manoeuvre": 0.07}
+
+# Windows that a drift is sought over: short spans find large changes soon, long ones small changes.
+DRIFT_SPANS_WINDOWS: Final = (1, 2, 3, 5, 8, 13, 21, 34)
+
+# Effective number of independent tests of these overlapping spans; benchmarks/health.py alarms counts what
+# it keeps.
+DRIFT_LOOKS: Final = 4.0
+
+# Largest false-alarm probability of a whole flight, however long it is. By hand.
+MOST_FLIGHT_TAIL: Final = 0.01
+
+# Degrees of freedom of the confidence that is shown beside a shift; it decides nothing. By hand.
+SHOWN_SHIFT_FREEDOM: Final = 10.0
+
+# Minimum number of flights for a trend: fewer leave its slope no degrees of freedom to be sure. By hand.
+TREND_FLIGHTS: Final = 8
+
+# Largest distance of the interval's near end, as a multiple of the span of the flights: farther ahead a
+# straight line is a guess. benchmarks/trend.py has how often the interval holds.
+TREND_REACH_SPANS: Final = 3.0
+
+# One-sided confidence that a slope is above zero, and two-sided 99 % that a line is bent: stricter than the
+# interval, because the test is repeated after every flight.
+TREND_CONFIDENCE: Final = 0.995
+
+# Bonferroni-corrected probability below which a flight is an outlier: larger values cost healthy
+# flights.
+OUTLIER_PROBABILITY: Final = 0.01
+
+# One flight in so many may be an outlier, and at least one: more outliers are another course. By hand.
+FLIGHTS_PER_OUTLIER: Final = 10
+
+# Largest lag-one correlation that widens an interval, ninefold there: beyond it the course is no line. By
+# hand.
+MOST_AUTOCORRELATION: Final = 0.8
+
+# How much likelier a step must be than the line. By hand.
+STEP_LIKELIHOOD_RATIO: Final = 20.0
+
+# Flights on either side of a step: one alone is an outlier.
+STEP_FLIGHTS: Final = 2

@@ -1,0 +1,51 @@
+"""Numbers that decide about a servo without a data sheet: what each trades, and what set it.
+
+They were tuned on the simulated aircraft 0–2 and fixed before the figures of docs/own-history.md.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+# Flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter.
+REFERENCE_FLIGHTS: Final = 20
+
+# Largest ratio of sample rates of flights that are compared: the estimate depends on the rate. By hand.
+ALIKE_RATE_RATIO: Final = 1.25
+
+# Flights that must determine the wear: the least whose population has a variance to speak of. By hand.
+SHOWN_FLIGHTS: Final = 4
+
+# Times the baseline's largest error, by information, that a flight's own error counts at most; of healthy
+# flights at most 2.4 (docs/own-history.md).
+BLURRED_TIMES: Final = 3.0
+
+# Latest flights among which the onset of a change is sought: bounds the time of a comparison.
+TRAILING_FLIGHTS: Final = 100
+
+# Temperature difference among the flights from which the slope over temperature can be determined, K. By
+# hand.
+WARMTH_K: Final = 5.0
+
+# Temperature beyond the baseline's to which its line is extrapolated, K. By hand.
+BEYOND_K: Final = 3.0
+
+# Activity beyond the baseline's to which its line is extrapolated, of the logarithm: a fifth. By hand.
+BEYOND_ACTIVITY: Final = 0.2
+
+# Confidence shown for a change: the test allows one false alarm in 100 hours.
+CHANGED_CONFIDENCE: Final = 0.999
+
+# Flights that make a baseline of the motor's constants, as of the friction.
+MOTOR_FLIGHTS: Final = 10
+
+# Loss of the torque constant that explains a rise of the friction current: a hot magnet loses less. By
+# hand.
+LEAST_CONSTANT_LOSS_SHARE: Final = 0.03
+
+# Bias of the friction current's level by flight mode, as measured on aircraft 0–2 (docs/own-history.md); it
+# cancels only in a comparison with the past.
+STALL_BIAS_SHARE: Final = 0.1
+
+# Times the stated supply beyond which a voltage at the motor shows that the statement is wrong. By hand.
+OVER_SUPPLY_TIMES: Final = 1.1

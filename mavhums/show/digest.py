@@ -1,0 +1,328 @@
+"""What is said of an assessment, once for the terminal, Markdown, HTML and the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.actuator.detectors import to_inspect
+from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
+from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
+from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.show.servo_tables import ServoTable, reserve, usage
+from mavhums.show.verdict_words import (
+    control_left,
+    course,
+    implausible,
+    judged,
+    network_cell,
+    network_sentence,
+)
+from mavhums.show.words import capital, clock, friction, join, losses, name, percent, whose
+
+__all__ = ["NOT_JUDGED", "Digest", "Paragraph", "Subject", "advice", "digest", "headline"]
+
+NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, and servos with telemetry)"
+"""What is said of a vehicle without wings, after its kind."""
+
+_NAMED: Final = 3  # more names than that push the other columns of a table out of sight
+_SHORT: Final = 60  # a longer reason is given below the headline, with its remedy
+_COMPARED: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged")
+
+_ADVICE: Final[dict[Condition, str]] = {
+    "normal": "nothing to do; keep the log for the trend over flights",
+    "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
+    "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
+    "unchanged": "nothing to do; keep the log: later flights are compared with it",
+    "changed": "inspect {parts} before the next flight, and watch the trend over flights",
+    "learning": "keep the log: the baseline grows with every flight",
+    "undecided": "undecided is not healthy: check it by other means, or record what is missing",
+    "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
+}
+
+
+class Subject(NamedTuple):
+    """A row: one verdict, or several on servos without telemetry, which differ in nothing but the name.
+
+    ``past`` is the worst condition and when it was, where it is past. A cell that says nothing is None.
+    """
+
+    title: str
+    verdict: Verdict
+    past: tuple[Condition, str] | None
+    control_left: str | None
+    friction: str | None
+    network: str | None
+    since: str | None
+    moving: str | None
+    judged: str | None
+
+
+class Paragraph(NamedTuple):
+    """Why verdicts are as they are, and what to do; ``left_out`` counts the reasons that are not shown."""
+
+    title: str
+    condition: Condition
+    why: str
+    todo: str
+    left_out: int
+
+
+class Digest(NamedTuple):
+    """What is said of an assessment.
+
+    Attributes
+    ----------
+    headline
+        The result in one line.
+    gravest
+        The gravest condition, which the exit code follows, too.
+    assessment
+        Without the vehicles of which nothing is judged.
+    subjects
+        The rows, worst first; where nothing is wrong, what is well comes first.
+    faulty
+        Verdicts that something is or was wrong, worst first.
+    open
+        What is not decided, or is compared with earlier flights, by reason.
+    doubtful
+        Subjects with values that no such actuator can have, and how many.
+    unmonitored
+        Servos that nothing reports on, by reason.
+    without_wings
+        A line for each vehicle of which nothing is judged.
+    network
+        What the networks say beside the physics, where the user asks for it.
+    tables
+        Reserve of torque, and the use of each vehicle's servos.
+    whose, losses
+        Sentences on whose flight it is; what the log lost.
+    """
+
+    headline: str
+    gravest: Condition
+    assessment: Assessment
+    subjects: list[Subject]
+    faulty: list[Verdict]
+    open: list[Paragraph]
+    doubtful: list[tuple[str, str]]
+    unmonitored: list[Paragraph]
+    without_wings: list[str]
+    network: list[str]
+    tables: list[ServoTable]
+    whose: list[str]
+    losses: str
+
+
+def digest(assessment: Assessment, *, brief: bool = False) -> Digest:
+    """Return what is said of an assessment.
+
+    Parameters
+    ----------
+    assessment
+        The verdicts of one log.
+    brief
+        Of several reasons only the first one, which binds, and its remedy.
+    """
+    ranked = assessment.ranked()
+    rest, lines = _without_wingless(assessment)
+    several = len(rest.usage) > 1
+    conditions: tuple[Condition, ...] = (*_COMPARED, "normal", "undecided")
+    tables = [reserve(rest), *(usage(used, several=several) for used in rest.usage)]
+    return Digest(
+        headline=_headline(rest, lines),
+        gravest=ranked[0].gravest if ranked else "undecided",
+        assessment=rest,
+        subjects=[_subject(alike, rest) for alike in _together(_listed(rest))],
+        faulty=[verdict for verdict in rest.ranked() if verdict.worst in ("degraded", "emergency")],
+        open=[found for condition in conditions for found in _by_reason(rest, condition, brief=brief)],
+        doubtful=[(name(v, rest), odd) for v in rest.ranked() if (odd := implausible(v))],
+        unmonitored=[*_by_reason(rest, "unmonitored", brief=brief)],
+        without_wings=lines if rest.verdicts else [],  # else the headline says it
+        network=_network(rest),
+        tables=[table for table in tables if table],
+        whose=whose(assessment.log),
+        losses=losses(assessment.log.losses),
+    )
+
+
+def headline(assessment: Assessment) -> str:
+    """Return the result in one line: what has failed and since when, or that no failure is known."""
+    return _headline(*_without_wingless(assessment))
+
+
+def advice(verdict: Verdict) -> str:
+    """Return the recommended action, by the worst condition and the suspected fault."""
+    suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
+    faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
+    look = axis_to_inspect if verdict.subject == "axis" else to_inspect
+    parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
+    if verdict.subject == "axis" and verdict.gravest == "emergency":
+        return f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"
+    return _ADVICE[verdict.gravest].format(parts=parts)
+
+
+def _headline(assessment: Assessment, without_wings: Sequence[str]) -> str:
+    ranked = assessment.ranked()
+    if not ranked:
+        return "; ".join(without_wings) or "No actuator was found in this log"
+    word = ranked[0].gravest
+    worst = [verdict for verdict in ranked if verdict.gravest == word]
+    if SEVERITY[word] <= SEVERITY["normal"] and any(verdict.subject == "axis" for verdict in ranked):
+        return _what_was_judged(assessment)
+    if word == "unmonitored":
+        well = [verdict for verdict in ranked if verdict.gravest == "normal"]
+        none = f"{_count(ranked, ranked)} unmonitored: {ranked[0].reason}"
+        return f"{_count(well, ranked)} normal, the others unmonitored" if well else none
+    if SEVERITY[word] <= SEVERITY["normal"] or word == "learning":
+        told = worst if word in ("learning", "undecided") else []
+        why = list(dict.fromkeys(verdict.reason or "" for verdict in told))
+        if ranked[0].actuator == ALL and word == "undecided":
+            return f"Undecided: {why[0].rstrip('.')}"
+        return f"{_count(worst, ranked)} {word}" + (
+            f": {why[0].rstrip('.')}" if len(why) == 1 and why[0] else ""
+        )
+    text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
+    if len(worst) > 1:
+        return text
+    past = course(worst[0])
+    if past is not None:
+        text = f"{text} {past[1]}, then {worst[0].condition}"
+    if worst[0].surfaces:
+        bare = [surface.removesuffix(f" (moves with {worst[0].actuator})") for surface in worst[0].surfaces]
+        text = f"{text}, {' or '.join(bare)}"
+    since = worst[0].since if past is None else None
+    return f"{text} since {clock(since.flight_time_s)}" if since else text
+
+
+def _what_was_judged(assessment: Assessment) -> str:
+    """Return what was judged and found well, then what was not judged and why, then what nothing monitors."""
+    well = [name(v, assessment) for v in assessment.verdicts if v.gravest == "normal"]
+    open_ = [v for v in assessment.verdicts if v.gravest == "undecided"]
+    unmonitored = sum(v.gravest == "unmonitored" for v in assessment.verdicts)
+    parts = [f"{join(well)} normal"] if well else []
+    if open_:
+        reasons = list(dict.fromkeys(v.reason or "" for v in open_))
+        alone = len(reasons) == 1 and not well and len(reasons[0]) <= _SHORT
+        parts.append(
+            f"{join(name(v, assessment) for v in open_)} not judged{f' ({reasons[0]})' if alone else ''}"
+        )
+    if unmonitored:
+        parts.append("servos unmonitored" if unmonitored > 1 else "the servos are unmonitored")
+    return capital("; ".join(parts))
+
+
+def _count(part: Sequence[Verdict], whole: Sequence[Verdict]) -> str:
+    if len(part) < len(whole):
+        return f"{len(part)} of {len(whole)} actuators"
+    return "The only actuator is" if len(whole) == 1 else f"All {len(whole)} actuators"
+
+
+def _listed(assessment: Assessment) -> list[Verdict]:
+    """Return the verdicts worst first; where nothing is wrong, what is well comes first.
+
+    A verdict that something is wrong must not be overlooked; among others, what could not be judged would
+    hide that all that could be judged is well.
+    """
+    ranked = assessment.ranked()
+    if ranked and SEVERITY[ranked[0].gravest] > SEVERITY["normal"]:
+        return ranked
+    return sorted(ranked, key=lambda verdict: -SEVERITY[verdict.gravest])
+
+
+def _together(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:
+    """Yield the verdicts, those on servos without telemetry as one: they differ in nothing but the name."""
+    groups: dict[object, list[Verdict]] = {}
+    for place, verdict in enumerate(verdicts):
+        alike = verdict.condition == verdict.worst == "unmonitored"
+        key = (verdict.vehicle, verdict.reason, verdict.remedy) if alike else place
+        groups.setdefault(key, []).append(verdict)
+    yield from groups.values()
+
+
+def _title(alike: Sequence[Verdict], assessment: Assessment) -> str:
+    """Return what verdicts that are told as one are on: of a servo without telemetry it is the wear alone."""
+    many = len(alike) > _NAMED
+    names = f"{len(alike)} servos" if many else join(name(verdict, assessment) for verdict in alike)
+    unseen = alike[0].gravest == "unmonitored" and alike[0].actuator != ALL
+    return f"wear of {names}" if unseen else names
+
+
+def _subject(alike: Sequence[Verdict], assessment: Assessment) -> Subject:
+    verdict = alike[0]
+    moving = verdict.coverage.moving_fraction if "V7" in verdict.provenance else None
+    return Subject(
+        title=_title(alike, assessment),
+        verdict=verdict,
+        past=course(verdict),
+        control_left=control_left(verdict),
+        friction=friction(verdict.friction_nm) if verdict.friction_nm else None,
+        network=network_cell(verdict),
+        since=clock(verdict.since.flight_time_s) if verdict.since else None,
+        moving=None if moving is None else percent(moving),
+        judged=judged(verdict),
+    )
+
+
+def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> Iterator[Paragraph]:
+    """Yield the verdicts of a condition by reason and remedy, so that neither is said twice."""
+    groups: dict[tuple[str, str], list[Verdict]] = {}
+    for verdict in assessment.verdicts:
+        if verdict.condition == condition and (verdict.reason or condition != "normal"):
+            why = (verdict.reason or "no reason was given").rstrip(".")
+            todo = (verdict.remedy or _ADVICE[condition]).rstrip(".")
+            if brief:
+                why, todo = why.partition("; ")[0], todo.partition("; ")[0]
+            groups.setdefault((why, todo), []).append(verdict)
+    for (why, todo), alike in groups.items():
+        names = (
+            _title(alike, assessment)
+            if brief and condition == "unmonitored"
+            else join(name(verdict, assessment) for verdict in alike)
+        )
+        reasons = {reason for verdict in alike for reason in (verdict.reason or why).rstrip(".").split("; ")}
+        yield Paragraph(names, condition, why, todo, len(reasons) - 1 if brief else 0)
+
+
+def _network(assessment: Assessment) -> list[str]:
+    """Return what the networks say beside the physics, once for all actuators of which they say the same."""
+    said: dict[str, list[str]] = {}
+    for verdict in assessment.ranked():
+        if sentence := network_sentence(verdict):
+            said.setdefault(sentence, []).append(name(verdict, assessment))
+    return [f"{join(names)}: {sentence}" for sentence, names in said.items()]
+
+
+def _without_wingless(assessment: Assessment) -> tuple[Assessment, list[str]]:
+    """Return an assessment without the vehicles of which nothing is judged, and a line on each of them.
+
+    A copter, a boat, a submarine without telemetry of its servos: neither a reason nor a remedy for each of
+    its axes and actuators means anything to its owner.
+    """
+    by_vehicle: dict[int | None, list[Verdict]] = {}
+    for verdict in assessment.verdicts:
+        by_vehicle.setdefault(verdict.vehicle, []).append(verdict)
+    lines = {vehicle: line for vehicle, own in by_vehicle.items() if (line := _wingless(own))}
+    if not lines:
+        return assessment, []
+    rest = {
+        "verdicts": tuple(verdict for verdict in assessment.verdicts if verdict.vehicle not in lines),
+        "usage": tuple(used for used in assessment.usage if used.vehicle not in lines),
+    }
+    several = len(by_vehicle) > 1
+    told = [f"vehicle {v}: {line}" if several else capital(line) for v, line in lines.items()]
+    return assessment.model_copy(update=rest), told
+
+
+def _wingless(own: Sequence[Verdict]) -> str | None:
+    """Return what is said of a vehicle without wings and without servos that report; None of any other."""
+    axes = next((v for v in own if v.subject == "axis" and v.remedy == NO_WINGS), None)
+    if axes is None:
+        return None
+    for verdict in own:
+        silent = verdict.condition == "unmonitored" or verdict.remedy == PROPELLERS_ONLY
+        if verdict is not axes and (verdict.actuator != ALL or not silent):
+            return None
+    kind = (axes.reason or "").partition(":")[0]
+    return f"{kind}: {NOT_JUDGED}"

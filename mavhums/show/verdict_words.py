@@ -1,0 +1,201 @@
+"""What is said of one verdict: the cells of its row, its findings, how sure it is, what to do."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.axis.thresholds import NORMAL_S
+from mavhums.report.assessment import Evidence, Verdict
+from mavhums.show.words import clock, effectiveness, friction, percent
+
+__all__ = [
+    "certainty",
+    "control_left",
+    "course",
+    "implausible",
+    "judged",
+    "network_cell",
+    "network_sentence",
+]
+
+_WIDEST: Final = 1.0
+"""A 95 % interval wider than the whole control effectiveness says nothing about it."""
+
+_WITHOUT_EFFECTIVENESS: Final = {
+    "tracking": "the flown attitude left the demanded one by",
+    "hard_over": "the roll that no output explains reached",
+}
+"""Alarms that rest on no estimate of the control effectiveness, and what raised them."""
+
+_MISTAKEN: Final = {
+    "winding_resistance": "the higher winding resistance",
+    "torque_constant": "the lost torque constant",
+    "backlash": "the play of the gear",
+    "sensor_bias": "the sensor's bias",
+    "supply_sag": "the weak supply",
+    "following": "what keeps the shaft from following",
+    "jam": "the jam",
+}
+"""What a network that knows friction alone may take for friction, by the fault that the physics finds."""
+
+
+def control_left(verdict: Verdict) -> str | None:
+    """Return what an axis keeps of its control, as far as the figure can be relied on; None without one.
+
+    A gain above the reference's is no gain to a maintainer, and that of an axis that answers late is intact.
+
+    Examples
+    --------
+    >>> from mavhums.report.assessment import Interval
+    >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="normal", worst="normal")
+    >>> control_left(axis.model_copy(update={"effectiveness": Interval(estimate=1.19, low=1.1, high=1.28)}))
+    'no loss'
+    """
+    left, condition = verdict.effectiveness, verdict.condition
+    if left is None:
+        return None
+    if condition == "undecided" and verdict.coverage.decidable < NORMAL_S:
+        return f"not reliable: {verdict.coverage.decidable} of {NORMAL_S} s judged"
+    if left.high - left.low > _WIDEST:
+        return "not reliable"
+    if condition == "normal" and left.high >= 1.0:
+        return "no loss"
+    late = [item for item in verdict.evidence if item.kind == "slow"]
+    if late and all(item.kind != "effectiveness" for item in verdict.evidence):
+        return f"gain intact, {late[-1].value:.2g} s late"
+    return effectiveness(left)
+
+
+def course(verdict: Verdict) -> tuple[Condition, str] | None:
+    """Return the worst condition, where it is past, and when it was; None where it is the present one.
+
+    Examples
+    --------
+    >>> course(Verdict(vehicle=1, actuator="rudder", condition="undecided", worst="normal"))
+    ('normal', '')
+    """
+    worst = verdict.worst
+    if worst == verdict.condition:
+        return None
+    if SEVERITY[worst] <= SEVERITY["normal"]:
+        return worst, ""
+    shown = [item for item in verdict.evidence if item.rule.startswith(f"{worst}:")] or verdict.evidence
+    if not shown:
+        return worst, "during the flight"
+    return worst, f"{clock(min(e.start_s for e in shown))}–{clock(max(e.end_s for e in shown))}"
+
+
+def judged(verdict: Verdict) -> str | None:
+    """Return how many seconds were judged; None where there was none to judge.
+
+    Examples
+    --------
+    >>> judged(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
+    """
+    coverage = verdict.coverage
+    return f"{coverage.decidable} of {coverage.windows} s" if coverage.windows else None
+
+
+def implausible(verdict: Verdict) -> str | None:
+    """Return how many values no such actuator can have; None if there are none.
+
+    Examples
+    --------
+    >>> implausible(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
+    """
+    counts = verdict.coverage.implausible
+    if not counts:
+        return None
+    values = ", ".join(f"{count:,} of {key}" for key, count in counts.items())
+    return f"values that no such actuator can have, counted as not measured: {values}"
+
+
+def certainty(verdict: Verdict) -> str:
+    """Return the estimates with their intervals, the network's part, and how much was judged.
+
+    Examples
+    --------
+    >>> certainty(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
+    '0 of 0 windows are decidable'
+    """
+    sure = []
+    if verdict.effectiveness and not (control_left(verdict) or "").startswith("not reliable"):
+        left = effectiveness(verdict.effectiveness)
+        sure.append(f"{left} of the reference's control effectiveness with its 95 % interval")
+    if verdict.friction_nm:
+        sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
+    if sentence := network_sentence(verdict):
+        sure.append(sentence)
+    alarms = {item.kind: item for item in verdict.evidence if item.kind in _WITHOUT_EFFECTIVENESS}
+    sure += [_beyond(item) for item in alarms.values() if item.limit is not None]
+    return "; ".join([*sure, _how_much(verdict, alarmed=bool(alarms))])
+
+
+def _beyond(item: Evidence) -> str:
+    what = _WITHOUT_EFFECTIVENESS[item.kind]
+    return f"{what} {item.value:.1f} times its healthy scatter, limit {item.limit:.1f}"
+
+
+def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
+    coverage = verdict.coverage
+    if verdict.subject == "actuator":
+        moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
+        decidable = f"{coverage.decidable} of {coverage.windows} windows are decidable"
+        return decidable + moved if "V7" in verdict.provenance else decidable
+    if alarmed and not coverage.decidable:
+        return "control effectiveness is judged apart from that, and could not be in this flight"
+    return f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"
+
+
+def network_cell(verdict: Verdict) -> str | None:
+    """Return the condition that the network held; of an old file its last probability.
+
+    The share of single samples would mislead here: without the load torque a quarter of a healthy flight's
+    samples may say emergency, and no window does.
+    """
+    said = verdict.network
+    if said is None:
+        return None
+    if said.windows is None and said.p_emergency is not None:
+        return percent(said.p_emergency)
+    return said.condition
+
+
+def network_sentence(verdict: Verdict) -> str | None:
+    """Return one sentence on the network if it decides, or is held against the physics; else None.
+
+    Examples
+    --------
+    >>> network_sentence(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
+    """
+    said = verdict.network
+    if said is None or said.decides == "physics":
+        return None
+    first = "" if said.first_emergency_s is None else f", first around {clock(said.first_emergency_s)}"
+    share = f"it calls {percent(said.share_of_samples or 0.0)} of the samples in motion an emergency{first}"
+    if said.decides != "both":
+        return f"the network {said.model.name} decides, not the physics: {share}"
+    if said.condition == "undecided":
+        return f"the network {said.model.name} is undecided: {share}"
+    if verdict.worst == "undecided":
+        return f"the physics is undecided; the network {said.model.name} says {said.condition}: {share}"
+    emergency, faulty = said.condition == "emergency", SEVERITY[verdict.worst] > SEVERITY["normal"]
+    rubs = faulty and any(
+        item.kind in ("friction", "friction_drift") and not item.rule.startswith("normal")
+        for item in verdict.evidence
+    )
+    if rubs and verdict.worst == "degraded":
+        nearer = "an emergency" if emergency else "normal"
+        return f"the network {said.model.name} knows no degraded; it finds the friction nearer to {nearer}"
+    found = {item.kind.removesuffix("_drift") for item in verdict.evidence}
+    found |= {item.fault for item in verdict.suspects}
+    others = [words for fault, words in _MISTAKEN.items() if faulty and fault in found]
+    if emergency and not rubs:
+        takes = f"it takes {others[0]} for friction" if others else "the physics finds the friction normal"
+        return f"the network {said.model.name} disagrees: {share}; {takes}"
+    if rubs and not emergency:
+        return f"the network {said.model.name} disagrees: it calls the friction normal"
+    return (
+        f"the network {said.model.name} agrees{'' if rubs or not others else ' that the friction is normal'}"
+    )
