@@ -14,7 +14,7 @@ from mavhums.flights.compare import LoneFlight, compared
 from mavhums.flights.store import with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.report.assessment import Assessment
-from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
+from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
 __all__ = ["among_own", "compared_with_own", "swapped"]
 
@@ -66,7 +66,7 @@ def swapped(path: str | os.PathLike[str], options: Options) -> Since:
         return {}
     if str(path) == "-":
         raise MavhumsError("-: an aircraft table needs a file that can be read twice", "save the log first")
-    decoder, recorded = Decoder(RECORDED_MESSAGES, dialect=options.dialect), RecordedFlights()
+    decoder, recorded = Decoder(FLIGHT_MESSAGES, dialect=options.dialect), RecordedFlights()
     for block in read_blocks(path, dialect=options.dialect):
         recorded.feed(decoder.feed(block))
     recorded.feed(decoder.feed(b"", final=True))

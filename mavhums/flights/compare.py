@@ -17,17 +17,17 @@ from pydantic import TypeAdapter, ValidationError
 
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
-from mavhums.health.axis.past import against_flights
+from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import (
     Baseline,
     BaselineSource,
     Drift,
     Shift,
-    held,
-    held_since,
+    condition_with_drift,
     of_subject,
+    onset_with_drift,
 )
-from mavhums.health.decision.conditions import Change, ConditionTracker
+from mavhums.health.decision.conditions import ConditionTracker, IndicatorChange
 from mavhums.health.decision.evidence import (
     concludes,
     drift_evidence,
@@ -40,8 +40,8 @@ from mavhums.health.decision.evidence import (
 from mavhums.health.decision.records import ActuatorRecord, FaultRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.self_baseline.past import PastSource
-from mavhums.health.self_baseline.verdict import held_against, without_own
-from mavhums.health.verdict.actuator import Held, against_baseline
+from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
+from mavhums.health.verdict.actuator import BaselineFindings, against_baseline
 from mavhums.report.assessment import Assessment, Evidence, Suspect, Verdict
 
 __all__ = ["LoneFlight", "Records", "against_baselines", "compared", "packed", "unpacked"]
@@ -102,7 +102,7 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
         record, profile = flight.records.get(key), flight.profiles.get(key, "")
         if verdict.subject == "axis":
             own = of_subject(known[judged_by], key)
-            return against_flights(
+            return compare_with_earlier_flights(
                 verdict, own, start_utc=start, end_s=log.duration_s, false_alarms=flight.false_alarms
             )
         if record is None or not verdict.coverage.windows:
@@ -111,7 +111,7 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
         if own:
             alone = without_own(verdict)
             verdict = against_baselines(alone, record, own, start_utc=start, end_s=log.duration_s)
-        return held_against(verdict, flown.get(profile, {}).get(key, ()), record.false_alarms)
+        return compare_with_own_flights(verdict, flown.get(profile, {}).get(key, ()), record.false_alarms)
 
     return flight.assessment.model_copy(update={"verdicts": tuple(map(held, flight.assessment.verdicts))})
 
@@ -140,6 +140,7 @@ def against_baselines(
         End of the log, in flight time.
     """
     traces = [_Trace(record, fault, baselines.get(fault.fault)) for fault in record.faults]
+    # In the order of time, then of the detectors, as in flight.
     changes = [(at_s, place, said) for place, trace in enumerate(traces) for at_s, said in trace.changes()]
     holding = ConditionTracker()
     for _, place, said in sorted(changes, key=lambda each: each[:2]):
@@ -158,7 +159,7 @@ def against_baselines(
     intervals = {fault: baseline.prediction() for fault, baseline in baselines.items()}
     return against_baseline(
         verdict,
-        Held(
+        BaselineFindings(
             condition=holding.condition,
             worst=holding.worst,
             since_s=holding.since_s,
@@ -173,7 +174,7 @@ def against_baselines(
     )
 
 
-class _At(NamedTuple):
+class _RecordedStep(NamedTuple):
     """The events at the end of a window: a non-overlapping window, then a decision."""
 
     end_s: float
@@ -194,19 +195,19 @@ class _Trace:
         self._decided_s: float | None = None
         self._latest = fault.latest
 
-    def changes(self) -> Iterator[tuple[float, Change]]:
+    def changes(self) -> Iterator[tuple[float, IndicatorChange]]:
         """Yield each change of the condition, with the end of the window that causes it."""
-        events = [_At(window.end_s, 0, k) for k, window in enumerate(self.fault.windows)]
-        events += [_At(decided.end_s, 1, k) for k, decided in enumerate(self.fault.decided)]
+        events = [_RecordedStep(window.end_s, 0, k) for k, window in enumerate(self.fault.windows)]
+        events += [_RecordedStep(decided.end_s, 1, k) for k, decided in enumerate(self.fault.decided)]
         for end_s, together in groupby(sorted(events), key=lambda event: event.end_s):
             before = self._condition
             for event in together:
                 self._take(event)
             if self._condition != before:
-                since_s = held_since(self._decided, self._decided_s, self.alarm)
-                yield end_s, Change(0, self._condition, since_s or 0.0, self._rule())
+                since_s = onset_with_drift(self._decided, self._decided_s, self.alarm)
+                yield end_s, IndicatorChange(0, self._condition, since_s or 0.0, self._rule())
 
-    def conclude(self, start_s: float) -> Change | None:
+    def conclude(self, start_s: float) -> IndicatorChange | None:
         """Judge by the whole flight, which counts from ``start_s``; return the change."""
         before, whole = self._condition, self.fault.whole
         if self.drift is not None and whole is not None:
@@ -216,7 +217,7 @@ class _Trace:
             self._decided, self._decided_s = self.fault.settled, start_s
         if self._condition == before:
             return None
-        return Change(0, self._condition, start_s, f"{self._rule()}, over the whole flight")
+        return IndicatorChange(0, self._condition, start_s, f"{self._rule()}, over the whole flight")
 
     def suspect(self) -> Suspect | None:
         """Return the suspected fault, if there is one."""
@@ -239,9 +240,9 @@ class _Trace:
 
     @property
     def _condition(self) -> Condition:
-        return held(self._decided, self.alarm)
+        return condition_with_drift(self._decided, self.alarm)
 
-    def _take(self, event: _At) -> None:
+    def _take(self, event: _RecordedStep) -> None:
         if event.order:
             _, self._decided, self._decided_s = self.fault.decided[event.place]
         elif self.drift is not None:

@@ -266,7 +266,7 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
 
     def setup(self, worker: object) -> None:
         past = import_module("mavhums.fleet.second_pass")
-        judge = past.replayed
+        judge = past.compare_part
 
         def deadly(part: Part) -> Compared | None:
             if part.aircraft == NAME and len(list(self.count.iterdir())) < self.times:
@@ -274,7 +274,7 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
                 os.kill(os.getpid(), 9)
             return judge(part)  # type: ignore[no-any-return]
 
-        past.replayed = deadly  # type: ignore[attr-defined]
+        past.compare_part = deadly  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
