@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from _fleet import MODES, SURFACES, Judged, Task, added, baselines_of, flight, fly_all, judge
 
-from mavhums.history.flights import REFERENCE_FLIGHTS
+from mavhums.flights.history import REFERENCE_FLIGHTS
 from mavhums_sim import FlightRecord
 from mavhums_sim.conditions import Condition
 

@@ -8,17 +8,47 @@ from collections.abc import Collection, Iterable
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from mavhums.fleet.rows import BOARD_NAME, Row
-from mavhums.fleet.sources import LogFile
-from mavhums.fleet.store import OF_THIS_FORMAT, Store
-from mavhums.fleet.tables import NAMING
-from mavhums.history.aircraft import BOARD, FOLDER, GIVEN, UNKNOWN, UnnamedAircraftError, Whose
-from mavhums.history.aircraft_table import AircraftTable, Installed
+from mavhums.flights.aircraft import (
+    BOARD,
+    FOLDER,
+    GIVEN,
+    UNKNOWN,
+    AircraftResolver,
+    UnnamedAircraftError,
+    board_of,
+)
+from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Row, Store
+from mavhums.flights.stores.delta_tables import NAMING
+from mavhums.report.assessment import Assessment
 
-__all__ = ["held_named", "names_of", "names_there", "proposed", "remember", "renamed", "rule_of", "whose_in"]
+__all__ = [
+    "BOARD_NAME",
+    "aircraft_in_store",
+    "held_named",
+    "names_of",
+    "names_there",
+    "proposed",
+    "remember",
+    "renamed",
+    "rule_of",
+    "whose_in",
+]
+
+BOARD_NAME: Final = "board "
+"""Begins the name of an aircraft that only its board identifies."""
 
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _SHOWN: Final = 20
+
+
+def aircraft_in_store(path: str, assessment: Assessment, whose: AircraftResolver) -> str:
+    """Return the aircraft's name in a store: by the table, else by the rule; without a rule, by its board."""
+    board = board_of(assessment)
+    named = whose.name(path, board, assessment.log.start_utc)
+    if named is None and board and whose.rule in (None, BOARD):
+        return f"{BOARD_NAME}{board}"
+    return named or UNKNOWN
 
 
 def rule_of(store: Store) -> str | None:
@@ -37,14 +67,14 @@ def rule_of(store: Store) -> str | None:
     return GIVEN if named else BOARD if judged else None
 
 
-def whose_in(store: Store, given: Whose) -> Whose:
+def whose_in(store: Store, given: AircraftResolver) -> AircraftResolver:
     """Return the operator's knowledge of whose logs they are, with what a store remembers of it."""
     boards = None if given.table.installed else _boards(store)
     table = AircraftTable(map(Installed.model_validate, json.loads(boards))) if boards else given.table
-    return Whose(given.rule or rule_of(store), table)
+    return AircraftResolver(given.rule or rule_of(store), table)
 
 
-def remember(store: Store, given: Whose) -> None:
+def remember(store: Store, given: AircraftResolver) -> None:
     """Store the rule and the boards of a scan, if they are new.
 
     A name that was given for some logs (``=D-EABC``) is the rule of a store that has no other.
@@ -59,7 +89,7 @@ def remember(store: Store, given: Whose) -> None:
         store.append(NAMING, [{"rule": rule, "boards": boards, "stored": time.time_ns()}])
 
 
-def held_named(store: Store, row: Row, given: Whose) -> None:
+def held_named(store: Store, row: Row, given: AircraftResolver) -> None:
     """Refuse the name of a new log's aircraft that only a guess gives.
 
     Parameters
@@ -121,7 +151,7 @@ def names_of(store: Store, logs: Collection[str]) -> dict[str, str]:
     )
 
 
-def renamed(store: Store, files: Iterable[LogFile], given: Whose) -> set[str]:
+def renamed(store: Store, files: Iterable[LogFile], given: AircraftResolver) -> set[str]:
     """Name known logs again by a rule that was given, and return the aircraft whose flights change.
 
     Logs are not read again. A log that lies at several paths has the name of the first.

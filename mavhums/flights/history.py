@@ -3,33 +3,30 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.aircraft import Owner, owners_of
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.duplicates import Recording, recordings_of, superseded_recordings
 from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
-from mavhums.history.belonging import Owner, owners_of
-from mavhums.history.copies import Recording, copies, recordings_of
 from mavhums.report.assessment import Assessment, Indicator, Verdict
 
 __all__ = [
     "REFERENCE_FLIGHTS",
     "FlightHistory",
     "PastFlight",
-    "Since",
     "UndatedError",
     "is_healthy",
-    "untaken",
+    "superseded",
 ]
 
 _SOUND = ("normal", "unchanged", "learning")
-
-Since = Mapping[str | None, datetime]
-"""Dates from which flights count, by actuator, for example after a repair; None applies to all others."""
 
 
 class UndatedError(MavhumsError):
@@ -178,7 +175,7 @@ class FlightHistory:
         if before is None:
             return
         flights = [each for each in self.flights if each.end <= before and _judged_by(each, airframe)]
-        left_out = untaken(flights)
+        left_out = superseded(flights)
         for flight in flights:
             for verdict in flight.assessment.verdicts:
                 vehicle = verdict.vehicle
@@ -187,7 +184,7 @@ class FlightHistory:
                 if flight.counts(verdict.actuator, since):
                     yield flight, vehicle, verdict
 
-    def untaken(self) -> dict[tuple[str | None, str, int], str]:
+    def superseded_recordings(self) -> dict[tuple[str | None, str, int], str]:
         """Return for each (airframe, log, vehicle) that does not count the log that is taken instead."""
         by_airframe: dict[str | None, list[PastFlight]] = defaultdict(list)
         for flight in self.flights:
@@ -195,7 +192,7 @@ class FlightHistory:
         return {
             (airframe, log, vehicle): taken
             for airframe, flights in by_airframe.items()
-            for (log, vehicle), (taken, _) in untaken(flights).items()
+            for (log, vehicle), (taken, _) in superseded(flights).items()
         }
 
     def owners(self) -> list[Owner]:
@@ -209,7 +206,7 @@ class FlightHistory:
 
     def count(self) -> int:
         """Return the number of flights; one that several logs record is one."""
-        left_out = self.untaken()
+        left_out = self.superseded_recordings()
 
         def counts(flight: PastFlight) -> bool:
             where = flight.assessment.airframe, flight.log
@@ -249,12 +246,12 @@ def is_healthy(verdict: Verdict) -> bool:
     return found_sound and not verdict.suspects
 
 
-def untaken(flights: Iterable[PastFlight]) -> dict[tuple[str, int], tuple[str, int]]:
+def superseded(flights: Iterable[PastFlight]) -> dict[tuple[str, int], tuple[str, int]]:
     """Return for each (log, vehicle) that does not count the one that has the same flight and does.
 
     The flights must be judged by one profile.
     """
-    return copies(
+    return superseded_recordings(
         {(each.log, record.flight.vehicle): record for each in flights for record in each.recordings}
     )
 

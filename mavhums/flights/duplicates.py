@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeVar
 from mavhums.report.assessment import ALL, Assessment
 from mavhums.report.flight import CLOCKS_APART_S, FlightIdentity
 
-__all__ = ["Quality", "Recording", "copies", "recordings_of"]
+__all__ = ["Quality", "Recording", "recordings_of", "superseded_recordings"]
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -67,7 +67,7 @@ def recordings_of(assessment: Assessment) -> tuple[Recording, ...]:
     )
 
 
-def copies(recordings: Mapping[Key, Recording]) -> dict[Key, Key]:
+def superseded_recordings(recordings: Mapping[Key, Recording]) -> dict[Key, Key]:
     """Return for each recording that does not count the one of the same flight that is taken.
 
     The recordings are considered from the best to the worst; a recording counts unless it is of the same
@@ -83,7 +83,7 @@ def copies(recordings: Mapping[Key, Recording]) -> dict[Key, Key]:
     --------
     >>> flight = FlightIdentity(vehicle=1, board="0A", boot_utc="2026-01-01T09:00:00+00:00")
     >>> poor, good = Quality(0, 0, 4, True, "b"), Quality(4, 300, 48, False, "a")
-    >>> copies({"sent": Recording(flight, poor), "logged": Recording(flight, good)})
+    >>> superseded_recordings({"sent": Recording(flight, poor), "logged": Recording(flight, good)})
     {'sent': 'logged'}
     """
     found: dict[Key, Key] = {}

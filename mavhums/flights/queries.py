@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from mavhums.core.collecting import no_collection
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.fleet.installed import installed_in
-from mavhums.fleet.repairs import repairs_of, since_of
-from mavhums.fleet.store import Store
-from mavhums.history.aircraft import UNKNOWN
-from mavhums.history.flights import FlightHistory, PastFlight
-from mavhums.history.trends import trend_report
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.compare import unpacked
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.repairs import installed_in, repairs_of, since_of
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
 from mavhums.report.trend import RepairDate, TrendReport
@@ -24,7 +24,19 @@ from mavhums.report.trend import RepairDate, TrendReport
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Status", "Worst", "exit_code", "export", "past_flights", "status", "trend", "verdicts", "worst"]
+__all__ = [
+    "Status",
+    "Worst",
+    "exit_code",
+    "export",
+    "flight",
+    "flights",
+    "past_flights",
+    "status",
+    "trend",
+    "verdicts",
+    "worst",
+]
 
 _COLUMNS = "aircraft, path, start_us, vehicle, actuator, condition, worst"
 _LAST = f"""
@@ -166,6 +178,44 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
     repairs = sorted(repairs_of(kept, aircraft), key=lambda repair: repair.at)
     told = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
     return report.model_copy(update={"repairs": told})
+
+
+def flights(store: str | os.PathLike[str], aircraft: str) -> list[Assessment]:
+    """Return an aircraft's dated flights in time order, with verdicts only: without losses, usage and texts.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist.
+    """
+    return [flown.assessment for flown in past_flights(Store(store).opened(), aircraft)]
+
+
+def flight(store: str | os.PathLike[str], aircraft: str, sha256: str) -> Assessment:
+    """Return the whole assessment of a log, its verdicts compared with the aircraft's past.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist or does not have the log.
+    """
+    kept = Store(store).opened()
+    row = kept.query(
+        "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND sha256 = ? AND flight IS NOT NULL",
+        aircraft,
+        sha256,
+    ).fetchone()
+    if row is None or row[0] is None:
+        raise MavhumsError(f"{store}: no such flight of the aircraft {aircraft!r}", "choose one of its list")
+    alone = unpacked(row[0]).assessment
+    told = kept.query(
+        "SELECT verdict FROM verdicts WHERE aircraft = ? AND sha256 = ?", aircraft, sha256
+    ).fetchall()
+    if not told:
+        return alone
+    return alone.model_copy(
+        update={"verdicts": tuple(Verdict.model_validate_json(verdict) for (verdict,) in told)}
+    )
 
 
 def past_flights(store: Store, aircraft: str) -> Iterator[PastFlight]:

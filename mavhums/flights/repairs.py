@@ -1,4 +1,7 @@
-"""Dates from which an actuator's flights count, as after a repair: the store keeps them for every replay."""
+"""Dates from which an actuator's flights count: repairs, and the operator's table of what is installed where.
+
+The store keeps both for every comparison.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +12,19 @@ from functools import partial
 from typing import NamedTuple
 
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.installed import installed_in
-from mavhums.fleet.store import Store
-from mavhums.fleet.tables import DATES
-from mavhums.history.aircraft import latest
-from mavhums.history.aircraft_table import AircraftTable
-from mavhums.history.flights import Since
+from mavhums.flights.aircraft import latest
+from mavhums.flights.aircraft_table import AircraftTable, Installed, Since
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.delta_tables import DATES
 
 __all__ = [
     "Repair",
     "Repairs",
     "add_repairs",
     "aircraft_in",
+    "installed_in",
     "named_in",
+    "reassigned",
     "remove_repairs",
     "repairs_in",
     "repairs_of",
@@ -131,6 +134,45 @@ def _since(repairs: Repairs, table: AircraftTable, aircraft: str, moment: dateti
     begun = sorted((repair for repair in repairs if repair.at <= moment), key=lambda repair: repair.at)
     repaired: Since = {repair.actuator: repair.at for repair in begun}
     return latest(repaired, table.since(aircraft, moment))
+
+
+def reassigned(store: Store, table: AircraftTable) -> set[str]:
+    """Apply a table to a store, and return the aircraft whose flights must be compared again.
+
+    Logs are not read again. An empty table changes nothing.
+    """
+    if not table.installed:
+        return set()
+    touched: set[str] = set()
+    names: dict[str, str] = {}
+    for sha256, board, start_us, aircraft in store.query(
+        "SELECT DISTINCT sha256, board, start_us, aircraft FROM logs"
+        " WHERE board IS NOT NULL AND start_us IS NOT NULL"
+    ).fetchall():
+        named = table.aircraft_of(board, _EPOCH + timedelta(microseconds=start_us))
+        if named is not None and named != aircraft:
+            names[sha256] = named
+            touched |= {aircraft, named}
+    store.rename(names)
+    return touched | _replaced(store, table)
+
+
+def installed_in(store: Store, aircraft: str) -> AircraftTable:
+    """Return the actuators of an aircraft, as of the last table that was given."""
+    rows = store.query("SELECT entry FROM installed WHERE aircraft = ?", aircraft).fetchall()
+    return AircraftTable(Installed.model_validate_json(entry) for (entry,) in rows)
+
+
+def _replaced(store: Store, table: AircraftTable) -> set[str]:
+    """Store the actuators of the aircraft in a table, and return the aircraft of which they changed."""
+    touched: set[str] = set()
+    for aircraft in sorted({each.aircraft for each in table.installed}):
+        new = sorted(each.model_dump_json(by_alias=True) for each in table.of(aircraft))
+        old = store.query("SELECT entry FROM installed WHERE aircraft = ? ORDER BY 1", aircraft).fetchall()
+        if new != [entry for (entry,) in old]:
+            store.replace_installed(aircraft, [{"aircraft": aircraft, "entry": entry} for entry in new])
+            touched.add(aircraft)
+    return touched
 
 
 def _rows(repairs: Repairs) -> list[dict[str, object]]:

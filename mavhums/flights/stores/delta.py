@@ -14,14 +14,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.fleet.rows import Row
-from mavhums.fleet.sources import LogFile
-from mavhums.fleet.tables import COPIES, INSTALLED, LOGS, SETTLED, VERDICTS, Tables, schemas
+from mavhums.flights.stores.delta_tables import COPIES, INSTALLED, LOGS, SETTLED, VERDICTS, Tables, schemas
 
-__all__ = ["FORMAT", "OF_THIS_FORMAT", "Store"]
+__all__ = ["FORMAT", "OF_THIS_FORMAT", "LogFile", "Row", "Store"]
 
 FORMAT: Final = 1
 """Version of the stored flights; those of another version are not read, and their logs are judged again."""
@@ -36,6 +34,38 @@ _COMPACT_FILES: Final = 64
 _FEW: Final = 1_000
 _ATTEMPTS: Final = 12
 _PAUSE_S: Final = 0.2
+
+
+class LogFile(NamedTuple):
+    """A log on disk or in an object store; ``time_ns`` is its time of modification."""
+
+    path: str
+    size: int
+    time_ns: int
+
+
+class Row(NamedTuple):
+    """The data of a log in the store.
+
+    ``settings`` is the hash of everything besides the log that a judgement depends on. ``board`` is the id of
+    the only board that the log reports, None if it reports none or several. ``start_us`` is UTC,
+    None for a log without a date. ``flight`` contains the flight judged alone; it is None if ``problem`` and
+    ``remedy`` state why it could not be judged.
+    """
+
+    path: str
+    size: int
+    time_ns: int
+    settings: str
+    sha256: str | None
+    aircraft: str
+    board: str | None
+    start_us: int | None
+    duration_s: float | None
+    losses: bool
+    flight: bytes | None
+    problem: str | None
+    remedy: str | None
 
 
 class Store:
@@ -96,7 +126,7 @@ class Store:
             lock.release()
 
     def query(self, sql: str, *values: object) -> Any:
-        """Return DuckDB's result; the names of :mod:`mavhums.fleet.tables` name the tables.
+        """Return DuckDB's result; the names of :mod:`mavhums.flights.stores.delta_tables` name the tables.
 
         Raises
         ------
@@ -136,9 +166,9 @@ class Store:
 
     def append(self, table: str, rows: Sequence[dict[str, object]]) -> None:
         """Commit rows, in one transaction."""
-        self.settle(lambda: self._write(table, rows, mode="append"))
+        self.retried(lambda: self._write(table, rows, mode="append"))
 
-    def settle(self, change: Callable[[], None]) -> None:
+    def retried(self, change: Callable[[], None]) -> None:
         """Make a change; if another scan changed the same rows meanwhile, make it again.
 
         Raises
@@ -201,12 +231,12 @@ class Store:
 
     def rewrite(self, table: str, rows: Callable[[], Sequence[dict[str, object]]]) -> None:
         """Replace all rows of a table, in one transaction; they are computed again for each attempt."""
-        self.settle(lambda: self._write(table, rows(), mode="overwrite"))
+        self.retried(lambda: self._write(table, rows(), mode="overwrite"))
 
     def rename(self, names: Mapping[str, str]) -> None:
         """Give the logs with these hashes to other aircraft, in one transaction."""
         if names:
-            self.settle(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
+            self.retried(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
 
     def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
         self._overwrite(table, rows, f"aircraft = {_quoted(aircraft)}")
@@ -251,7 +281,7 @@ class Store:
             if self._has(name) and self._changed(lambda name=name: self._tables.files(name)) > _COMPACT_FILES:  # type: ignore[misc]
                 if name == SETTLED:
                     self._forget()
-                self.settle(lambda name=name: self._changed(lambda: self._tables.compact(name)))  # type: ignore[misc]
+                self.retried(lambda name=name: self._changed(lambda: self._tables.compact(name)))  # type: ignore[misc]
 
     def _forget(self) -> None:
         """Keep only the latest that is settled of each aircraft."""
@@ -261,7 +291,7 @@ class Store:
             " QUALIFY row_number() OVER (PARTITION BY aircraft ORDER BY stored DESC) = 1"
         ).fetchall()
         rows = [dict(zip(columns, row, strict=True)) for row in latest]
-        self.settle(lambda: self._write(SETTLED, rows, mode="overwrite"))
+        self.retried(lambda: self._write(SETTLED, rows, mode="overwrite"))
 
     def _has(self, table: str) -> bool:
         try:

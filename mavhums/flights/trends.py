@@ -13,15 +13,14 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
+from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.thresholds import TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
-from mavhums.history.aircraft import latest
-from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
-from mavhums.history.belonging import hold_one_aircraft, swaps_of
-from mavhums.history.files import read_history
-from mavhums.history.flights import FlightHistory, PastFlight, Since
 from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
 from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
 
@@ -60,7 +59,7 @@ def trend(
     Parameters
     ----------
     folder
-        The same as for :func:`mavhums.history.files.read_history`.
+        The same as for :func:`mavhums.flights.stores.folder.read_history`.
     actuators, faults
         Names to include; all if empty.
     since
@@ -90,7 +89,7 @@ def trend(
     Examples
     --------
     >>> import mavhums
-    >>> from mavhums.history.files import keep_assessment
+    >>> from mavhums.flights.stores.folder import keep_assessment
     >>> file = keep_assessment(mavhums.analyse("flight.tlog"), "flights")
     >>> list(mavhums.trend("flights", faults=["friction"]).columns)[9:12]
     ['estimate', 'low', 'high']
@@ -113,7 +112,7 @@ def own_trend_report(
     since: Since | None = None,
 ) -> TrendReport:
     """Fit the trends of one aircraft; errors and arguments are those of ``trend``."""
-    hold_one_aircraft(history, table)
+    check_one_aircraft(history, table)
     if table is not None and history.flights:
         since = latest(since, swaps_of(history, table, history.flights[-1].start))
     return trend_report(history, actuators=actuators, faults=faults, since=since)
@@ -175,7 +174,7 @@ def _by_actuator(
 ) -> dict[tuple[int, str, str | None], list[_Flown]]:
     """Return the flights of each actuator in time order."""
     found: dict[tuple[int, str, str | None], list[_Flown]] = {}
-    left_out = history.untaken()
+    left_out = history.superseded_recordings()
     for flight in history.flights:
         start_utc = flight.start.isoformat()
         for verdict in flight.assessment.verdicts:

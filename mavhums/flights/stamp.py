@@ -8,14 +8,13 @@ import time
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from mavhums import __version__
-from mavhums.fleet.installed import installed_in
-from mavhums.fleet.repairs import repairs_of
-from mavhums.fleet.store import FORMAT, OF_THIS_FORMAT, Store
-from mavhums.fleet.tables import SETTLED
-from mavhums.history.aircraft import UNKNOWN
+from mavhums.core.version import __version__
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.repairs import installed_in, repairs_of
+from mavhums.flights.stores.delta import FORMAT, OF_THIS_FORMAT, Store
+from mavhums.flights.stores.delta_tables import SETTLED
 
-__all__ = ["Listed", "kept_state", "listed", "store_state", "told_by"]
+__all__ = ["Listed", "listed", "read_checkpoint", "stamp_of", "store_checkpoint"]
 
 _VERSION: Final = 1
 _MOST_NEW: Final = 1_000
@@ -40,7 +39,7 @@ def listed(store: Store, aircraft: str) -> list[Listed]:
     return [Listed(*row) for row in rows]
 
 
-def told_by(store: Store, aircraft: str) -> str:
+def stamp_of(store: Store, aircraft: str) -> str:
     """Return what the verdicts of an aircraft depend on besides its flights, as text."""
     dates = repairs_of(store, aircraft)
     repairs = sorted(json.dumps([repair.actuator, repair.at.isoformat()]) for repair in dates)
@@ -48,8 +47,8 @@ def told_by(store: Store, aircraft: str) -> str:
     return json.dumps([_VERSION, FORMAT, __version__, aircraft, repairs, table])
 
 
-def kept_state(
-    store: Store, aircraft: str, flights: Sequence[Listed], told: str
+def read_checkpoint(
+    store: Store, aircraft: str, flights: Sequence[Listed], stamp: str
 ) -> tuple[bytes, list[Listed]] | None:
     """Return what is known of the settled flights, and the new ones; None if all must be judged again.
 
@@ -61,7 +60,7 @@ def kept_state(
         Name of the aircraft.
     flights
         All its flights, in time order.
-    told
+    stamp
         What its verdicts depend on besides.
     """
     row = store.query(
@@ -72,21 +71,21 @@ def kept_state(
     scanned, digest, known = row
     settled = [flight for flight in flights if flight.scanned <= scanned]
     new = [flight for flight in flights if flight.scanned > scanned]
-    if len(new) > _MOST_NEW or _digest(settled, told) != digest or not _follow(settled, new, aircraft):
+    if len(new) > _MOST_NEW or _digest(settled, stamp) != digest or not _follow(settled, new, aircraft):
         return None
     if _without_verdicts(store, aircraft) != {flight.sha256 for flight in new}:
         return None
     return known, new
 
 
-def store_state(
-    store: Store, aircraft: str, flights: Sequence[Listed], told: str, known: bytes | None
+def store_checkpoint(
+    store: Store, aircraft: str, flights: Sequence[Listed], stamp: str, known: bytes | None
 ) -> None:
     """Commit what is known of an aircraft's flights; None if the next one shall be judged with all."""
     row: dict[str, object] = {
         "aircraft": aircraft,
         "scanned": max((flight.scanned for flight in flights), default=0),
-        "digest": _digest(flights, told),
+        "digest": _digest(flights, stamp),
         "known": known,
         "stored": time.time_ns(),
     }
@@ -112,5 +111,5 @@ def _without_verdicts(store: Store, aircraft: str) -> set[str]:
     return {sha256 for (sha256,) in rows}
 
 
-def _digest(flights: Sequence[Listed], told: str) -> str:
-    return hashlib.sha256(json.dumps([told, flights]).encode()).hexdigest()
+def _digest(flights: Sequence[Listed], stamp: str) -> str:
+    return hashlib.sha256(json.dumps([stamp, flights]).encode()).hexdigest()
