@@ -5,8 +5,8 @@ from __future__ import annotations
 import pandas as pd
 
 from mavhums.core.quantities import KEYS
-from mavhums.study.bound import Bound
 from mavhums.study.cyclograms import MAIN, TAKEOFF
+from mavhums.study.experiment import Bound
 from mavhums.study.findings import TWO, Findings
 from mavhums.study.published import BEST_12, BEST_SELECTED, SELECTED
 

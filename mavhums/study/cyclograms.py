@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Flags
 from mavhums_sim.cyclogram import takeoff
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 from mavhums_sim.sensors import SensorNoise, sample_times, sense
 
 __all__ = ["CYCLOGRAMS", "MAIN", "TAKEOFF", "Flown", "fly_condition", "fly_takeoff"]
-
-Array = NDArray[np.float64]
 
 MAIN = "pilot ±20°"
 TAKEOFF = "take-off"
@@ -57,7 +55,7 @@ class Flown:
     friction_nm: float
     time_s: Array
     values: Array
-    moving: NDArray[np.bool_]
+    moving: Flags
     moving_fraction: float
 
 

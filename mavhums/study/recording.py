@@ -15,7 +15,7 @@ from mavhums.show.blueprint import panels, whole_flight
 from mavhums.show.words import BLUE, COLOURS, SERIES
 from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Experiment, emergency, held_decision
-from mavhums.study.figures import FIGURES_16_TO_19
+from mavhums.study.published import FIGURES_16_TO_19
 
 __all__ = ["record_study"]
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from mavhums.actuator.profile import Actuator, Airframe, Limits
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import column
 from mavhums.learn import (
@@ -47,7 +47,6 @@ _RATES_HZ = (100.0, 50.0, 25.0, 10.0)
 _WORKING = 20  # moving samples of a window in which a network is asked at all
 _CALIBRATION, _MEASUREMENT = 200_000, 400_000  # added to the seed; seeds of training flights are below both
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 
@@ -170,7 +169,7 @@ def train_model(
 
 def _both_classes(
     actuator: Actuator, telemetry: Telemetry, flights: int, seed: int, tick: Callable[[], None]
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
+) -> tuple[Array, Flags, Integers]:
     """Return samples, classes and flight numbers for training."""
     limits = actuator.known_limits()
     low, high = friction_range(limits)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from mavhums.actuator.profile import Actuator, Limits
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.window_features import (
     SUMS,
     WINDOW_FEATURES,
@@ -56,8 +56,6 @@ _AIRCRAFT = 3
 """Aircraft that fly each cyclogram: their twelve actuators have every condition, so V1 reveals none."""
 _CALIBRATION, _MEASUREMENT = 600_000, 800_000  # added to the seed
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class FlownWindows(LabelledWindows):
@@ -76,7 +74,7 @@ class FlownWindows(LabelledWindows):
     """
 
     severity: Array
-    cyclogram: NDArray[np.int64]
+    cyclogram: Integers
     rate_hz: Array
     still: int
 
@@ -192,7 +190,7 @@ def _draw(
 
 def _sums(
     actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, Integers]:
     """Return the sums of windows that do not overlap, shape (n, ``SUMS``), and their ends, s."""
     values = reported(actuator, telemetry, record, signed=signed)
     measured = np.ones(values.shape, dtype=np.bool_)
@@ -209,9 +207,7 @@ def _sums(
     return np.concatenate(sums), np.concatenate(ends)
 
 
-def _limited(
-    record: ActuatorRecord, ends: NDArray[np.int64], actuator: Actuator, sag_v: float
-) -> NDArray[np.bool_]:
+def _limited(record: ActuatorRecord, ends: Integers, actuator: Actuator, sag_v: float) -> Flags:
     limit = parameters_of(actuator).supply_voltage - sag_v - _NEAR_V
     at_limit = np.abs(record.values[:, 3]) >= limit
     bounds = np.searchsorted(record.time_s, [ends - WINDOW_SLOTS, ends])

@@ -1,4 +1,4 @@
-"""Feature selection for the study: figure 15, the groups, and the subset search."""
+"""The study's tables: the actuator (table 1), figure 15, groups of features, subset search, thinning."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.quantities import column
 from mavhums.learn import (
     ChiSquareRanking,
@@ -22,11 +22,13 @@ from mavhums.learn import (
     network_objective,
     select_features,
 )
-from mavhums.learn.splits import hold_out
+from mavhums.learn.evaluation import hold_out
 from mavhums.learn.subsets import Objective
 from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Effort, samples
-from mavhums.study.published import CHI_SQUARE, P_LEVELS
+from mavhums.study.published import CHI_SQUARE, P_LEVELS, TABLE_1
+from mavhums_sim.ema import DataSheet, EmaParameters
+from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 
 __all__ = [
     "Grouping",
@@ -34,8 +36,41 @@ __all__ = [
     "grouping",
     "p_level_table",
     "subset_table",
+    "table_1",
     "thinning_table",
 ]
+
+_HEALTHY_NM = 0.225
+
+
+def table_1() -> pd.DataFrame:
+    """Return the paper's characteristics, those of the simulated actuator, and how they were determined."""
+    sheet, parameters = DataSheet(), EmaParameters.from_data_sheet(integral_gain=400.0)
+    steps = round(2.0 / CONTROL_PERIOD_S)
+    none, friction = np.zeros(steps), np.full(steps, _HEALTHY_NM)
+    slew = simulate(parameters, np.full(steps, parameters.stroke), friction, none, none)
+    ramp = np.radians(20.0) * np.arange(steps) * CONTROL_PERIOD_S
+    lift = simulate(parameters, ramp, friction, none, np.full(steps, sheet.nominal_torque_nm))
+    farthest = simulate(parameters, np.full(steps, np.radians(90.0)), friction, none, none)
+    stall = parameters.torque_per_ampere * parameters.current_limit - _HEALTHY_NM
+    ours = [
+        (lift.load[-1], "load lifted at 20 °/s"),
+        (stall, "torque at the current limit, less T_c"),
+        (np.degrees(np.median(slew.speed[steps // 20 : steps // 5])), "simulated slew without load"),
+        (np.degrees(farthest.angle[-1]), "simulated, commanded 90°"),
+        (parameters.supply_voltage, "taken over"),
+        (lift.current[-steps // 2 :].mean(), "simulated at the nominal torque, moving"),
+        (sheet.mass_kg, "copied from the paper; not used"),
+    ]
+    return pd.DataFrame(
+        {
+            "characteristic": list(TABLE_1),
+            "paper": list(TABLE_1.values()),
+            "simulated": [float(value) for value, _ in ours],
+            "how": [how for _, how in ours],
+        }
+    )
+
 
 _PAIRS = 0.9
 """R² of the filter by pairs, whose polynomials explain less than Algorithm 1's regressions."""
@@ -128,7 +163,7 @@ def subset_table(
     ]
     tested = samples(test, every=60_000 // (2 * count))
 
-    def objective(validation: tuple[NDArray[np.float64], NDArray[np.bool_]]) -> Objective:
+    def objective(validation: tuple[Array, Flags]) -> Objective:
         return network_objective(parts[0], validation, max_iter=iterations, n_jobs=2, random_state=seed)
 
     search = exhaustive_search(objective(parts[1]), len(keys))
@@ -147,7 +182,7 @@ def subset_table(
 def _genetic(search: SubsetSearch) -> SubsetSearch:
     known = {subset.tobytes(): score for subset, score in zip(search.subsets, search.scores, strict=True)}
 
-    def look_up(subsets: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def look_up(subsets: Flags) -> Array:
         return np.array([known[subset.tobytes()] for subset in subsets])
 
     return genetic_search(look_up, search.subsets.shape[1], evaluations=len(known) // 10)

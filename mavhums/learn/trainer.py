@@ -1,14 +1,21 @@
-"""Adam and L-BFGS for a batch of networks; each has its own step size, history and stopping point."""
+"""The trainer: L-BFGS and Adam for a batch of networks, divided over the cores; only for training."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Literal
 
+import numpy as np
 import torch
+from joblib import Parallel, delayed
 
-from mavhums.learn.batched import Data, Problem
+from mavhums.core.arrays import Array, Integers
+from mavhums.learn.batched import Batch, Data, Problem, Samples
+from mavhums.learn.inference import TanhNetwork, unit_interval
 
-__all__ = ["Solution", "adam", "lbfgs"]
+__all__ = ["Batch", "Optimiser", "Solution", "Trained", "adam", "lbfgs", "one_thread", "train_batch"]
 
 _MEMORY = 12
 _HALVINGS = 12
@@ -147,7 +154,7 @@ def adam(
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, T_max=max_iter * steps)
     shuffle = torch.Generator().manual_seed(seed)
     for iteration in range(1, max_iter + 1):
-        order = torch.randperm(len(problem.data), generator=shuffle).to(problem.data.sign.device)
+        order = torch.randperm(len(problem.data), generator=shuffle).to(problem.data.weight.device)
         for rows in torch.split(order, batch_size):
             _, solution.weights.grad = problem.evaluate(
                 solution.weights.detach(), every, problem.data.rows(rows)
@@ -203,3 +210,127 @@ def _backtrack(
             break
         size /= 2
     return step, new_loss, new_gradient
+
+
+_NEURONS_PER_PART = 2048
+
+Optimiser = Literal["lbfgs", "adam"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """The trained networks of a batch, in the batch's order; arrays of shape (B,).
+
+    Attributes
+    ----------
+    loss
+        Mean cross-entropy over the training samples.
+    iterations
+        Iterations of L-BFGS, or epochs of Adam.
+    validation_loss, validation_accuracy
+        Loss and accuracy on the validation samples; NaN without validation samples.
+    """
+
+    networks: tuple[TanhNetwork, ...]
+    loss: Array
+    iterations: Integers
+    validation_loss: Array
+    validation_accuracy: Array
+
+
+def train_batch(
+    batch: Batch,
+    samples: Samples,
+    *,
+    weight: Array | None = None,
+    validation: Samples | None = None,
+    bounds: tuple[Array, Array] | None = None,
+    optimiser: Optimiser = "lbfgs",
+    weight_decay: float = 1e-4,
+    max_iter: int = 200,
+    patience: int | None = 50,
+    precision: Literal["single", "double"] = "single",
+    device: str = "auto",
+    n_jobs: int | None = None,
+) -> Trained:
+    """Train every network of a batch on the same samples.
+
+    Parameters
+    ----------
+    batch
+        The networks: hidden neurons, input features, seeds.
+    samples, validation
+        Features, shape (n, k), and whether each sample is an emergency, shape (n,), or of each of
+        several classes, shape (n, classes).
+    weight
+        Weight of each sample, not negative, shape (n,).
+    bounds
+        Minimum and maximum of each feature, shape (k,) each, which become 0 and 1; None takes those of the
+        samples with nonzero weight.
+    optimiser, max_iter, weight_decay
+        L-BFGS uses all samples in each iteration; Adam uses mini-batches, and its iteration is one
+        epoch.
+    patience
+        Early stopping: a network stops after this many iterations without a smaller validation
+        loss, and its best weights are restored; None disables early stopping.
+    precision
+        Floating-point precision of training; single is twice as fast, double is reproducible to
+        the last digits.
+    device
+        ``"cpu"``, another torch device, or ``"auto"``: a GPU if one is available.
+    n_jobs
+        Number of threads, as in joblib; each trains its own networks. The result does not depend
+        on it.
+    """
+    used = samples[0] if weight is None else samples[0][weight > 0]
+    minimum, maximum = bounds or (used.min(axis=0), used.max(axis=0))
+    where = ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+    dtype = torch.float32 if precision == "single" else torch.float64
+
+    def data_of(part: Samples, weights: Array | None = None) -> Data:
+        scaled = unit_interval(part[0], minimum, maximum)
+        return Data.of(scaled, part[1], weights, device=where, dtype=dtype)
+
+    data = data_of(samples, weight)
+    held_out = None if validation is None else data_of(validation)
+    stopping_data = None if patience is None else held_out
+    solve = lbfgs if optimiser == "lbfgs" else adam
+
+    def train_part(networks: Integers) -> tuple[list[TanhNetwork], list[list[float]]]:
+        problem = Problem(batch.part(networks.tolist()), data, weight_decay)
+        solution = solve(problem, max_iter=max_iter, validation=stopping_data, patience=patience or max_iter)
+        figures = [problem.loss(solution.weights, data), solution.iterations]
+        if held_out is not None:
+            figures += [measure(solution.weights, held_out) for measure in (problem.loss, problem.accuracy)]
+        return problem.networks(solution.weights, minimum, maximum), [part.tolist() for part in figures]
+
+    order = np.argsort(np.asarray(batch.hidden), kind="stable")
+    parts = np.array_split(order, -(-sum(batch.hidden) // _NEURONS_PER_PART) or 1)
+    if sum(batch.hidden) <= _NEURONS_PER_PART and len(batch) > 1:
+        parts = np.array_split(order, 2)
+    with one_thread():
+        done = Parallel(n_jobs=n_jobs, prefer="threads")(delayed(train_part)(part) for part in parts)
+    networks: list[TanhNetwork] = [network for found, _ in done for network in found]
+    figures = np.full((4, len(batch)), np.nan)
+    for part, (_, found) in zip(parts, done, strict=True):
+        figures[: len(found), part] = found
+    position = np.empty(len(batch), dtype=np.int64)
+    position[np.concatenate(parts)] = np.arange(len(batch))
+    return Trained(
+        networks=tuple(networks[place] for place in position),
+        loss=figures[0],
+        iterations=figures[1].astype(np.int64),
+        validation_loss=figures[2],
+        validation_accuracy=figures[3],
+    )
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Make torch compute each operation on one thread, then restore the previous setting."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
