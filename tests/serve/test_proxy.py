@@ -1,4 +1,4 @@
-"""The page behind a proxy with TLS, set up as docs/page.md tells."""
+"""The page behind a proxy with TLS, set up as docs/guide/page.md tells."""
 
 from __future__ import annotations
 

@@ -1,56 +1,93 @@
-"""The JSON and profile references, from the models' JSON schemas and the descriptions in ``fields.toml``."""
+"""What the site shows beyond its pages: tables of JSON and profile fields, and links into the repository.
+
+A page names a table, ``<!-- fields: mavhums analyse --json -->``; the table comes from the model's JSON schema
+and the descriptions in ``reference/fields.toml``. A link that leaves ``docs`` works on GitHub as it stands; on
+the site it becomes an address of the repository. What is missing is a warning, and a strict build fails on it.
+"""
 
 from __future__ import annotations
 
+import logging
+import os
+import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from mavhums.actuator.profile import Airframe
 from mavhums.report import assessment, live
 from mavhums.report.inspection import Inspection
 from mavhums.report.trend import TrendReport
 
-__all__ = ["contracts", "fields", "render_contracts", "render_profile", "undescribed", "unused"]
-
-DESCRIPTIONS = Path(__file__).with_name("fields.toml")
-_ANY = "any"
+DOCS = Path(__file__).parent
+DESCRIPTIONS = DOCS / "reference" / "fields.toml"
+PROFILE = "profile"
 
 Schema = dict[str, Any]
 
+_ANY = "any"
+_FIELDS = re.compile(r"<!-- fields: (.+?) -->")
+_LINK = re.compile(r"(?<=\]\()(\.\./[^)\s#]+)")
+_ROLE = re.compile(r":\w+:(?=<code>)(<code>)~?\.?")
+_log = logging.getLogger("mkdocs.hooks.mavhums")  # a warning below "mkdocs" fails a strict build
 
-def contracts() -> dict[str, Schema]:
-    """Return the schema of everything that mavhums prints as JSON, by the command that prints it."""
+
+class _File(Protocol):
+    src_uri: str
+
+
+class _Page(Protocol):
+    file: _File
+
+
+def on_pre_build(config: Any) -> None:
+    """Warn of descriptions whose field is gone."""
+    for name in unused():
+        _log.warning("%s describes %s, which does not exist", DESCRIPTIONS.name, name)
+
+
+def on_page_markdown(markdown: str, page: _Page, config: Any, **_: object) -> str:
+    """Fill in a page's tables of fields, and turn its links out of ``docs`` into addresses."""
+    source = page.file.src_uri
+
+    def address(link: re.Match[str]) -> str:
+        target = (DOCS / source).parent.joinpath(link[1]).resolve()
+        if target.is_relative_to(DOCS):
+            return link[1]
+        if not target.exists():
+            _log.warning("%s links to %s, which does not exist", source, link[1])
+        path = Path(os.path.relpath(target, DOCS.parent)).as_posix()
+        return f"{config['extra']['repository']}/blob/main/{path}"
+
+    return _LINK.sub(address, _FIELDS.sub(lambda mark: table(mark[1]), markdown))
+
+
+def on_page_content(html: str, **_: object) -> str:
+    """Leave out the roles in docstrings, which Markdown does not know."""
+    return _ROLE.sub(r"\1", html)
+
+
+def schemas() -> dict[str, Schema]:
+    """Return the schemas of what mavhums prints as JSON, by command, and of the profile."""
     return {
         "mavhums analyse --json": assessment.json_schema(),
         "mavhums live --json": live.json_schema(),
         "mavhums trend --json": TrendReport.model_json_schema(by_alias=True, mode="serialization"),
         "mavhums inspect --json": Inspection.model_json_schema(by_alias=True, mode="serialization"),
+        PROFILE: Airframe.model_json_schema(by_alias=True, mode="validation"),
     }
 
 
-def profile() -> Schema:
-    """Return the schema of an airframe profile."""
-    return Airframe.model_json_schema(by_alias=True, mode="validation")
-
-
-def render_contracts() -> str:
-    """Return a chapter for each contract; an object that several share is described once."""
-    parts, seen = [], set[str]()
-    for command, schema in contracts().items():
-        parts.append(f"## {command}")
-        for name, one in objects(schema):
-            if name not in seen:
-                parts.append(_table(name, one, "###"))
-                seen.add(name)
-    return "\n\n".join(parts)
-
-
-def render_profile() -> str:
-    """Return a table for each section of a profile."""
-    return "\n\n".join(_table(name, one, "##", defaults=True) for name, one in objects(profile()))
+def table(name: str) -> str:
+    """Return the tables of a schema's objects; an object that an earlier schema has is described there."""
+    every = schemas()
+    earlier = {one for key in list(every)[: list(every).index(name)] for one, _ in objects(every[key])}
+    profile = name == PROFILE
+    level = "##" if profile else "###"
+    found = [(key, one) for key, one in objects(every[name]) if profile or key not in earlier]
+    return "\n\n".join(_table(key, one, level, defaults=profile) for key, one in found)
 
 
 def objects(schema: Schema) -> Iterator[tuple[str, Schema]]:
@@ -62,38 +99,16 @@ def objects(schema: Schema) -> Iterator[tuple[str, Schema]]:
             yield name, one
 
 
-def fields() -> set[tuple[str, str]]:
-    """Return every field of every contract and of the profile, as object and field."""
-    schemas = (*contracts().values(), profile())
-    return {(name, key) for schema in schemas for name, one in objects(schema) for key in one["properties"]}
-
-
-def undescribed() -> list[str]:
-    """Return the fields that nobody described, as they are written in ``fields.toml``."""
-    own = _described_in_schema()
-    return sorted(f"{o}.{f}" for o, f in fields() if (o, f) not in own and _described(o, f) is None)
-
-
 def unused() -> list[str]:
     """Return the descriptions in ``fields.toml`` of fields that do not exist."""
-    known, keys = fields(), {key for _, key in fields()}
+    known = {(o, key) for one in schemas().values() for o, part in objects(one) for key in part["properties"]}
+    keys = {key for _, key in known}
     return sorted(
         f"{section}.{key}"
         for section, texts in _descriptions().items()
         for key in texts
         if (key not in keys if section == _ANY else (section, key) not in known)
     )
-
-
-def _described_in_schema() -> set[tuple[str, str]]:
-    schemas = (*contracts().values(), profile())
-    return {
-        (name, key)
-        for schema in schemas
-        for name, one in objects(schema)
-        for key, value in one["properties"].items()
-        if "description" in value
-    }
 
 
 @cache
@@ -112,10 +127,9 @@ def _table(name: str, schema: Schema, heading: str, *, defaults: bool = False) -
     for key, value in schema["properties"].items():
         text = value.get("description") or _described(name, key)
         if text is None:
-            problem = f"{name}.{key} has no description"
-            raise LookupError(f"{problem}: give its field one, or add it to {DESCRIPTIONS.name}")
+            _log.warning("%s.%s: give the field a description, or add it to %s", name, key, DESCRIPTIONS.name)
         default = [_default(value, required=key in schema.get("required", []))] * defaults
-        rows.append(_row([f"`{key}`", _type(value), *default, text]))
+        rows.append(_row([f"`{key}`", _type(value), *default, text or ""]))
     return "\n".join(rows)
 
 
