@@ -16,7 +16,7 @@ from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import ConditionChanged, Window
-from mavhums.health.actuator.monitor import Findings, Monitor
+from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums_sim import EmaParameters, Flight, FlightRecord
 from mavhums_sim.campaign import PAPER_FRICTION_NM, consume
@@ -76,7 +76,7 @@ class Judged:
     """The result for one actuator in one flight."""
 
     surface: str
-    findings: Findings
+    findings: ActuatorFindings
     windows: tuple[Window, ...] = ()
     changes: tuple[ConditionChanged, ...] = ()
     truth: dict[str, float] = field(default_factory=dict)

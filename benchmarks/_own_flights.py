@@ -18,7 +18,7 @@ from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import collector
 from mavhums.health.estimation.grams import packed, unpacked
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.report.assessment import OwnRecord
 from mavhums_sim import FlightRecord, fly
 from mavhums_sim.flight import ActuatorRecord
@@ -150,7 +150,10 @@ def _records(
     airspeed = _airspeed(record, time_s, number) if tier.airspeed else None
     actuator = BLANK[surface].model_copy(update={"esc_side": "bus" if tier.bridge else "motor"})
     sums, volts, cutter = collector(tier.equation, actuator), VoltageSums(actuator), SlotCutter()
-    for slots in (cutter.feed(time_s, widen(values, np.isfinite(values), None, airspeed)), cutter.finish()):
+    for slots in (
+        cutter.feed(time_s, with_extra_columns(values, np.isfinite(values), None, airspeed)),
+        cutter.finish(),
+    ):
         if slots is not None:
             sums.feed(slots)
             volts.feed(slots)

@@ -38,7 +38,7 @@ from mavhums import Engine, EngineOptions, load_airframe, read_log
 from mavhums.learn import default_model
 from mavhums.live.session import Session
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
 from mavhums_sim import Flight, fly
 from mavhums_sim.link import Link, transmit
@@ -86,7 +86,7 @@ def pieces(duration_s: float, rate_hz: float = 100.0, key: bytes | None = None) 
 
 
 def session(key: bytes | None = None) -> Session:
-    stamper = Stamper(load_dialect(), Guard(key) if key else None)
+    stamper = Stamper(load_dialect(), SignatureGuard(key) if key else None)
     return Session(Engine(EngineOptions(models=[default_model()])), stamper, [])
 
 

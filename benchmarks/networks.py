@@ -33,7 +33,7 @@ from mavhums.actuator import load_airframe
 from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.votes import count_votes
 from mavhums.health.estimation.motion import motion
-from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.learn import (
     Model,
     Scheme,
@@ -301,7 +301,7 @@ def motion_samples(telemetry: Telemetry, flights: int, part: int) -> np.ndarray:
     inputs, parts = [column(key) for key in telemetry.keys], []
     for label, friction in enumerate(CLASSES):
         for flown in fleet(telemetry, friction, flights, part + label, [*CYCLOGRAMS]):
-            slots = SlotCutter().feed(flown.time_s, widen(flown.values))
+            slots = SlotCutter().feed(flown.time_s, with_extra_columns(flown.values))
             assert slots is not None
             seen = motion(ACTUATOR, slots)
             said = (label, flown.flight, [*CYCLOGRAMS].index(flown.cyclogram))

@@ -23,7 +23,7 @@ from scipy.stats import chi2
 
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
-from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.wear import Law, learned, shows, wear
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import constant_lost
@@ -236,7 +236,7 @@ def _voltages(name: str, record: FlightRecord, *, tier: str) -> list[tuple[str, 
         time_s, values = quantities(own, BLANK[surface], "without load" if tier == FLOATS else "esc-signed")
         if tier == STEPS:
             values[:, [3, 4]] = np.rint(values[:, [3, 4]] / 0.01) * 0.01
-        for slots in (cutter.feed(time_s, widen(values)), cutter.finish()):
+        for slots in (cutter.feed(time_s, with_extra_columns(values)), cutter.finish()):
             if slots is not None:
                 sums.feed(slots)
         left.append((surface, sums.record(), own.individual.torque_constant * PAPER_CONSTANT))

@@ -16,7 +16,7 @@ import numpy as np
 from _fleet import MODES, SURFACES, Task, added, flight, fly_all, judge
 
 from mavhums.core.conditions import URGENCY, Condition
-from mavhums.health.actuator.monitor import Findings
+from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums_sim import FlightRecord
 from mavhums_sim.conditions import FAULTS
 
@@ -30,7 +30,7 @@ def _verdicts(name: str, record: FlightRecord) -> dict[str, list[Condition]]:
     return {tier: [_gravest(one.findings) for one in judge(name, record, tier=tier)] for tier in TIERS}
 
 
-def _gravest(found: Findings) -> Condition:
+def _gravest(found: ActuatorFindings) -> Condition:
     return max(found.condition, found.worst, key=URGENCY.__getitem__)
 
 

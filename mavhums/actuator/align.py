@@ -3,7 +3,7 @@
 The clock is given by the times of the source that carries V5, else V7, else V3, else V1; the other
 quantities are interpolated to it. Samples depend only on the order of messages in the log, not on
 its division into blocks. A sample becomes final when every source that could contribute to it has
-reached its time, at the latest with any message :data:`~mavhums.vehicle.order.HORIZON_S` later: a late
+reached its time, at the latest with any message :data:`~mavhums.vehicle.grid.HORIZON_S` later: a late
 message is not a lost one. Later messages do not change it. A source that has been silent for as long
 is not waited for, and a sample that arrives as far behind another source becomes final without values.
 In the first ten seconds every sample waits until all sources have had the time to be heard.
@@ -11,7 +11,7 @@ In the first ten seconds every sample waits until all sources have had the time 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from mavhums.actuator._align import NEVER, Rows, combine, limits, take
 from mavhums.actuator.readings import Reading
 from mavhums.core.quantities import KEYS, column
-from mavhums.vehicle.order import HORIZON_S
+from mavhums.vehicle.grid import HORIZON_S
 
 __all__ = ["Aligned", "Aligner", "Origin"]
 
@@ -62,7 +62,7 @@ class Origin(NamedTuple):
 
     source: str
     tier: str
-    fields: dict[str, str]
+    fields: Mapping[str, str]
     signed: bool
 
 

@@ -6,20 +6,24 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from mavhums.actuator.named_guess import Guess, guesses_for, named_values
 from mavhums.actuator.profile import Airframe
 from mavhums.core.errors import MavhumsError
+from mavhums.log import Decoder, decode_blocks
+from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.outputs import Output, control_surfaces
 from mavhums.vehicle.parameters import Parameters, read_parameters
 
-__all__ = ["DRAFTED", "draft_profile", "drafted_airframe"]
+__all__ = ["DRAFTED", "MOST_NAMES", "Guess", "draft_profile", "drafted_airframe", "guesses_for", "is_guessed"]
 
 DRAFTED: Final = "drafted"
 """Name of a profile that nobody has named: the same for every flight, so that these can be compared."""
+
+_SERVO_VALUE: Final = re.compile(r"S(\d{1,2})(Cmd|Pos|V|A|Spd|RPM)")
+MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill the memory
 
 _HEAD = """\
 # DRAFT of an airframe profile, from the parameters of vehicle {vehicle} in {log}.
@@ -63,7 +67,7 @@ def draft_profile(
     Parameters
     ----------
     path
-        A ``.tlog`` file in which the parameters were downloaded.
+        A log with the parameters.
     vehicle
         System id; may be None where only one vehicle's parameters are in the log.
     name
@@ -74,7 +78,7 @@ def draft_profile(
     Raises
     ------
     UnreadableLogError
-        If the file is missing or not a telemetry log.
+        If the file is missing or not a log.
     MavhumsError
         If the log holds no parameters, or these name no control surface.
     """
@@ -123,7 +127,8 @@ def _section(name: str, output: Output, named: Collection[str]) -> str:
 def _field(guess: Guess) -> str:
     """Write a mapping of a quantity to a named value."""
     scale = "" if guess.scale == 1.0 else f", scale = {guess.scale!r}"
-    mapping = f'message = "NAMED_VALUE_FLOAT", where = {{ name = {_text(guess.name)} }}, field = "value"'
+    [message] = messages_of("script value")
+    mapping = f'message = "{message}", where = {{ name = {_text(guess.name)} }}, field = "value"'
     return f"fields.{guess.key} = {{ {mapping}{scale} }}  # GUESS: {guess.taken_for}\n"
 
 
@@ -154,3 +159,64 @@ def _plain(text: str) -> str:
 def _text(text: str) -> str:
     """Write a TOML string."""
     return json.dumps(_plain(text), ensure_ascii=False)
+
+
+class Guess(NamedTuple):
+    """A quantity that a named value seems to be: value · ``scale`` in the quantity's unit."""
+
+    key: str
+    name: str
+    scale: float
+    taken_for: str
+
+
+_MEANINGS: Final[dict[str, tuple[str, float, str]]] = {
+    "Cmd": ("V1", 1.0, "commanded angle, degrees"),
+    "Pos": ("V3", 1.0, "angle, degrees"),
+    "V": ("V4", 1.0, "voltage, V"),
+    "A": ("V5", 1.0, "current, A"),
+    "RPM": ("V7", 1.0, "rotor speed, rev/min"),
+    "Spd": ("V10", 1.0 / 6.0, "output speed, degrees per second"),
+}
+
+
+def is_guessed(name: str) -> bool:
+    """Return whether a named value seems to be a servo's quantity.
+
+    Examples
+    --------
+    >>> is_guessed("S1Pos"), is_guessed("S1MT")
+    (True, False)
+    """
+    return _SERVO_VALUE.fullmatch(name) is not None
+
+
+def guesses_for(servo: int, names: Collection[str]) -> Iterator[Guess]:
+    """Yield the quantities of a servo output among named values, in the order of V1–V12.
+
+    Examples
+    --------
+    >>> [(guess.key, guess.name) for guess in guesses_for(1, ["S1Pos", "S1Cmd", "S11Pos", "S1MT"])]
+    [('V1', 'S1Cmd'), ('V3', 'S1Pos')]
+    """
+    parts = {name: match for name in names if (match := _SERVO_VALUE.fullmatch(name))}
+    own = {match[2]: name for name, match in parts.items() if int(match[1]) == servo}
+    for suffix, (key, scale, taken_for) in _MEANINGS.items():
+        if suffix in own:
+            yield Guess(key, own[suffix], scale, taken_for)
+
+
+def named_values(path: str | os.PathLike[str], parameters: Parameters) -> frozenset[str]:
+    """Return the names of the values that a vehicle's scripts send, of the one with these parameters.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the file is missing or not a log.
+    """
+    names: set[str] = set()
+    for tables, _, _ in decode_blocks(path, Decoder(messages_of("script value"))):
+        for report in reports(tables, "script value"):
+            if len(names) < MOST_NAMES:
+                names.update(report.select(report.table.system == parameters.vehicle).texts)
+    return frozenset(names)

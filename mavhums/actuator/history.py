@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mavhums.actuator.airframe_name import announcements
 from mavhums.actuator.mapping import Mapped, Mapper
 from mavhums.actuator.profile import Airframe, ProfileError, load_airframe
+from mavhums.actuator.vehicle_mappers import announcements
 from mavhums.core.quantities import KEYS
 from mavhums.log import Log
 from mavhums.vehicle.clocks import on_clocks

@@ -1,6 +1,6 @@
 """Mapping of message fields to V1–V12 of each actuator, with the provenance of each quantity.
 
-Sources are read, aligned on one clock and completed: :mod:`~mavhums.actuator.sources`,
+Sources are read, aligned on one clock and completed: :mod:`~mavhums.actuator.readings`,
 :mod:`~mavhums.actuator.align`, :mod:`~mavhums.actuator.derive`.
 """
 
@@ -15,20 +15,65 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
-from mavhums.actuator.plausible import Gate
 from mavhums.actuator.profile import Actuator, Airframe
-from mavhums.actuator.readings import Reading
-from mavhums.actuator.sources import SOURCES
+from mavhums.actuator.readings import Reading, read
 from mavhums.actuator.tiers import TIERS
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
+from mavhums.vehicle.formats import SERVO_SOURCES
 
-__all__ = ["Mapped", "Mapper", "messages_for"]
+__all__ = ["AirframeNamed", "Gate", "Mapped", "Mapper", "Samples", "bounds", "messages_for"]
 
 _SIGNED = [column(key) for key in ("V4", "V5", "V7")]
 _UNCOUNTED = 20
 _TRUST = tuple(tier.name for tier in TIERS)
+
+_MARGIN = 3.0
+"""Times the largest value that the profile allows: for sensors, faults and data sheets. Less refuses a faulty
+actuator's values, more lets damaged telemetry through."""
+_OFFSET = 10.0  # an unwrapped angle has an arbitrary start
+_BACK_DRIVEN = 10.0  # times the stall torque: largest load of air and end stops on the gear
+_LEAST_TRAVEL_DEG = 180.0  # a servo can always turn so far, whatever travel it uses
+_RPM = 60 / (2 * np.pi)
+_LARGEST = {
+    "V1": 720.0,
+    "V2": 1e7,
+    "V3": 720.0,
+    "V4": 1000.0,
+    "V5": 1000.0,
+    "V6": 1e6,
+    "V7": 2e5,
+    "V8": 1e3,
+    "V9": 1e6,
+    "V10": 2e4,
+    "V11": 1e5,
+    "V12": 1e6,
+}
+"""What no unmanned aircraft reaches, where the profile lacks a constant."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Quantities V1…V12 of one actuator: ``time_s`` of shape (n,), ``values`` of shape (n, 12).
+
+    A quantity that the log does not carry is NaN.
+    """
+
+    vehicle: int
+    actuator: str
+    time_s: Array
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class AirframeNamed:
+    """The profile in use from here on for a vehicle (for all vehicles if None)."""
+
+    time_s: float
+    vehicle: int | None
+    airframe: Airframe
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,11 +95,11 @@ class Mapped:
 
     vehicle: int
     actuator: Actuator
-    utc_us: NDArray[np.int64]
-    values: NDArray[np.float64]
-    measured: NDArray[np.bool_]
-    bus_v: NDArray[np.float64] | None = None
-    magnitudes: NDArray[np.float64] | None = None
+    utc_us: Integers
+    values: Array
+    measured: Flags
+    bus_v: Array | None = None
+    magnitudes: Array | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -67,7 +112,7 @@ class _Track:
     deriver: Deriver
     gate: Gate
     tier: str = ""
-    _used: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, len(KEYS)), dtype=np.int64))
+    _used: Integers = field(default_factory=lambda: np.zeros((0, len(KEYS)), dtype=np.int64))
     _origins: list[NDArray[np.int8]] = field(default_factory=list)
 
     def note(self, aligned: Aligned) -> None:
@@ -77,7 +122,7 @@ class _Track:
         if len(self._origins) > _UNCOUNTED:
             self.used()
 
-    def used(self) -> NDArray[np.int64]:
+    def used(self) -> Integers:
         """Return the number of values of each quantity from each source, shape (sources, 12)."""
         missing = len(self.aligner.sources) - len(self._used)
         if missing:
@@ -89,6 +134,71 @@ class _Track:
             counts = np.bincount(place.ravel(), minlength=(len(self._used) + 1) * len(KEYS))
             self._used += counts.reshape(-1, len(KEYS))[1:]
         return self._used
+
+
+def bounds(actuator: Actuator) -> Array:
+    """Return the largest magnitude that each of V1…V12 can have, shape (12,).
+
+    It follows from the profile: the travel; the supply voltage U, at the motor's terminals; the stall current
+    U/R; the no-load speed U/k_t; and the resulting torques and powers.
+
+    Examples
+    --------
+    >>> from mavhums.actuator import load_airframe
+    >>> of = dict(zip(KEYS, bounds(load_airframe("paper").actuators[0]).round(1).tolist(), strict=True))
+    >>> of["V1"], of["V4"], of["V5"], of["V7"]
+    (180.0, 81.0, 3.6, 52950.5)
+    """
+    most = dict(_LARGEST)
+    if actuator.travel_deg is not None:
+        most["V1"] = most["V3"] = max(_MARGIN * max(map(abs, actuator.travel_deg)), _LEAST_TRAVEL_DEG)
+    ema = actuator.ema
+    if ema is not None:
+        volts = _MARGIN * ema.supply_voltage if ema.supply_voltage is not None else most["V4"]
+        amps, rpm = volts / ema.resistance, volts / ema.torque_constant * _RPM
+        stall = ema.torque_constant * ema.gear_ratio * amps
+        most |= {
+            "V2": _OFFSET * most["V3"] * ema.gear_ratio,
+            "V4": volts,
+            "V5": amps + _MARGIN * actuator.electronics_a,
+            "V7": rpm,
+            "V8": ema.torque_constant * amps,
+            "V10": rpm / ema.gear_ratio,
+            "V11": _BACK_DRIVEN / _MARGIN * stall,
+        }
+        most["V6"] = most["V4"] * most["V5"]
+        most["V9"] = most["V8"] * most["V7"] / _RPM
+        most["V12"] = most["V11"] * most["V10"] / _RPM
+    return np.array([most[key] for key in KEYS])
+
+
+class Gate:
+    """Removes implausible values from one actuator's readings, and counts them.
+
+    Attributes
+    ----------
+    given, refused
+        Number of values of each quantity, and number of removed ones, shape (12,).
+    """
+
+    def __init__(self, actuator: Actuator) -> None:
+        self.given = np.zeros(len(KEYS), dtype=np.int64)
+        self.refused = np.zeros(len(KEYS), dtype=np.int64)
+        self._bounds = bounds(actuator)
+
+    def admit(self, values: Array) -> Array:
+        """Return V1…V12, shape (n, 12), with NaN for implausible values.
+
+        NaN means that a quantity was not measured; infinity is a value, and implausible.
+        """
+        size = np.abs(values)
+        given = ~np.isnan(values)
+        refused = size > self._bounds
+        self.given += given.sum(axis=0)
+        if not refused.any():
+            return values
+        self.refused += refused.sum(axis=0)
+        return np.where(refused, np.nan, values)
 
 
 class Mapper:
@@ -120,9 +230,8 @@ class Mapper:
         frames = [table.frame[(table.flags & LOOSE_TIME) > 0] for table in tables.values()]
         loose = np.concatenate(frames) if frames else None
         by_track: dict[tuple[int, str], list[Reading]] = {key: [] for key in self._tracks}
-        for source in SOURCES:
-            for reading in source.read(tables, self.airframe.actuators):
-                by_track.setdefault((reading.vehicle, reading.actuator.name), []).append(reading)
+        for reading in read(tables, self.airframe.actuators):
+            by_track.setdefault((reading.vehicle, reading.actuator.name), []).append(reading)
         out = []
         for key, readings in by_track.items():
             if not readings and not final:
@@ -178,8 +287,8 @@ class Mapper:
         track = self._tracks.get((vehicle, actuator.name))
         if track is None or not track.gate.refused.any():
             return {}
-        counts = zip(KEYS, track.gate.refused.tolist(), track.gate.told.tolist(), strict=True)
-        return {key: (refused, told) for key, refused, told in counts if refused}
+        counts = zip(KEYS, track.gate.refused.tolist(), track.gate.given.tolist(), strict=True)
+        return {key: (refused, given) for key, refused, given in counts if refused}
 
     def provenance(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
         """Return the provenance of each quantity.
@@ -220,7 +329,7 @@ def messages_for(actuators: Sequence[Actuator] = ()) -> frozenset[str]:
     True
     """
     configured = {mapping.message for actuator in actuators for mapping in actuator.fields.values()}
-    return frozenset(configured).union(*(source.MESSAGES for source in SOURCES))
+    return frozenset(configured).union(source.message for source in SERVO_SOURCES)
 
 
 def _fill_in(how: str, fields: Mapping[str, str]) -> str:

@@ -11,12 +11,9 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from mavhums.actuator.field_check import field_mistake
-from mavhums.actuator.identified_motor import IdentifiedMotor
-from mavhums.actuator.profile_errors import explain_syntax, explain_values
-from mavhums.actuator.toml_lines import Place
+from mavhums.actuator.profile_checks import Place, explain_syntax, explain_values, field_mistake
 from mavhums.core.errors import MavhumsError
-from mavhums.core.models import Contract
+from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.report.axis_limits import AxisLimits
 
@@ -118,6 +115,31 @@ class Limits(Contract):
         if self.following_emergency_deg <= self.following_deg:
             raise ValueError("following_emergency_deg must lie above following_deg")
         return self
+
+
+class IdentifiedMotor(Frozen):
+    """Motor constants from ``mavhums profile identify``, each with its 95 % interval.
+
+    Attributes
+    ----------
+    resistance, back_emf, drop
+        Estimate, low and high: of the winding, Ω; per rad/s of the rotor, V; of brushes or dead time, V.
+    friction_of_stall, torque_of_stall
+        Friction and highest sustained torque as shares of the torque at stall; None if the logs and the
+        profile do not tell them.
+    convention
+        Convention of current and voltage. The back-EMF constant equals the torque constant only for ``dc``.
+    flights
+        Logs that were used.
+    """
+
+    resistance: tuple[_Positive, _Positive, _Positive]
+    back_emf: tuple[_Positive, _Positive, _Positive]
+    drop: tuple[_Finite, _Finite, _Finite]
+    friction_of_stall: tuple[_Finite, _Finite, _Finite] | None = None
+    torque_of_stall: tuple[_Finite, _Finite, _Finite] | None = None
+    convention: Literal["unknown", "dc"] = "unknown"
+    flights: tuple[str, ...]
 
 
 class FieldMapping(Contract):

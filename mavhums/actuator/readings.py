@@ -1,17 +1,30 @@
-"""Values of one actuator from one source, before alignment with other sources."""
+"""Readings of the actuators of a profile: V1…V12 from each source, before alignment with other sources.
+
+What a profile maps comes from any message; all other readings are those of the servos' telemetry in
+:mod:`mavhums.vehicle.formats`, of which the profile says which servo, ESC or record is whose.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.profile import Actuator
-from mavhums.core.quantities import KEYS
+from mavhums.actuator.profile import Actuator, FieldMapping, ProfileError
+from mavhums.actuator.profile_checks import MULTI_ID, wire_mistake
+from mavhums.core.arrays import Array, Integers
+from mavhums.core.quantities import KEYS, column
+from mavhums.log import Table
+from mavhums.vehicle.facts import FIRST_UAVCAN_OUTPUT, ServoIds
+from mavhums.vehicle.formats import SERVO_SOURCES, each, servo_readings
 
-__all__ = ["Reading", "blank"]
+__all__ = ["Reading", "in_columns", "read"]
+
+_PULSES_US: Final = (500.0, 2500.0)
+"""Pulses that are a command. Wider than those of an output in use: a servo may be calibrated to more."""
+_UAVCAN: Final = (0.0, 1000.0)
 
 
 class Reading(NamedTuple):
@@ -39,15 +52,110 @@ class Reading(NamedTuple):
     actuator: Actuator
     source: str
     tier: str
-    fields: dict[str, str]
-    frame: NDArray[np.int64]
-    utc_us: NDArray[np.int64]
-    values: NDArray[np.float64]
+    fields: Mapping[str, str]
+    frame: Integers
+    utc_us: Integers
+    values: Array
     signed: bool = True
 
 
-def blank(columns: Sequence[int], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return V1…V12, shape (n, 12), with the values (n, k) in the given columns and NaN elsewhere."""
+def in_columns(keys: Sequence[str], values: Array) -> Array:
+    """Return V1…V12, shape (n, 12), with the values (n, k) of these quantities and NaN elsewhere."""
     out = np.full((len(values), len(KEYS)), np.nan)
-    out[:, columns] = values
+    out[:, [column(key) for key in keys]] = values
     return out
+
+
+def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
+    """Yield the readings of the actuators in these messages, those that the profile maps first."""
+    yield from _mapped(tables, actuators)
+    by_servo = {actuator.servo: actuator for actuator in actuators}
+    ids = [ServoIds(actuator.servo, actuator.esc, actuator.csrv) for actuator in actuators]
+    # A pulse says an angle only where the profile gives the travel.
+    moved = [one for one in ids if by_servo[one.servo].travel_deg is not None]
+    for source in SERVO_SOURCES:
+        for found in servo_readings(source, tables, moved if source.tier == "pwm" else ids):
+            actuator = by_servo[found.servo]
+            if source.tier == "pwm":
+                reading = _commanded(actuator, found.values[:, 0])
+                if reading is None:
+                    continue
+                rows, values = reading
+                [field] = found.fields.values()
+                fields: Mapping[str, str] = {"V1": field}
+            else:
+                rows, values, fields = slice(None), in_columns([*found.fields], found.values), found.fields
+            yield Reading(
+                found.vehicle,
+                actuator,
+                found.source,
+                source.tier,
+                fields,
+                found.frame[rows],
+                found.time_us[rows],
+                values,
+                found.signed,
+            )
+
+
+def _commanded(actuator: Actuator, pulse_us: Array) -> tuple[Any, Array] | None:
+    """Return the rows of pulses that are commands, and V1 by the profile's calibration; None without any.
+
+    A pulse beyond its calibration tells no angle. The pulse already contains a reversal.
+    """
+    low_deg, high_deg = actuator.travel_deg or (0.0, 0.0)
+    least, most = _PULSES_US if actuator.servo < FIRST_UAVCAN_OUTPUT else _UAVCAN
+    least, most = max(least, actuator.range_us[0]), min(most, actuator.range_us[1])
+    rows = np.flatnonzero((pulse_us >= least) & (pulse_us <= most))
+    if not rows.size:
+        return None
+    angle = np.interp(pulse_us[rows], actuator.pwm_us, (low_deg, 0.0, high_deg))
+    return rows, in_columns(["V1"], angle[:, None])
+
+
+def _mapped(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator[Reading]:
+    """Yield a reading for each vehicle, actuator and message of which the profile maps fields."""
+    for actuator in actuators:
+        groups: dict[tuple[str, str], dict[str, FieldMapping]] = {}
+        for key, mapping in actuator.fields.items():
+            groups.setdefault((mapping.message, repr(mapping.where)), {})[key] = mapping
+        for (message, _), mappings in groups.items():
+            if message in tables:
+                yield from _mapped_in(tables[message], actuator, mappings)
+
+
+def _mapped_in(table: Table, actuator: Actuator, mappings: Mapping[str, FieldMapping]) -> Iterator[Reading]:
+    for key, mapping in mappings.items():  # an on-board log's own definition of the message decides
+        mistake = wire_mistake(mapping.message, mapping.field, mapping.where, table.fields.dtype)
+        if mistake is not None:
+            problem = f"actuator {actuator.name}: fields.{key}.{mistake.key}: {mistake.problem} in this log"
+            raise ProfileError(problem, mistake.remedy)
+    where = next(iter(mappings.values())).where
+    chosen = np.ones(len(table), dtype=bool)
+    for field, wanted in where.items():
+        values = _column(table, field)
+        chosen &= values == (wanted.encode() if isinstance(wanted, str) else wanted)
+    which = ",".join(str(value) for value in where.values())
+    parts = [_column(table, m.field).astype(np.float64) * m.scale + m.offset for m in mappings.values()]
+    for vehicle, rows in each(table.system, chosen):
+        yield Reading(
+            vehicle,
+            actuator,
+            f"{table.name}[{which}]" if which else table.name,
+            "named",
+            {key: mapping.field for key, mapping in mappings.items()},
+            table.frame[rows],
+            table.time_us[rows],
+            in_columns([*mappings], np.stack([part[rows] for part in parts], axis=1)),
+        )
+
+
+def _column(table: Table, field: str) -> NDArray[Any]:
+    """Return a field, or one element of an array field: ``rpm[2]``."""
+    if field in (table.fields.dtype.names or ()):
+        return table[field]
+    if field == MULTI_ID:
+        return table.component
+    name, _, element = field.rpartition("[")
+    values: NDArray[Any] = table[name]
+    return values[:, int(element.rstrip("]"))]

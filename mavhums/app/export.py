@@ -23,7 +23,8 @@ from mavhums.health.actuator.votes import answer_samples
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.texts import TEXT_MESSAGES
+from mavhums.vehicle.formats import message_of
+from mavhums.vehicle.states import TEXT_MESSAGES
 
 __all__ = ["export_messages", "export_quantities"]
 
@@ -37,8 +38,6 @@ _NAMELESS = Airframe(
     ),
 )
 """A neutral profile: servos by their channel, ESCs by their number, no angles."""
-
-_PULSES = {"tlog": "SERVO_OUTPUT_RAW", "dataflash": "RCOU", "ulog": "actuator_outputs"}
 
 
 def export_quantities(
@@ -107,7 +106,7 @@ def export_quantities(
             raise ProfileError(f"{path}: the log names no airframe profile", "name one with --airframe")
         decoder, fleet, rows = _write(path, output, _NAMELESS, None, progress)
     if not rows:
-        raise MavhumsError(*_nothing(path, given, fleet, _PULSES[decoder.format]))
+        raise MavhumsError(*_nothing(path, given, fleet, message_of("outputs", decoder.format)))
     return {output: rows}
 
 

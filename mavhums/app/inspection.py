@@ -15,8 +15,7 @@ from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.app.judgeable import judgeable
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
-from mavhums.engine.axes import Axes
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
 from mavhums.engine.crowd import Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
@@ -30,9 +29,9 @@ from mavhums.report.inspection import (
     VehicleTelemetry,
 )
 from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.counts import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
-from mavhums.vehicle.named_values import NAMED_MESSAGES, NamedValues
-from mavhums.vehicle.texts import TEXT_MESSAGES
+from mavhums.vehicle.states import TEXT_MESSAGES
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["inspect_log"]
@@ -69,7 +68,7 @@ def inspect_log(
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     telemetry = messages_for(given.actuators if given else ())
-    decoder = Decoder(telemetry | IDENTITY_MESSAGES | AXIS_MESSAGES | NAMED_MESSAGES, dialect=dialect)
+    decoder = Decoder(telemetry | IDENTITY_MESSAGES | SIGNAL_MESSAGES | NAMED_MESSAGES, dialect=dialect)
     fleet, identities, axes, values = VehicleMappers(given), Identities(), Axes(given), NamedValues()
     crowd, clocks = Crowd(telemetry - TEXT_MESSAGES), Clocks()
     size = 0

@@ -11,8 +11,8 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.engine.axes import VehicleAxes
-from mavhums.health.verdict.actuator import contradicted_actuator, unjudged_actuator, unjudged_vehicle
-from mavhums.health.verdict.axis import judged_axis, unjudged_axes
+from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import Judgeable
@@ -62,9 +62,7 @@ def judgeable(
         against = axes.told.last.against(actuator.name) if axes else ()
         if against:
             why = against_log(against), remedy(against)
-            yield _said(
-                contradicted_actuator(identity.vehicle, actuator.name, why, tier, provenance), judged=False
-            )
+            yield _said(unjudged(identity.vehicle, actuator.name, why, tier, provenance), judged=False)
             continue
         verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
         yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
@@ -80,7 +78,7 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
         return
     for axis in AXES:
         findings = axes.monitor.findings(axis)
-        yield judged_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
+        yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

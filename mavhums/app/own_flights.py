@@ -15,7 +15,7 @@ from mavhums.history.flights import Since
 from mavhums.history.repeated import with_copies
 from mavhums.log import Decoder, read_blocks
 from mavhums.report.assessment import Assessment
-from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
+from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
 __all__ = ["among_own", "compared_with_own", "swapped"]
 
@@ -67,7 +67,7 @@ def swapped(path: str | os.PathLike[str], options: Options) -> Since:
         return {}
     if str(path) == "-":
         raise MavhumsError("-: an aircraft table needs a file that can be read twice", "save the log first")
-    decoder, recorded = Decoder(RECORDED_MESSAGES, dialect=options.dialect), RecordedFlights()
+    decoder, recorded = Decoder(FLIGHT_MESSAGES, dialect=options.dialect), RecordedFlights()
     for block in read_blocks(path, dialect=options.dialect):
         recorded.feed(decoder.feed(block))
     recorded.feed(decoder.feed(b"", final=True))

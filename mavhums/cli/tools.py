@@ -27,7 +27,9 @@ _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuat
     help="Ends in .parquet or .csv. Several messages: a file each, OUT-NAME.",
 )
 @click.option(
-    "--messages", metavar="NAME,...", help="Write these messages instead of V1–V12, for example ATTITUDE."
+    "--messages",
+    metavar="NAME,...",
+    help="Write these messages instead of V1–V12; `mavhums inspect` lists them.",
 )
 @AIRFRAME
 @click.option(

@@ -11,15 +11,17 @@ from mavhums.actuator.profile import Airframe
 from mavhums.engine.told import Told
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.log import Table
-from mavhums.vehicle.order import Received
+from mavhums.log.base.tables import text_of
+from mavhums.vehicle.facts import Signal
+from mavhums.vehicle.formats import reports
+from mavhums.vehicle.formats.base import Report
+from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import Parameters, Sent
-from mavhums.vehicle.signal_readers import MESSAGES, SignalReaders
-from mavhums.vehicle.signals import Signal
+from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
-__all__ = ["MESSAGES", "Axes", "VehicleAxes"]
+__all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes"]
 
-_NAMES: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
 _FUNCTIONS: Final = ("SERVO", "PWM_", "CA_SV", "HIL_ACT", *VTOL_PARAMETERS)
 
 
@@ -37,7 +39,7 @@ class Axes:
     def __init__(self, airframe: Airframe | None = None, *, angles: bool = False) -> None:
         self._angles = angles
         self._airframe = airframe
-        self._signals = SignalReaders()
+        self._signals = SignalReader()
         self._sent = Sent()
         self._vehicles: dict[int, VehicleAxes] = {}
         self._announced: list[tuple[int, int, Airframe]] = []
@@ -115,27 +117,21 @@ class Axes:
             axes = axes_of(vehicle)
             [second] = axes.grid.reached_s(np.array([frame]), signals.get(vehicle, ())).tolist()
             axes.told.name(second, airframe)
-        for message, field in _NAMES.items():
-            if message not in tables:
-                continue
-            named = [name.startswith(_FUNCTIONS) for name in tables[message].texts(field)]
-            sent = tables[message].select(np.array(named, dtype=bool))
-            for vehicle in filter(admits, np.unique(sent.system).tolist()):
-                own = sent.select(sent.system == vehicle)
-                self._hear_parameters(
-                    axes_of(vehicle), own, tables.get("HEARTBEAT"), signals.get(vehicle, ())
-                )
-        if "HEARTBEAT" in tables:
-            self._sent.take({"HEARTBEAT": tables["HEARTBEAT"]})
+        for report in reports(tables, "parameter"):
+            named = [text_of(name).startswith(_FUNCTIONS) for name in report.values["name"].tolist()]
+            sent = report.select(np.array(named, dtype=bool))
+            for vehicle in filter(admits, np.unique(sent.table.system).tolist()):
+                own = sent.select(sent.table.system == vehicle)
+                self._hear_parameters(axes_of(vehicle), own, tables, signals.get(vehicle, ()))
+        self._sent.take_autopilots(tables)
 
     def _hear_parameters(
-        self, axes: VehicleAxes, sent: Table, heartbeats: Table | None, signals: Sequence[Signal]
+        self, axes: VehicleAxes, sent: Report, tables: Mapping[str, Table], signals: Sequence[Signal]
     ) -> None:
-        [vehicle] = np.unique(sent.system).tolist()
-        seconds = axes.grid.reached_s(sent.frame, signals)
+        [vehicle] = np.unique(sent.table.system).tolist()
+        seconds = axes.grid.reached_s(sent.table.frame, signals)
         for second in np.unique(seconds).tolist():
             now = sent.select(seconds == second)
-            if heartbeats is not None:  # what an integer parameter means depends on the autopilot
-                self._sent.take({"HEARTBEAT": heartbeats.select(heartbeats.frame < now.frame[-1])})
-            self._sent.take({sent.name: now})
+            self._sent.take_autopilots(tables, before=int(now.table.frame[-1]))
+            self._sent.take_parameters(now)
             axes.told.hear(second, self._sent.of(vehicle))

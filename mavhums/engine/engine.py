@@ -18,8 +18,7 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.engine.axes import MESSAGES as AXIS_MESSAGES
-from mavhums.engine.axes import Axes
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
 from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
@@ -28,19 +27,19 @@ from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
-from mavhums.health.axis.past import against_flights
+from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import of_subject
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.self_baseline.past import comparable
-from mavhums.health.self_baseline.verdict import held_against
+from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.health.verdict.actuator import (
-    contradicted_actuator,
     crowded_out,
-    judged,
+    unjudged,
     unjudged_actuator,
     unjudged_vehicle,
+    verdict_of_actuator,
 )
-from mavhums.health.verdict.axis import judged_axis, unjudged_axes
+from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
@@ -53,13 +52,11 @@ from mavhums.report.flight import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.esc_temperature import ESC_TEMPERATURE_MESSAGES, EscTemperatures
-from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
-from mavhums.vehicle.order import Received
-from mavhums.vehicle.recorded import RECORDED_MESSAGES, RecordedFlights
-from mavhums.vehicle.states import STATE_MESSAGES, VehicleStates
+from mavhums.vehicle.counts import ESC_TEMPERATURE_MESSAGES, EscTemperatures
+from mavhums.vehicle.grid import Received
+from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
+from mavhums.vehicle.states import STATE_MESSAGES, TEXT_MESSAGES, VehicleStates, texts
 from mavhums.vehicle.surfaces import AXES
-from mavhums.vehicle.texts import TEXT_MESSAGES, texts
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["Engine"]
@@ -92,7 +89,7 @@ class Engine:
     >>> engine = Engine()
     >>> events = engine.feed(b"") + engine.finish()
     >>> engine.assessment().verdicts[0].reason
-    'no vehicle sends in this log'
+    'no vehicle found in this log'
     """
 
     def __init__(self, options: EngineOptions | None = None) -> None:
@@ -100,10 +97,10 @@ class Engine:
         airframe = options.airframe
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._crowd = Crowd(telemetry - TEXT_MESSAGES)
-        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | RECORDED_MESSAGES
+        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
         wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
-        wanted |= AXIS_MESSAGES
+        wanted |= SIGNAL_MESSAGES
         self._axes = Axes(airframe, angles=options.vehicle_states)
         self._states = VehicleStates() if options.vehicle_states else None
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
@@ -328,8 +325,10 @@ class Engine:
         baselines = self._monitors.baselines(", ".join(self._mappers.airframes) or None, self._begun())
         for axis in AXES:
             findings = followed.monitor.findings(axis)
-            verdict = judged_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc, received)
-            yield against_flights(
+            verdict = verdict_of_axis(
+                vehicle, findings, followed.surfaces, followed.flight, start_utc, received
+            )
+            yield compare_with_earlier_flights(
                 verdict,
                 of_subject(baselines, (vehicle, axis)),
                 start_utc=start_utc,
@@ -359,7 +358,7 @@ class Engine:
             if against:
                 why = against_log(against), remedy(against)
                 sent = tier_named(own) if own else tier
-                yield contradicted_actuator(vehicle, actuator.name, why, sent, provenance)
+                yield unjudged(vehicle, actuator.name, why, sent, provenance)
                 continue
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
@@ -370,7 +369,7 @@ class Engine:
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
             else:
-                verdict = judged(
+                verdict = verdict_of_actuator(
                     vehicle,
                     actuator,
                     findings,
@@ -383,7 +382,7 @@ class Engine:
                     network=network_answer(findings, self._monitors.serving(mapper.airframe), self._decide),
                 )
                 flown = past.get((vehicle, actuator.name), ())
-                yield held_against(verdict, flown, self._false_alarms)
+                yield compare_with_own_flights(verdict, flown, self._false_alarms)
 
     def _end_s(self, vehicle: int) -> float:
         """Return the flight time of the log's end, by the vehicle's own clock, as all its samples are."""

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mavhums.actuator.events import AirframeNamed, Samples
+from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Window
-from mavhums.vehicle.events import Attitude, FlightMode, Followed, Position
+from mavhums.vehicle.states import Attitude, FlightMode, Followed, Position
 
 __all__ = [
     "AirframeNamed",

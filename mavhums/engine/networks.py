@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.mapping import Mapped
-from mavhums.health.actuator.monitor import Findings
+from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.actuator.votes import answer_samples
 from mavhums.health.decision.events import Classified
 from mavhums.learn import Model
@@ -22,7 +22,9 @@ def summary_of(model: Model) -> ModelSummary:
     return ModelSummary(name=model.card.name, hash=model.hash)
 
 
-def network_answer(findings: Findings, serving: Sequence[Model], decide: Decide) -> NetworkAnswer | None:
+def network_answer(
+    findings: ActuatorFindings, serving: Sequence[Model], decide: Decide
+) -> NetworkAnswer | None:
     """Return what the networks that serve an actuator say of its flight; None if none answered a window."""
     said = findings.network
     if said is None:

@@ -9,10 +9,10 @@ from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.axes import VehicleAxes
 from mavhums.report.usage import OutputUsage, VehicleUsage
+from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.signals import OUTPUTS
 from mavhums.vehicle.surfaces import Surfaces
 from mavhums.vehicle.usage import OutputUse
 

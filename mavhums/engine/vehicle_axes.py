@@ -18,11 +18,11 @@ from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.report.axis_limits import AxisLimits
-from mavhums.vehicle.events import Followed
+from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
-from mavhums.vehicle.signals import Signal
+from mavhums.vehicle.states import Followed
 from mavhums.vehicle.surfaces import Demands, Surfaces
 from mavhums.vehicle.usage import Usage
 

@@ -13,8 +13,8 @@ from itertools import groupby
 from typing import NamedTuple
 
 from mavhums.core.conditions import Condition
-from mavhums.health.decision.baseline import Baseline, Drift, Shift, held, held_since
-from mavhums.health.decision.conditions import Change, ConditionTracker
+from mavhums.health.decision.baseline import Baseline, Drift, Shift, condition_with_drift, onset_with_drift
+from mavhums.health.decision.conditions import ConditionTracker, IndicatorChange
 from mavhums.health.decision.evidence import (
     concludes,
     drift_evidence,
@@ -25,7 +25,7 @@ from mavhums.health.decision.evidence import (
     suspected,
 )
 from mavhums.health.decision.records import ActuatorRecord, FaultRecord
-from mavhums.health.verdict.actuator import Held, against_baseline
+from mavhums.health.verdict.actuator import BaselineFindings, against_baseline
 from mavhums.report.assessment import Evidence, Suspect, Verdict
 
 
@@ -53,6 +53,7 @@ def replay(
         End of the log, in flight time.
     """
     traces = [_Trace(record, fault, baselines.get(fault.fault)) for fault in record.faults]
+    # In the order of time, then of the detectors, as in flight.
     changes = [(at_s, place, said) for place, trace in enumerate(traces) for at_s, said in trace.changes()]
     holding = ConditionTracker()
     for _, place, said in sorted(changes, key=lambda each: each[:2]):
@@ -71,7 +72,7 @@ def replay(
     intervals = {fault: baseline.prediction() for fault, baseline in baselines.items()}
     return against_baseline(
         verdict,
-        Held(
+        BaselineFindings(
             condition=holding.condition,
             worst=holding.worst,
             since_s=holding.since_s,
@@ -86,7 +87,7 @@ def replay(
     )
 
 
-class _Event(NamedTuple):
+class _RecordedStep(NamedTuple):
     """The events at the end of a window: a non-overlapping window, then a decision."""
 
     end_s: float
@@ -107,19 +108,19 @@ class _Trace:
         self._decided_s: float | None = None
         self._latest = fault.latest
 
-    def changes(self) -> Iterator[tuple[float, Change]]:
+    def changes(self) -> Iterator[tuple[float, IndicatorChange]]:
         """Yield each change of the condition, with the end of the window that causes it."""
-        events = [_Event(window.end_s, 0, k) for k, window in enumerate(self.fault.windows)]
-        events += [_Event(decided.end_s, 1, k) for k, decided in enumerate(self.fault.decided)]
+        events = [_RecordedStep(window.end_s, 0, k) for k, window in enumerate(self.fault.windows)]
+        events += [_RecordedStep(decided.end_s, 1, k) for k, decided in enumerate(self.fault.decided)]
         for end_s, together in groupby(sorted(events), key=lambda event: event.end_s):
             before = self._condition
             for event in together:
                 self._take(event)
             if self._condition != before:
-                since_s = held_since(self._decided, self._decided_s, self.alarm)
-                yield end_s, Change(0, self._condition, since_s or 0.0, self._rule())
+                since_s = onset_with_drift(self._decided, self._decided_s, self.alarm)
+                yield end_s, IndicatorChange(0, self._condition, since_s or 0.0, self._rule())
 
-    def conclude(self, start_s: float) -> Change | None:
+    def conclude(self, start_s: float) -> IndicatorChange | None:
         """Judge by the whole flight, which counts from ``start_s``; return the change."""
         before, whole = self._condition, self.fault.whole
         if self.drift is not None and whole is not None:
@@ -129,7 +130,7 @@ class _Trace:
             self._decided, self._decided_s = self.fault.settled, start_s
         if self._condition == before:
             return None
-        return Change(0, self._condition, start_s, f"{self._rule()}, over the whole flight")
+        return IndicatorChange(0, self._condition, start_s, f"{self._rule()}, over the whole flight")
 
     def suspect(self) -> Suspect | None:
         """Return the suspected fault, if there is one."""
@@ -152,9 +153,9 @@ class _Trace:
 
     @property
     def _condition(self) -> Condition:
-        return held(self._decided, self.alarm)
+        return condition_with_drift(self._decided, self.alarm)
 
-    def _take(self, event: _Event) -> None:
+    def _take(self, event: _RecordedStep) -> None:
         if event.order:
             _, self._decided, self._decided_s = self.fault.decided[event.place]
         elif self.drift is not None:

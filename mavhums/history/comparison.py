@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 from pydantic import TypeAdapter, ValidationError
 
 from mavhums.core.errors import MavhumsError
-from mavhums.health.axis.past import against_flights
+from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import BaselineSource, of_subject
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.replay import replay
 from mavhums.health.self_baseline.past import PastSource
-from mavhums.health.self_baseline.verdict import held_against, without_own
+from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.report.assessment import Assessment, Verdict
 
 __all__ = ["LoneFlight", "Records", "compared", "packed", "unpacked"]
@@ -77,7 +77,7 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
         record, profile = flight.records.get(key), flight.profiles.get(key, "")
         if verdict.subject == "axis":
             own = of_subject(known[judged_by], key)
-            return against_flights(
+            return compare_with_earlier_flights(
                 verdict, own, start_utc=start, end_s=log.duration_s, false_alarms=flight.false_alarms
             )
         if record is None or not verdict.coverage.windows:
@@ -86,7 +86,7 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
         if own:
             alone = without_own(verdict)
             verdict = replay(alone, record, own, start_utc=start, end_s=log.duration_s)
-        return held_against(verdict, flown.get(profile, {}).get(key, ()), record.false_alarms)
+        return compare_with_own_flights(verdict, flown.get(profile, {}).get(key, ()), record.false_alarms)
 
     return flight.assessment.model_copy(update={"verdicts": tuple(map(held, flight.assessment.verdicts))})
 

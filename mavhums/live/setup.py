@@ -30,7 +30,7 @@ from mavhums.live.recorder import TlogRecorder
 from mavhums.live.seen import Seen
 from mavhums.live.session import Session, Sink
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.signing import Guard, load_key
+from mavhums.log.mavlink.signing import SignatureGuard, load_key
 from mavhums.log.mavlink.stamping import Piece, Stamper
 from mavhums.report.assessment import Decide
 
@@ -100,7 +100,7 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
     owned = _owned(options.judging)
     judged_by = replace(owned, vehicle_states=vehicle_states).resolved()
     seen = Seen(options.key) if options.key else None
-    guard = Guard(key, before=seen.load()) if key and seen else None
+    guard = SignatureGuard(key, before=seen.load()) if key and seen else None
     _warm_up(judged_by)
     recorder = TlogRecorder(options.record) if options.record else None
     clock = ReceiveClock()

@@ -97,6 +97,7 @@ class Decoder:
         MavhumsError
             If the log is of another format and ``dialect`` or ``key`` was given.
         """
+        # The bytes before the format is certain wait: a signature may be cut by the end of a block.
         if self._head is not None:
             block = self._head = self._head + block
             if not (final or is_format_certain(block)):

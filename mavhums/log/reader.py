@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Decoded", "Log", "decode_blocks", "read_blocks", "read_log"]
 
 _BLOCK = 1 << 20
-_HEAD = 1 << 20
+_HEAD = 1 << 20  # bytes in which a log must show what it is
 
 
 def read_blocks(
@@ -156,10 +156,10 @@ class Log:
     @cached_property
     def messages(self) -> Mapping[str, pd.DataFrame]:
         """The messages by name, each a DataFrame indexed by time of reception, made when it is first read."""
-        return _Frames(self.tables)
+        return _LazyFrames(self.tables)
 
 
-class _Frames(Mapping[str, "pd.DataFrame"]):
+class _LazyFrames(Mapping[str, "pd.DataFrame"]):
     """The DataFrame of each table, made at its first use: half the time of a short log goes into frames."""
 
     def __init__(self, tables: Mapping[str, Table]) -> None:

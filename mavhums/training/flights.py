@@ -17,9 +17,9 @@ from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, Limits
 from mavhums.core.quantities import KEYS, column
-from mavhums.health.actuator.votes import Classifier, Outcome, count_votes, outcome
+from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, outcome
 from mavhums.health.estimation.motion import motion
-from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters
@@ -199,7 +199,7 @@ def parameters_of(actuator: Actuator) -> EmaParameters:
 def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, NDArray[np.int64]]:
     """Return a flight's moving samples, shape (n, 12), and the second of each, shape (n,)."""
     cutter = SlotCutter()
-    parts = [cutter.feed(flown.time_s, widen(flown.values)), cutter.finish()]
+    parts = [cutter.feed(flown.time_s, with_extra_columns(flown.values)), cutter.finish()]
     values, seconds = [], []
     for slots in parts:
         if slots is not None:
@@ -211,7 +211,7 @@ def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, NDArray[np.
 
 def windows(
     actuator: Actuator, networks: Sequence[Classifier], flown: Flown
-) -> Iterator[tuple[Outcome | None, int]]:
+) -> Iterator[tuple[VoteOutcome | None, int]]:
     """Yield the network's result and the samples of each complete, non-overlapping ten-second window."""
     moving, seconds = moving_samples(actuator, flown)
     count = int(flown.time_s[-1] + 0.5) // WINDOW_S * WINDOW_S

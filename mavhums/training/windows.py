@@ -18,7 +18,7 @@ from mavhums.core.window_features import (
     window_features,
 )
 from mavhums.health.estimation.motion import motion, window_sums
-from mavhums.health.estimation.slots import SlotCutter, Windows, widen
+from mavhums.health.estimation.slots import SlotCutter, Windows, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 from mavhums.learn import LabelledWindows, Scheme, WindowCard, WindowNetwork
 from mavhums.learn.window_training import at_temperature, decides_at, train_windows
@@ -200,7 +200,7 @@ def _sums(
         measured[:, [1, 2]] = False
     cutter, window = SlotCutter(), Windows(SUMS)
     sums, ends = [], []
-    for slots in (cutter.feed(record.time_s, widen(values, measured)), cutter.finish()):
+    for slots in (cutter.feed(record.time_s, with_extra_columns(values, measured)), cutter.finish()):
         if slots is not None:
             found = of_window(window.feed(slots.index, window_sums(actuator, slots, motion(actuator, slots))))
             last = (slots.index + 1) % WINDOW_SLOTS == 0

@@ -1,26 +1,189 @@
-"""The airspeed that each vehicle reports, held until its next report."""
+"""The airspeed: as the vehicle reports it, from the wind triangle, and whether the sensor can be relied on.
+
+The wind triangle gives the airspeed without a sensor: the wind that makes the ground velocities of all
+headings consistent. A pitot tube that reads wrong would look like a loss of control: the response to a
+surface grows with the square of the airspeed. So the sensor is compared with the triangle.
+"""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.log import Table
+from mavhums.vehicle.formats import each, messages_of, reports
+from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["AIRSPEED_MESSAGES", "Airspeeds"]
+__all__ = ["AIRSPEED_MESSAGES", "AirspeedCheck", "Airspeeds", "Speed", "WindTriangle"]
 
-_FIELDS: Final = {"VFR_HUD": "airspeed", "ARSP": "Airspeed", "airspeed": "indicated_airspeed_m_s"}
-AIRSPEED_MESSAGES: Final = frozenset(_FIELDS)
+AIRSPEED_MESSAGES: Final = messages_of("sensed airspeed")
+
+_MEMORY_S: Final = 60.0
+"""Memory of the wind: longer lags a wind that changes with altitude, shorter forgets between two turns."""
+_LEAST_SPEED_M_S: Final = 5.0  # over ground: the heading of a slow aircraft does not show the wind
+_GUESS_M_S: Final = (15.0, 0.0, 0.0)  # airspeed and wind to the north and east, before the first velocity
+_GUESS_VARIANCES: Final = (2500.0, 900.0, 900.0)  # (m/s)²: any airspeed and wind that an aircraft meets
+_MOST_VARIANCE: Final = 1e4  # a long straight leg forgets the airspeed; without an end the sums overflow
+_SETTLED_VARIANCE: Final = 0.06
+"""Variance of the airspeed, in that of one ground velocity, from which it is settled: after turns by 90°."""
+
+_ALIVE_M_S: Final = 5.0  # a pitot tube that reads less in flight is covered or absent
+_ALIVE_S: Final = 20  # a sensor alive for as long is one that may fail
+_MOVING_M_S: Final = 8.0  # below, wind and ground speed say too little about the ratio
+_EARLY_S: Final = 60  # of settled flight, whose median ratio is the sensor's usual one
+_DOUBTED: Final = ((5, 0.20), (10, 0.15), (30, 0.10))
+"""Seconds, and the mean change of the ratio's logarithm over them from which the sensor is doubted: through
+these go the gusts of moderate turbulence, not a sensor that reads 20 % wrong (closed-loop flights)."""
+_TRUSTED: Final = 0.08  # over the longest of them: below the limit, so that trust does not flicker
 
 _FIRST: Final = (np.array([-(1 << 62)], dtype=np.int64), np.array([np.nan]))
-_STALE_US: Final = 3_000_000
-_KEPT_US: Final = 60_000_000
+_STALE_US: Final = 3_000_000  # an older report is not the airspeed of now
+_KEPT_US: Final = 60_000_000  # samples of actuators come late by less
 
-Times = NDArray[np.int64]
-Array = NDArray[np.float64]
+
+class WindTriangle:
+    """Follows airspeed and wind by recursive least squares, one step a second.
+
+    ``velocity = airspeed · (cos heading, sin heading) + wind``, with a memory of one minute.
+
+    Attributes
+    ----------
+    wind
+        North and east, m/s.
+    """
+
+    def __init__(self) -> None:
+        self._state = np.array(_GUESS_M_S)
+        self._spread = np.diag(_GUESS_VARIANCES)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the headings so far separate airspeed from wind."""
+        return bool(self._spread[0, 0] <= _SETTLED_VARIANCE)
+
+    @property
+    def wind(self) -> Array:
+        """The present estimate of the wind, to the north and east, m/s."""
+        return self._state[1:]
+
+    def step(self, velocity: Array, heading: float) -> None:
+        """Take a ground velocity (2,), m/s, and the heading, rad; ignore values that are not finite."""
+        if (
+            not (np.isfinite(velocity).all() and np.isfinite(heading))
+            or np.hypot(*velocity) < _LEAST_SPEED_M_S
+        ):
+            return
+        h = np.array([[np.cos(heading), 1.0, 0.0], [np.sin(heading), 0.0, 1.0]])
+        spread = np.minimum(self._spread * np.exp(1.0 / _MEMORY_S), _MOST_VARIANCE)
+        across = spread @ h.T
+        gain = across @ np.linalg.inv(h @ across + np.eye(2))
+        self._state = self._state + gain @ (velocity - h @ self._state)
+        self._spread = spread - gain @ h @ spread
+
+
+class AirspeedCheck:
+    """Compares the airspeed sensor with the wind triangle, second by second.
+
+    The limits let through the gusts of moderate turbulence, and notice a sensor that reads 20 % wrong within
+    five seconds (closed-loop flights, see ``docs/control.md``).
+
+    Examples
+    --------
+    >>> check = AirspeedCheck()
+    >>> all(check.step(18.0, 18.5, settled=True) for _ in range(120))
+    True
+    >>> [check.step(23.0, 18.5, settled=True) for _ in range(6)][-1]
+    False
+    """
+
+    def __init__(self) -> None:
+        self._early: list[float] = []
+        self._alive_s = 0
+        self._offset: float | None = None
+        self._recent: deque[float] = deque(maxlen=_DOUBTED[-1][0])
+        self._doubted = False
+
+    def step(self, sensed: float, triangle: float, *, settled: bool) -> bool:
+        """Take the mean airspeeds of a second of flight, m/s; return whether the sensor is trusted.
+
+        The first minute in which the wind triangle is settled gives the usual ratio. A sensor that was never
+        alive is not doubted, for nothing relies on it.
+        """
+        if not triangle > _MOVING_M_S or not np.isfinite(sensed):
+            return not self._doubted
+        if sensed <= _ALIVE_M_S:
+            self._doubted |= self._alive_s >= _ALIVE_S
+            return not self._doubted
+        self._alive_s += 1
+        ratio = float(np.log(sensed / triangle))
+        if self._offset is None:
+            self._learn(ratio, settled)
+        else:
+            self._recent.append(ratio - self._offset)
+            self._decide()
+        return not self._doubted
+
+    def _learn(self, ratio: float, settled: bool) -> None:
+        if settled:
+            self._early.append(ratio)
+        if len(self._early) == _EARLY_S:
+            self._offset = float(np.median(self._early))
+
+    def _decide(self) -> None:
+        changes = np.array(self._recent)
+        known = [(s, limit) for s, limit in _DOUBTED if len(changes) >= s]
+        if any(abs(changes[-s:].mean()) > limit for s, limit in known):
+            self._doubted = True
+        elif len(changes) == self._recent.maxlen and abs(changes.mean()) < _TRUSTED:
+            self._doubted = False
+
+
+class Speed:
+    """Follows the airspeed of one vehicle, from whole seconds of signals."""
+
+    def __init__(self) -> None:
+        self._wind = WindTriangle()
+        self._check = AirspeedCheck()
+
+    def feed(self, signals: dict[str, Array]) -> tuple[Array, Flags, Array]:
+        """Return the airspeed, m/s, whether it can be relied on, and where it comes from, each (n,).
+
+        It comes from the sensor (0), from the wind triangle (1) or is the speed over ground (2).
+
+        ``signals`` are whole seconds, shape (k, RATE_HZ, columns).
+        """
+        triangle, settled = self._triangle(signals)
+        sensed, ground = (signals[name][:, :, 0] for name in ("airspeed", "groundspeed"))
+        trusted = [
+            self._check.step(_mean(one), _mean(other), settled=is_settled)
+            for one, other, is_settled in zip(sensed, triangle, settled, strict=True)
+        ]
+        source = np.where(sensed > _ALIVE_M_S, 0, np.where(np.isfinite(triangle), 1, 2))
+        speed = np.choose(source, [sensed, triangle, ground])
+        return (
+            speed.ravel(),
+            np.repeat(np.array(trusted, dtype=bool), RATE_HZ),
+            source.ravel().astype(np.float64),
+        )
+
+    def _triangle(self, signals: dict[str, Array]) -> tuple[Array, list[bool]]:
+        """Return the airspeed without the sensor, shape (k, RATE_HZ), and whether it is settled, of k."""
+        winds, settled = [], []
+        for velocity, attitude in zip(signals["velocity"][:, 0], signals["attitude"][:, 0], strict=True):
+            self._wind.step(velocity, float(attitude[2]))
+            winds.append(self._wind.wind)
+            settled.append(self._wind.is_settled)
+        relative = signals["velocity"] - np.array(winds)[:, None, :]
+        return np.hypot(relative[:, :, 0], relative[:, :, 1]), settled
+
+
+def _mean(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else np.nan
 
 
 class Airspeeds:
@@ -33,26 +196,18 @@ class Airspeeds:
     """
 
     def __init__(self) -> None:
-        self._known: dict[int, tuple[Times, Array]] = {}
+        self._known: dict[int, tuple[Integers, Array]] = {}
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         """Take the reports in these messages."""
-        for message, field in _FIELDS.items():
-            table = tables.get(message)
-            if table is not None and field in (table.fields.dtype.names or ()):
-                self._take(table, table[field].astype(np.float64))
+        for report in reports(tables, "sensed airspeed"):
+            speed = report.values[:, 0]
+            for vehicle, rows in each(report.table.system, np.isfinite(speed) & (speed >= 0.0)):
+                before_us, before = self._known.get(vehicle, _FIRST)
+                time_us = np.concatenate([before_us, report.table.time_us[rows]])
+                self._known[vehicle] = np.maximum.accumulate(time_us), np.concatenate([before, speed[rows]])
 
-    def _take(self, table: Table, speed: Array) -> None:
-        sound = np.isfinite(speed) & (speed >= 0.0)
-        if "I" in (table.fields.dtype.names or ()):
-            sound &= table["I"] == 0  # of several sensors, the first
-        for vehicle in np.unique(table.system[sound]).tolist():
-            rows = sound & (table.system == vehicle)
-            before_us, before = self._known.get(vehicle, _FIRST)
-            time_us = np.concatenate([before_us, table.time_us[rows]])
-            self._known[vehicle] = np.maximum.accumulate(time_us), np.concatenate([before, speed[rows]])
-
-    def at(self, vehicle: int, utc_us: Times) -> Array:
+    def at(self, vehicle: int, utc_us: Integers) -> Array:
         """Return the airspeed at increasing times, m/s, shape (n,); NaN where it is unknown."""
         if vehicle not in self._known or not utc_us.size:
             return np.full(utc_us.size, np.nan)

@@ -28,7 +28,7 @@ BROKEN: Final = 2
 
 _BREAK_US: Final = 30_000_000  # more than any latency but an outage: a stamp as far off is no delay
 _CONFIRM: Final = 3  # stamps in a row: one or two are damage
-_LAP_US: Final = 2**32  # SERVO_OUTPUT_RAW's 32 bits of microseconds start anew after 71.6 min
+_LAP_US: Final = 2**32  # 32 bits of microseconds, as the servo outputs' stamp has, start anew after 71.6 min
 _NEIGHBOURS_US: Final = 100_000  # stamps of both counters received within this time tell their offset
 _OPENING_US: Final = 6_000_000  # before, types with a great latency have not yet been heard
 _PERIOD_US: Final = 500_000  # in which every type that tells is heard, however often others come

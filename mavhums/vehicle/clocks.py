@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -13,28 +13,19 @@ from numpy.typing import NDArray
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.clock import BOOT, BROKEN, LOOSE, UNSTAMPED, USEC, VehicleClock
+from mavhums.vehicle.formats import each
+from mavhums.vehicle.formats.mavlink import STAMPS, stamp_of
 
-__all__ = ["Clocks", "Rows", "each", "on_clocks", "stamped"]
+__all__ = ["Clocks", "on_clocks"]
 
-Rows = NDArray[Any] | slice
-"""What picks rows: a mask, or places; all of them are a slice, for which nothing is copied."""
-
-_STAMPS: Final = (("time_boot_ms", BOOT, 1000), ("time_usec", USEC, 1))
+_COUNTERS: Final = dict(zip(STAMPS, ((BOOT, 1000), (USEC, 1)), strict=True))  # counter, and its unit in µs
 _LAPS_US: Final = {BOOT: 2**52, USEC: 2**32}  # a 64-bit stamp may be damaged beyond what can be added up
-_OF_OTHERS: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS_INPUT", "HIL_GPS"})
-"""Messages whose stamp may be the satellites' time, or that of the last fix: they tell no clock."""
-
 _REMEMBERED: Final = 4096  # messages of one type and sender: 40 s at 100 Hz
 _STREAMS: Final = 1024  # streams whose messages are remembered, those heard last; forged senders are no more
 _ECHO_US: Final = 5_000_000  # copies came up to 4.7 s later; sequence numbers start anew after some seconds
 _WEIGHTS: Final = np.random.default_rng(0).integers(2**62, size=64, dtype=np.uint64) * np.uint64(
     2
 ) + np.uint64(1)
-
-
-def stamped(table: Table) -> bool:
-    """Return whether messages of this type carry the time of their sender's clock."""
-    return _stamp_of(table) is not None
 
 
 def on_clocks(tables: Mapping[str, Table]) -> dict[str, Table]:
@@ -70,7 +61,7 @@ class Clocks:
         A log whose messages carry no stamp, as an on-board log, stays as it is. ``admits`` returns whether a
         vehicle is followed.
         """
-        stamps = {name: _stamp_of(table) for name, table in tables.items()}
+        stamps = {name: stamp_of(table) for name, table in tables.items()}
         if not tables or not (self._vehicles or any(stamps.values())):
             return dict(tables)
         names = list(tables)
@@ -211,15 +202,8 @@ def _repeated(codes: NDArray[np.uint64], time_us: NDArray[np.int64] | None = Non
     return again
 
 
-def _stamp_of(table: Table) -> tuple[str, int, int] | None:
-    """Return the field of a message's stamp, its counter, and its unit in microseconds."""
-    if table.name in _OF_OTHERS:
-        return None
-    return next((stamp for stamp in _STAMPS if table.holds({stamp[0]: 1})), None)
-
-
 def _stamps(
-    tables: Mapping[str, Table], stamps: Mapping[str, tuple[str, int, int] | None]
+    tables: Mapping[str, Table], stamps: Mapping[str, str | None]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the counter and the stamp of every message, table after table; a stamp of 0 is none."""
     counters, stamps_us = [], []
@@ -228,30 +212,10 @@ def _stamps(
         raw = np.zeros(len(table), dtype=np.int64)
         counter = np.full(len(table), UNSTAMPED, dtype=np.int64)
         if stamp is not None:
-            field, kind, scale = stamp
-            raw = table[field].astype(np.uint64)
+            kind, scale = _COUNTERS[stamp]
+            raw = table[stamp].astype(np.uint64)
             counter[raw > 0] = kind
             raw = (raw * np.uint64(scale) % np.uint64(_LAPS_US[kind])).astype(np.int64)
         counters.append(counter)
         stamps_us.append(raw)
     return np.concatenate(counters), np.concatenate(stamps_us)
-
-
-def each(keys: NDArray[Any], among: NDArray[np.bool_] | None = None) -> Iterator[tuple[int, Rows]]:
-    """Yield each integer that occurs in ``keys`` (n,), with its rows, in increasing order.
-
-    ``among`` (n,) selects the rows that count; None selects all.
-
-    Examples
-    --------
-    >>> [(key, rows.tolist()) for key, rows in each(np.array([7, 3, 7]))]
-    [(3, [1]), (7, [0, 2])]
-    """
-    if among is not None and not among.all():
-        places = np.flatnonzero(among)
-        yield from ((key, places[rows]) for key, rows in each(keys[places]))
-    elif len(keys) and (keys == keys[0]).all():
-        yield int(keys[0]), slice(None)
-    else:
-        for key in np.unique(keys):
-            yield int(key), np.flatnonzero(keys == key)

@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.vehicle.airspeed import Speed
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
-from mavhums.vehicle.speed import Speed
 from mavhums.vehicle.surfaces import AXES, Demands, Surfaces
 from mavhums.vehicle.vtol import NO_LIFT
 

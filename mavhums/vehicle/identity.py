@@ -1,8 +1,10 @@
-"""The identity of a vehicle: its type, autopilot, firmware and board, as the vehicle reports them.
+"""The identity of a vehicle and of its flight: kind, autopilot, firmware, board and boot time, as reported.
 
-HEARTBEAT reports type and autopilot. AUTOPILOT_VERSION reports firmware and board, but only to a ground
-station that requests it; ArduPilot and PX4 also report their firmware in a STATUSTEXT. A ULog has the type in
-vehicle_status and the firmware among its information records.
+Board and boot time distinguish two recordings of one flight from two flights. The board's unique id comes as
+a report of its own or in a text that ArduPilot sends and logs, as the same hexadecimal digits: 12 bytes for
+ArduPilot, 18 for PX4. If there is no id, the operator's serial number replaces it. ArduPilot's simulator
+(SITL) sends the id of its machine, with the number of the simulated vehicle in the first byte. The boot time
+is the difference between the log's dates and the vehicle's own clock.
 """
 
 from __future__ import annotations
@@ -10,23 +12,34 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.modes import kind_of
-from mavhums.vehicle.texts import TEXT_MESSAGES, texts
+from mavhums.vehicle.facts import ARDUPILOT, NO_AUTOPILOT
+from mavhums.vehicle.formats import messages_of, reports
+from mavhums.vehicle.formats.base import Report
+from mavhums.vehicle.states import kind_named, texts
 
-__all__ = ["IDENTITY_MESSAGES", "PERIPHERALS", "Identities", "Identity", "in_words"]
+__all__ = [
+    "FLIGHT_MESSAGES",
+    "IDENTITY_MESSAGES",
+    "PERIPHERALS",
+    "FlightIds",
+    "Identities",
+    "Identity",
+    "RecordedFlights",
+    "in_words",
+]
 
-IDENTITY_MESSAGES: Final = (
-    frozenset({"HEARTBEAT", "AUTOPILOT_VERSION", "vehicle_status", "info"}) | TEXT_MESSAGES
-)
+IDENTITY_MESSAGES: Final = messages_of("autopilot", "autopilot name", "board", "firmware", "text")
 """What :class:`Identities` reads."""
 
-_NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
+FLIGHT_MESSAGES: Final = messages_of("board", "boot", "uptime", "parameter", "text")
+"""What :class:`RecordedFlights` reads."""
+
 _AUTOPILOTS: Final = {3: "ArduPilot", 4: "OpenPilot", 9: "Paparazzi", 12: "PX4", 13: "SMACCMPilot"}
 _KINDS: Final = {
     1: "fixed wing",
@@ -59,9 +72,6 @@ _KINDS: Final = {
 }
 _MULTIROTORS: Final = frozenset({2, 13, 14, 29, 35, 43})
 _MULTIROTOR: Final = 43
-_ARDUPILOT: Final = 3
-_PX4: Final = 12
-_SYSTEM_NAME, _RELEASE = b"sys_name", b"ver_sw_release"
 PERIPHERALS: Final = {
     5: "antenna tracker",
     6: "ground station",
@@ -88,6 +98,9 @@ PERIPHERALS: Final = {
 _FIRMWARE = re.compile(
     r"((?:Ardu(?:Plane|Copter|Rover|Sub)|APM:(?:Plane|Copter|Rover|Sub)|Blimp|PX4) V?\d+(?:\.\d+){1,2}\S*)"
 )
+_BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})")
+_SIMULATED: Final = re.compile(r"(.?)([0-9a-f]{31})", re.DOTALL)
+_SERIAL: Final = b"BRD_SERIAL_NUM"
 _RELEASES: Final = {255: "", 192: "-rc", 128: "-beta", 64: "-alpha", 0: "-dev"}
 
 
@@ -106,7 +119,7 @@ class Identity:
     firmware
         Name or version, for example ``ArduPlane V4.5.7``.
     board
-        Unique id of the autopilot's board, hexadecimal.
+        Unique id of the autopilot's board, hexadecimal, if a report gives it.
     multirotor
         Whether it is a multirotor, which has no control surface.
 
@@ -164,30 +177,26 @@ class Identities:
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         """Take the identities in these messages."""
-        self._heartbeats(tables.get("HEARTBEAT"))
-        self._versions(tables.get("AUTOPILOT_VERSION"))
-        self._statuses(tables.get("vehicle_status"))
-        self._information(tables.get("info"))
+        for report in reports(tables, "autopilot"):
+            rows = np.column_stack([report.table.system, report.values]).astype(np.int64)
+            for system, kind, autopilot in _distinct(rows):
+                if autopilot != NO_AUTOPILOT and kind not in PERIPHERALS and system not in self._heard:
+                    self._take(system, kind, autopilot)
+        for report in reports(tables, "firmware"):
+            for system, number in zip(report.table.system.tolist(), report.values.tolist(), strict=True):
+                known = self.of(system)
+                if number and not known.firmware:
+                    self._known[system] = replace(known, firmware=_version(number))
+        for report in reports(tables, "autopilot name"):
+            for system, name in zip(report.table.system.tolist(), report.texts, strict=True):
+                if name in _AUTOPILOTS.values():
+                    self._known[system] = replace(self.of(system), autopilot=name)
+        for report in reports(tables, "board"):
+            for system, board in zip(report.table.system.tolist(), report.texts, strict=True):
+                self._known[system] = replace(self.of(system), board=self.of(system).board or board)
         self._texts(tables)
 
-    def _heartbeats(self, table: Table | None) -> None:
-        if table is None:
-            return
-        beats = np.stack([table.system, table["type"], table["autopilot"]], axis=1)
-        for system, kind, autopilot in _distinct(beats):
-            if autopilot == _NO_AUTOPILOT or kind in PERIPHERALS or system in self._heard:
-                continue
-            self._is(system, kind, autopilot)
-
-    def _statuses(self, table: Table | None) -> None:
-        if table is None or not table.holds({"system_type": 1}):
-            return
-        for k in _first_of_each(table.system):
-            system, kind = int(table.system[k]), float(table["system_type"][k])
-            if kind in _KINDS and system not in self._heard:
-                self._is(system, int(kind), _PX4)
-
-    def _is(self, system: int, kind: int, autopilot: int) -> None:
+    def _take(self, system: int, kind: int, autopilot: int) -> None:
         self._heard.add(system)
         self._known[system] = replace(
             self.of(system),
@@ -196,51 +205,18 @@ class Identities:
             multirotor=kind in _MULTIROTORS,
         )
 
-    def _information(self, table: Table | None) -> None:
-        """Take name and release of the firmware from a ULog's information records."""
-        if table is None or not (table.holds_text("name") and table.holds_text("value")):
-            return
-        told = table.select(np.isin(table["name"], (_SYSTEM_NAME, _RELEASE)))
-        names, values = told["name"].tolist(), told.texts("value")
-        for system, name, value in zip(told.system.tolist(), names, values, strict=True):
-            known = self.of(system)
-            if name == _SYSTEM_NAME and value in _AUTOPILOTS.values():
-                self._known[system] = replace(known, autopilot=value)
-            elif (
-                name == _RELEASE
-                and value.isascii()
-                and value.isdecimal()
-                and len(value) <= 10
-                and 0 < int(value) < 2**32
-            ):
-                self._known[system] = replace(known, firmware=known.firmware or _version(int(value)))
-
-    def _versions(self, table: Table | None) -> None:
-        if table is None:
-            return
-        for k in _first_of_each(table.system):
-            vehicle = int(table.system[k])
-            uid2 = bytes(table["uid2"][k].tolist())
-            uid = int(table["uid"][k])
-            version, known = int(table["flight_sw_version"][k]), self.of(vehicle)
-            self._known[vehicle] = replace(
-                known,
-                board=uid2.hex() if any(uid2) else f"{uid:016x}" if uid else known.board,
-                firmware=known.firmware or (_version(version) if version else None),
-            )
-
     def _texts(self, tables: Mapping[str, Table]) -> None:
         for said in texts(tables):
             match = _FIRMWARE.search(said.text)
             if match:
                 self._known[said.vehicle] = replace(self.of(said.vehicle), firmware=match[1])
-            kind = kind_of(said.text)
+            kind = kind_named(said.text)
             if kind is not None and said.vehicle not in self._heard:
                 several = kind in _MULTIROTORS  # one firmware serves all numbers of rotors
                 self._known[said.vehicle] = replace(
                     self.of(said.vehicle),
                     kind=_KINDS.get(_MULTIROTOR if several else kind),
-                    autopilot=_AUTOPILOTS[_ARDUPILOT],
+                    autopilot=_AUTOPILOTS[ARDUPILOT],
                     multirotor=several,
                 )
 
@@ -271,11 +247,73 @@ def _version(number: int) -> str:
     return f"{major}.{minor}.{patch}{_RELEASES.get(release, '')}"
 
 
-def _distinct(rows: NDArray[np.uint8]) -> list[tuple[int, int, int]]:
+def _distinct(rows: NDArray[Any]) -> list[tuple[int, int, int]]:
     """Return the distinct rows of an (n, 3) array, in the order of their first appearance."""
     _, first = np.unique(rows, axis=0, return_index=True)
     return [(int(a), int(b), int(c)) for a, b, c in rows[np.sort(first)].tolist()]
 
 
-def _first_of_each(values: NDArray[np.uint8]) -> list[int]:
-    return [int(k) for k in np.sort(np.unique(values, return_index=True)[1])]
+class FlightIds(NamedTuple):
+    """A board's unique id, and UTC at its boot in microseconds; None if the log does not contain it."""
+
+    board: str | None
+    boot_us: int | None
+
+
+class RecordedFlights:
+    """Follows the boards and boot times of the vehicles of a log, block by block.
+
+    The first value of each counts.
+    """
+
+    def __init__(self) -> None:
+        self._boards: dict[int, str] = {}
+        self._serials: dict[int, str] = {}
+        self._boots: dict[int, int] = {}
+        self._rough_boots: dict[int, int] = {}
+
+    def feed(self, tables: Mapping[str, Table]) -> None:
+        """Take tables of messages."""
+        for said in texts(tables):
+            board = _board_in(said.text)
+            if board is not None:
+                self._boards.setdefault(said.vehicle, board)
+        for report in reports(tables, "board"):
+            for system, board in zip(report.table.system.tolist(), report.texts, strict=True):
+                self._boards.setdefault(system, board)
+        for report in reports(tables, "parameter"):
+            own = report.values["name"] == _SERIAL
+            numbers = report.values["bits"][own].view("<f4").tolist()
+            for system, number in zip(report.table.system[own].tolist(), numbers, strict=True):
+                if number > 0:
+                    self._serials.setdefault(system, f"serial {number:.0f}")
+        for report in reports(tables, "boot"):
+            _keep_first(self._boots, report, report.values)
+        # By the time of reception: some latency is in it, so that the clocks' own date comes first.
+        for report in reports(tables, "uptime"):
+            _keep_first(self._rough_boots, report, report.table.time_us - report.values)
+
+    def of(self, vehicle: int) -> FlightIds:
+        """Return the board and the boot time of a vehicle, as known so far."""
+        board = self._boards.get(vehicle, self._serials.get(vehicle))
+        return FlightIds(board, self._boots.get(vehicle, self._rough_boots.get(vehicle)))
+
+
+def _board_in(text: str) -> str | None:
+    """Return the unique id of a board in a text of the autopilot; None if it has none.
+
+    Examples
+    --------
+    >>> _board_in("CubeOrange 00112233 44556677 8899AABB"), _board_in("Vd1219c7c4c5404aaa1f6d2a48adfda4")
+    ('00112233445566778899AABB', 'SITL 56 D1219C7C4C5404AAA1F6D2A48ADFDA4')
+    """
+    match = _BOARD.fullmatch(text.strip())
+    if match:
+        return "".join(match.groups())
+    match = _SIMULATED.fullmatch(text)
+    return f"SITL {ord(match[1] or ' '):02X} {match[2].upper()}" if match else None
+
+
+def _keep_first(known: dict[int, int], report: Report, boots: NDArray[Any]) -> None:
+    for vehicle, row in zip(*np.unique(report.table.system, return_index=True), strict=True):
+        known.setdefault(int(vehicle), int(boots[row]))

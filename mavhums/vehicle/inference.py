@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.signals import OUTPUTS
 from mavhums.vehicle.surfaces import ALIKE_US, Moved, Surfaces
 
 __all__ = ["inferred"]

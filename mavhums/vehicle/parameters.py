@@ -1,8 +1,7 @@
 """The autopilot parameters in a log, as numbers.
 
 ArduPilot sends an integer as a float of the same value; PX4 sends the integer's bits in place of the float.
-PARAM_VALUE gives the type, HEARTBEAT the autopilot. On-board logs contain numbers:
-ArduPilot's PARM records and ULog's parameter messages.
+Which of the two it is follows from the autopilot. On-board logs contain numbers.
 """
 
 from __future__ import annotations
@@ -17,14 +16,16 @@ import numpy as np
 
 from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
+from mavhums.log.base.tables import text_of
+from mavhums.vehicle.facts import PX4
+from mavhums.vehicle.formats import messages_of, reports
+from mavhums.vehicle.formats.base import Report
 
 __all__ = ["PARAMETER_MESSAGES", "Parameters", "Sent", "read_parameters"]
 
-PARAMETER_MESSAGES = frozenset({"HEARTBEAT", "PARAM_VALUE", "PARM", "parameter"})
-"""Messages that tell parameters."""
+PARAMETER_MESSAGES = messages_of("autopilot", "parameter")
+"""What :class:`Sent` reads."""
 
-_INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
-_PX4 = 12  # MAV_AUTOPILOT_PX4
 _INTEGERS = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4"}  # MAV_PARAM_TYPE
 
 
@@ -46,27 +47,32 @@ class Sent:
 
     def take(self, tables: Mapping[str, Table]) -> None:
         """Take the parameters, and the autopilots, of these tables."""
-        heartbeats, sent = tables.get("HEARTBEAT"), tables.get("PARAM_VALUE")
-        if heartbeats is not None:
-            self.px4.update(heartbeats.system[heartbeats["autopilot"] == _PX4].tolist())
-        if sent is not None:
-            bits = np.ascontiguousarray(sent["param_value"]).view("<u4")
-            rows = zip(sent.system, sent.texts("param_id"), bits, sent["param_type"], strict=True)
-            for system, name, value, kind in rows:
-                self.values.setdefault(int(system), {})[name] = int(value), int(kind)
-        typed = tables.get("parameter")
-        if typed is not None:
-            self.px4.update(typed.system.tolist())
-            rows = zip(typed.system, typed.texts("name"), typed.texts("type"), typed["value"], strict=True)
-            for system, name, form, value in rows:
-                kind, wire = (_INT32, "<i4") if form == "int32_t" else (_REAL32, "<f4")
-                word = np.array(value).astype(wire).view("<u4")
-                self.values.setdefault(int(system), {})[name] = int(word), kind
-        logged = tables.get("PARM")
-        if logged is not None:
-            bits = np.ascontiguousarray(logged["Value"].astype("<f4")).view("<u4")
-            for system, name, value in zip(logged.system, logged.texts("Name"), bits, strict=True):
-                self.values.setdefault(int(system), {})[name] = int(value), _REAL32
+        self.take_autopilots(tables)
+        for report in reports(tables, "parameter"):
+            self.take_parameters(report)
+
+    def take_autopilots(self, tables: Mapping[str, Table], before: int | None = None) -> None:
+        """Take the autopilots of these tables, up to a place in the log if one is given.
+
+        What the bits of an integer parameter mean depends on the autopilot that was known when they came.
+        """
+        for report in reports(tables, "autopilot"):
+            chosen = report.values[:, 1] == PX4
+            if before is not None:
+                chosen &= report.table.frame < before
+            self.px4.update(report.table.system[chosen].tolist())
+
+    def take_parameters(self, report: Report) -> None:
+        """Take the rows of a report of the fact ``parameter``."""
+        if report.format.AUTOPILOT == PX4:
+            self.px4.update(report.table.system.tolist())
+        values = report.values
+        names = map(text_of, values["name"].tolist())
+        rows = zip(
+            report.table.system.tolist(), names, values["bits"].tolist(), values["type"].tolist(), strict=True
+        )
+        for system, name, bits, kind in rows:
+            self.values.setdefault(system, {})[name] = bits, kind
 
     def of(self, vehicle: int) -> Parameters:
         """Return the parameters that a vehicle sent so far."""
@@ -87,7 +93,7 @@ def read_parameters(
     Parameters
     ----------
     path
-        A ``.tlog`` file.
+        A log.
     vehicle
         System id; may be None if the log contains the parameters of only one vehicle.
     progress
@@ -96,7 +102,7 @@ def read_parameters(
     Raises
     ------
     UnreadableLogError
-        If the file is missing or not a telemetry log.
+        If the file is missing or not a log.
     MavhumsError
         If the log contains no parameters, none of the vehicle, or those of several vehicles.
     """

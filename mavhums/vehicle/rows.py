@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.signals import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import AXES
 
 __all__ = ["PastRows", "Rows"]

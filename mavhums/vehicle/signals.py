@@ -1,94 +1,96 @@
-"""The interface between a log's format and the health of the aircraft: signals in SI units, by name.
+"""Reads the signals of every vehicle from the tables of any format, block by block.
 
-A format adds one module in :mod:`mavhums.vehicle.signal_readers` that converts its tables to these signals;
-the modules that use the signals do not depend on a message, a record or a topic.
+If several messages of a vehicle give the same signal, the first received is used; if several components send
+that message, the first sender is used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["ALL_OUTPUTS", "CONTINUOUS", "NAMES", "OUTPUTS", "STEPPED", "Signal", "all_outputs", "placed"]
+from mavhums.core.arrays import Array
+from mavhums.log import Table
+from mavhums.vehicle.facts import SIGNALS, Signal
+from mavhums.vehicle.formats import each, messages_of, reports
+from mavhums.vehicle.formats.base import Report, Source, wide
+from mavhums.vehicle.states import kind_named, texts
 
-OUTPUTS: Final = 16
-"""Servo outputs of the first message, whose use is followed."""
+__all__ = ["SIGNAL_MESSAGES", "SignalReader", "all_outputs"]
 
-ALL_OUTPUTS: Final = 32
-"""Servo outputs that can move a surface."""
-
-CONTINUOUS: Final[Mapping[str, int]] = {
-    "outputs": OUTPUTS,  # pulses, µs, NaN where an output is off
-    "outputs_2": ALL_OUTPUTS,  # those that a second and a third message carry, NaN for the others
-    "outputs_3": ALL_OUTPUTS,
-    "rates": 3,  # roll, pitch, yaw rate of the fastest gyro, rad/s
-    "slow_rates": 3,  # the same from the attitude estimate
-    "force": 3,  # specific force, forward, right, down, m/s²
-    "attitude": 3,  # roll, pitch, yaw, rad
-    "demand": 2,  # demanded roll and pitch, rad
-    "airspeed": 1,  # m/s
-    "velocity": 2,  # over ground, north and east, m/s
-    "groundspeed": 1,  # m/s
-    "altitude": 1,  # above where it started or above sea level, m
-}
-"""Signals that change steadily, and their number of columns."""
-
-STEPPED: Final[Mapping[str, int]] = {
-    "state": 4,  # MAV_TYPE, MAV_AUTOPILOT, armed, custom mode
-    "vtol": 1,  # MAV_VTOL_STATE
-    "landed": 1,  # MAV_LANDED_STATE
-}
-"""Signals that hold until they are told anew."""
-
-NAMES: Final = (*CONTINUOUS, *STEPPED)
+SIGNAL_MESSAGES: Final = messages_of(*SIGNALS, "armed", "mode", "text", "parameter")
+"""Messages of any format that carry signals, or what they depend on."""
 
 
-class Signal(NamedTuple):
-    """New values of one signal of one vehicle.
+class SignalReader:
+    """Reads signals from tables, block by block."""
 
-    Attributes
-    ----------
-    source
-        Message or record, as a verdict names it.
-    frame
-        Positions in the log, shape (n,), increasing.
-    time_us
-        Microseconds of UTC, shape (n,).
-    values
-        Shape (n, columns of the signal), NaN where unknown.
-    stamped
-        Whether the samples carry their own times; those without are never earlier than their sender's others.
-    """
+    def __init__(self) -> None:
+        self._chosen: dict[tuple[int, str], tuple[Source, int]] = {}
+        self._kinds: dict[int, tuple[int, float]] = {}
+        self._modes: dict[int, float] = {}
 
-    vehicle: int
-    name: str
-    source: str
-    frame: NDArray[np.int64]
-    time_us: NDArray[np.int64]
-    values: NDArray[np.float64]
-    stamped: bool = True
+    def read(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
+        """Yield the signals of these tables."""
+        yield from self._joined_states(tables)
+        parts = [
+            (report, vehicle, report.table if isinstance(rows, slice) else report.table.select(rows))
+            for report in reports(tables, *SIGNALS)
+            for vehicle, rows in each(report.table.system)
+        ]
+        self._choose(parts)
+        for report, vehicle, table in parts:
+            source, component = self._chosen[vehicle, report.source.fact]
+            if source is not report.source:
+                continue
+            own = table if source.all_components else table.select(table.component == component)
+            if len(own):
+                values, stamped = source.values(own), report.format.is_stamped(own)
+                yield Signal(vehicle, source.fact, source.message, own.frame, own.time_us, values, stamped)
+
+    def _choose(self, parts: list[tuple[Report, int, Table]]) -> None:
+        """Choose for each signal the message that came first, whatever block it came in."""
+        firsts: dict[tuple[int, str], int] = {}
+        for report, vehicle, table in parts:
+            key, first = (vehicle, report.source.fact), int(table.frame[0])
+            if first < firsts.get(key, 1 << 62) and (key in firsts or key not in self._chosen):
+                firsts[key] = first
+                self._chosen[key] = report.source, int(table.component[0])
+
+    def _joined_states(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
+        """Yield the states of a format that records kind, arming and mode apart, whenever arming comes."""
+        for said in texts(tables):
+            kind = kind_named(said.text)
+            if kind is not None:
+                self._kinds.setdefault(said.vehicle, (said.frame, float(kind)))
+        modes = [*reports(tables, "mode")]
+        for report in reports(tables, "armed"):
+            for vehicle, rows in each(report.table.system):
+                part = report if isinstance(rows, slice) else report.select(rows)
+                yield self._state(vehicle, part, modes)
+        for report in modes:
+            for vehicle, number in zip(report.table.system.tolist(), report.values[:, 3], strict=True):
+                self._modes[vehicle] = float(number)
+
+    def _state(self, vehicle: int, armed: Report, modes: list[Report]) -> Signal:
+        frame = armed.table.frame
+        since, kind = self._kinds.get(vehicle, (0, np.nan))
+        frames, numbers = [np.array([-1])], [np.array([self._modes.get(vehicle, np.nan)])]
+        for report in modes:
+            own = report.select(report.table.system == vehicle)
+            frames.append(own.table.frame)
+            numbers.append(own.values[:, 3].astype(np.float64))
+        mode = np.concatenate(numbers)[np.searchsorted(np.concatenate(frames), frame) - 1]
+        kinds = np.where(frame > since, kind, np.nan)
+        values = np.column_stack([kinds, armed.values, mode])
+        return Signal(vehicle, "state", armed.source.message, frame, armed.table.time_us, values)
 
 
-def all_outputs(signals: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+def all_outputs(signals: Mapping[str, Array]) -> Array:
     """Return the pulses of all outputs, (n, ALL_OUTPUTS), from the signals on a common grid."""
-    first = signals["outputs"]
-    pulses = placed(first, 0)
+    pulses = wide(signals["outputs"], 0)
     for name in ("outputs_2", "outputs_3"):
         np.copyto(pulses, signals[name], where=np.isfinite(signals[name]))
     return pulses
-
-
-def placed(pulses: NDArray[np.float64], first: int) -> NDArray[np.float64]:
-    """Return pulses as columns from ``first`` of an array of all outputs, which is NaN elsewhere.
-
-    Examples
-    --------
-    >>> placed(np.array([[1500.0]]), 16)[0, 15:18]
-    array([  nan, 1500.,   nan])
-    """
-    wide = np.full((len(pulses), ALL_OUTPUTS), np.nan)
-    wide[:, first : first + pulses.shape[1]] = pulses
-    return wide

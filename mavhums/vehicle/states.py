@@ -1,33 +1,178 @@
-"""The state that a vehicle reports: its attitude, its position and its flight mode."""
+"""What a vehicle says and does, as events: its texts, its attitude, its position and its flight mode.
+
+Times of events are flight times: seconds since the log's start.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
-from mavhums.vehicle.events import Attitude, FlightMode, Position
-from mavhums.vehicle.modes import MODE_MESSAGES, Modes
+from mavhums.vehicle.formats import each, messages_of, reports
+from mavhums.vehicle.formats.base import Format
 
-__all__ = ["STATE_MESSAGES", "VehicleStates"]
+__all__ = [
+    "STATE_MESSAGES",
+    "TEXT_MESSAGES",
+    "Attitude",
+    "FlightMode",
+    "Followed",
+    "ModeChanges",
+    "Position",
+    "Text",
+    "VehicleStates",
+    "kind_named",
+    "texts",
+]
 
-STATE_MESSAGES: Final = (
-    frozenset(
-        {"ATTITUDE", "ATT", "vehicle_attitude", "GLOBAL_POSITION_INT", "POS", "vehicle_global_position"}
-    )
-    | MODE_MESSAGES
-)
+TEXT_MESSAGES: Final = messages_of("text")
+"""Messages that carry texts."""
+
+STATE_MESSAGES: Final = messages_of("attitude", "position", "mode", "text")
+"""What :class:`VehicleStates` reads."""
 
 _NO_FIX_DEG: Final = 0.01  # before the first fix autopilots send positions about 0° N 0° E
+_WAITING: Final = 100  # modes that wait for the text that names the kind of vehicle
+_KIND: Final = re.compile(
+    r"(ArduPlane|ArduCopter|ArduRover|ArduSub|Rover|Blimp|AntennaTracker|APM:(?:Plane|Copter|Rover|Sub)) V?\d"
+)
+_MAV_TYPES: Final = {
+    "ArduPlane": 1,
+    "ArduCopter": 2,
+    "AntennaTracker": 5,
+    "Blimp": 7,
+    "ArduRover": 10,
+    "Rover": 10,
+    "ArduSub": 12,
+    "APM:Plane": 1,  # before 2017
+    "APM:Copter": 2,
+    "APM:Rover": 10,
+    "APM:Sub": 12,
+}
 
-Array = NDArray[np.float64]
+
+class Text(NamedTuple):
+    """One text: its position in the log, its time in microseconds of UTC, and its sender."""
+
+    frame: int
+    time_us: int
+    vehicle: int
+    text: str
 
 
-def _columns(table: Table, *fields: str) -> Array:
-    return np.stack([table[field] for field in fields], axis=1).astype(np.float64)
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude:
+    """The attitude of a vehicle: ``time_s`` of shape (n,), increasing; angles of shape (n, 3).
+
+    The angles are roll (right wing down), pitch (nose up) and yaw (clockwise from north).
+    """
+
+    vehicle: int
+    time_s: Array
+    roll_pitch_yaw_rad: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """The commanded and the flown angle about an axis: ``time_s`` of shape (n,), increasing.
+
+    ``actuator`` is the axis, ``roll`` or ``pitch``; ``angles_rad`` has shape (n, 2), the command first, NaN
+    where it is not known.
+    """
+
+    vehicle: int
+    actuator: str
+    time_s: Array
+    angles_rad: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Position:
+    """The position of a vehicle: ``time_s`` of shape (n,), increasing, with coordinates and altitude.
+
+    ``latitude_longitude_deg`` has shape (n, 2); ``altitude_m``, above mean sea level, has shape (n,).
+    """
+
+    vehicle: int
+    time_s: Array
+    latitude_longitude_deg: Array
+    altitude_m: Array
+
+
+@dataclass(frozen=True, slots=True)
+class FlightMode:
+    """A vehicle entered a flight mode, named as its autopilot's ground station names it."""
+
+    vehicle: int
+    time_s: float
+    mode: str
+
+
+def texts(tables: Mapping[str, Table]) -> Iterator[Text]:
+    """Yield the texts that vehicles send, each kind of message in the order of the log."""
+    for report in reports(tables, "text"):
+        table = report.table
+        rows = zip(
+            table.frame.tolist(), table.time_us.tolist(), table.system.tolist(), report.texts, strict=True
+        )
+        yield from (Text(*row) for row in rows)
+
+
+def kind_named(text: str) -> int | None:
+    """Return the MAV_TYPE of the vehicle whose firmware a text names; None for any other text.
+
+    Examples
+    --------
+    >>> kind_named("ArduPlane V4.7.0-dev (2598e9d4)"), kind_named("APM:Copter V3.2"), kind_named("Armed")
+    (1, 2, None)
+    """
+    match = _KIND.match(text)
+    return _MAV_TYPES[match[1]] if match else None
+
+
+class ModeChanges:
+    """Follows the mode of every vehicle, block by block.
+
+    A mode whose name depends on the kind of vehicle waits for the text that names the kind.
+    """
+
+    def __init__(self) -> None:
+        self._kinds: dict[int, int] = {}
+        self._latest: dict[int, str] = {}
+        self._waiting: list[tuple[int, int, Format, tuple[int, ...]]] = []
+
+    def feed(self, tables: Mapping[str, Table]) -> Iterator[tuple[int, int, str]]:
+        """Yield (vehicle, microseconds of UTC, name) of each change."""
+        for said in texts(tables):
+            kind = kind_named(said.text)
+            if kind is not None:
+                self._kinds.setdefault(said.vehicle, kind)
+        waiting, self._waiting = self._waiting[-_WAITING:], []
+        for change in (*waiting, *_changes(tables)):
+            vehicle, time_us, form, (autopilot, kind, base_mode, number) = change
+            known = self._kinds.get(vehicle, kind) if kind < 0 else kind
+            mode = form.mode_name(autopilot, known, base_mode, number)
+            if mode is None:
+                self._waiting.append(change)
+            elif mode != self._latest.get(vehicle):
+                self._latest[vehicle] = mode
+                yield vehicle, time_us, mode
+
+
+def _changes(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, Format, tuple[int, ...]]]:
+    """Yield vehicle, microseconds of UTC, format and values of the first mode and of each other one."""
+    for report in reports(tables, "mode"):
+        for vehicle, rows in each(report.table.system):
+            values, time_us = report.values[rows], report.table.time_us[rows]
+            changed = np.append(True, (np.diff(values, axis=0) != 0).any(axis=1))
+            for row in np.flatnonzero(changed).tolist():
+                yield vehicle, int(time_us[row]), report.format, tuple(values[row].tolist())
 
 
 class VehicleStates:
@@ -42,69 +187,38 @@ class VehicleStates:
     def __init__(self) -> None:
         self._latest_us: dict[tuple[str, int], int] = {}
         self._components: dict[tuple[str, int], int] = {}
-        self._modes = Modes()
+        self._modes = ModeChanges()
 
     def feed(
         self, tables: Mapping[str, Table], *, start_us: int
     ) -> Iterator[Attitude | Position | FlightMode]:
         """Yield the states in these messages; flight times count from ``start_us``, microseconds of UTC."""
-        for vehicle, table, time_us in self._each(tables.get("ATTITUDE")):
-            yield from _attitude(vehicle, _columns(table, "roll", "pitch", "yaw"), time_us - start_us)
-        for vehicle, table, time_us in self._each(tables.get("ATT")):
-            angles = np.radians(_columns(table, "Roll", "Pitch", "Yaw"))
-            yield from _attitude(vehicle, angles, time_us - start_us)
-        for vehicle, table, time_us in self._each(tables.get("GLOBAL_POSITION_INT")):
-            degrees = _columns(table, "lat", "lon") / 1e7
-            yield from _position(vehicle, degrees, table["alt"] / 1e3, time_us - start_us)
-        for vehicle, table, time_us in self._each(tables.get("POS")):
-            degrees, metres = _columns(table, "Lat", "Lng"), table["Alt"].astype(np.float64)
-            yield from _position(vehicle, degrees, metres, time_us - start_us)
-        attitudes, positions = tables.get("vehicle_attitude"), tables.get("vehicle_global_position")
-        if attitudes is not None and attitudes.holds({"q": 4}):
-            for vehicle, table, time_us in self._each(attitudes):
-                angles = _angles_of(table["q"].astype(np.float64))
-                yield from _attitude(vehicle, angles, time_us - start_us)
-        if positions is not None and positions.holds({"lat": 1, "lon": 1, "alt": 1}):
-            for vehicle, table, time_us in self._each(positions):
-                metres = table["alt"].astype(np.float64)
-                yield from _position(vehicle, _columns(table, "lat", "lon"), metres, time_us - start_us)
+        for vehicle, time_us, angles in self._each(tables, "attitude"):
+            good = np.isfinite(angles).all(axis=1)
+            if good.any():
+                yield Attitude(vehicle, (time_us - start_us)[good] / 1e6, angles[good])
+        for vehicle, time_us, place in self._each(tables, "position"):
+            degrees = place[:, :2]
+            good = (np.abs(degrees) > _NO_FIX_DEG).any(axis=1) & (np.abs(degrees) <= (90, 180)).all(axis=1)
+            if good.any():
+                yield Position(vehicle, (time_us - start_us)[good] / 1e6, degrees[good], place[good, 2])
         for vehicle, since_us, mode in self._modes.feed(tables):
             yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
 
-    def _each(self, table: Table | None) -> Iterator[tuple[int, Table, NDArray[np.int64]]]:
-        """Yield each vehicle's messages, from the first component that sent one, increasing in time."""
-        if table is None:
-            return
-        time_us = table.time_us
-        for vehicle in np.unique(table.system).tolist():
-            key = (table.name, vehicle)
-            rows = np.flatnonzero(table.system == vehicle)
-            component = self._components.setdefault(key, int(table.component[rows[0]]))
-            rows = rows[table.component[rows] == component]
-            before = np.maximum.accumulate(np.append(self._latest_us.get(key, -(1 << 62)), time_us[rows]))
-            self._latest_us[key] = int(before[-1])
-            rows = rows[time_us[rows] > before[:-1]]
-            if rows.size:
-                yield vehicle, table.select(rows), time_us[rows]
+    def _each(self, tables: Mapping[str, Table], fact: str) -> Iterator[tuple[int, Integers, Array]]:
+        """Yield each vehicle's times and values, from the first component that sent any, increasing in time.
 
-
-def _angles_of(q: Array) -> Array:
-    """Return roll, pitch and yaw, rad, shape (n, 3), of quaternions w, x, y, z, body to north-east-down."""
-    w, x, y, z = q.T
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.stack([roll, pitch, yaw], axis=1)
-
-
-def _attitude(vehicle: int, angles: Array, time_us: NDArray[np.int64]) -> Iterator[Attitude]:
-    good = np.isfinite(angles).all(axis=1)
-    if good.any():
-        yield Attitude(vehicle, time_us[good] / 1e6, angles[good])
-
-
-def _position(vehicle: int, degrees: Array, metres: Array, time_us: NDArray[np.int64]) -> Iterator[Position]:
-    fixed = (np.abs(degrees) > _NO_FIX_DEG).any(axis=1)
-    good = fixed & (np.abs(degrees) <= (90, 180)).all(axis=1)
-    if good.any():
-        yield Position(vehicle, time_us[good] / 1e6, degrees[good], metres[good])
+        A viewer draws a line through them: two components, or a time that runs back, would make it jump.
+        """
+        for report in reports(tables, fact):
+            time_us = report.table.time_us
+            for vehicle, whole in each(report.table.system):
+                key = (report.source.message, vehicle)
+                rows = np.arange(len(time_us))[whole]
+                component = self._components.setdefault(key, int(report.table.component[rows[0]]))
+                rows = rows[report.table.component[rows] == component]
+                before = np.maximum.accumulate(np.append(self._latest_us.get(key, -(1 << 62)), time_us[rows]))
+                self._latest_us[key] = int(before[-1])
+                rows = rows[time_us[rows] > before[:-1]]
+                if rows.size:
+                    yield vehicle, time_us[rows], report.select(rows).values

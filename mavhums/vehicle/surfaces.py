@@ -13,10 +13,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.signals import ALL_OUTPUTS
 from mavhums.vehicle.vtol import NO_LIFT, Lift, lift_of
 
 __all__ = ["ALIKE_US", "AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.kernels import kernel
-from mavhums.vehicle.signals import OUTPUTS, Signal
+from mavhums.vehicle.facts import OUTPUTS, Signal
 
 __all__ = ["BAND_US", "HELD_S", "OutputUse", "Usage"]
 

@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.identity import Identity
-from mavhums.vehicle.signals import ALL_OUTPUTS
 
 __all__ = ["NO_LIFT", "VTOL_PARAMETERS", "Lift", "known_as", "lift_of", "rotor_servos"]
 

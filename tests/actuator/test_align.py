@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator import load_airframe
 from mavhums.actuator.align import Aligned, Aligner
-from mavhums.actuator.readings import Reading, blank
+from mavhums.actuator.readings import Reading, in_columns
 
 ACTUATOR = load_airframe("paper").actuators[2]
 TRUST = ("instrumented", "esc-signed", "named", "esc-unsigned", "pwm")
@@ -32,7 +32,7 @@ def reading(
         {key: "x"},
         np.array(frames, dtype=np.int64),
         np.array(times_ms, dtype=np.int64) * 1000,
-        blank([column], np.array(values)[:, None]),
+        in_columns([key], np.array(values)[:, None]),
     )
 
 
@@ -203,7 +203,7 @@ def test_nothing_waits_for_a_source_that_died() -> None:
 
 def both(frame: int, time_ms: int) -> Reading:
     """A message that carries command and current."""
-    values = blank([0, 4], np.array([[1.0, 2.0]]))
+    values = in_columns(["V1", "V5"], np.array([[1.0, 2.0]]))
     fields = {"V1": "x", "V5": "y"}
     return Reading(
         1, ACTUATOR, "both", "instrumented", fields, np.array([frame]), np.array([time_ms * 1000]), values

@@ -10,9 +10,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator import Mapper, actuators, load_airframe
-from mavhums.actuator.airframe_name import announcements
 from mavhums.actuator.profile import ProfileError
 from mavhums.actuator.tiers import best_tier, tiers_by_content
+from mavhums.actuator.vehicle_mappers import announcements
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Decoder, Log, Table
 from mavhums.vehicle.clocks import Clocks

@@ -8,8 +8,7 @@ import pytest
 
 import mavhums
 from mavhums.actuator import load_airframe
-from mavhums.actuator.draft import draft_profile
-from mavhums.actuator.named_guess import guesses_for
+from mavhums.actuator.draft import draft_profile, guesses_for
 from tests.conftest import REAL_LOGS
 
 LUA = REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog"

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from mavhums.actuator import Airframe, Mapper, load_airframe
-from mavhums.actuator.airframe_name import announcements
 from mavhums.actuator.tiers import best_tier, tiers_by_content
+from mavhums.actuator.vehicle_mappers import announcements
 from mavhums.core.quantities import column
 from mavhums.log import Decoder, Table
-from mavhums.vehicle.modes import Modes
-from mavhums.vehicle.texts import texts
+from mavhums.vehicle.states import ModeChanges, texts
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
 
 PAPER = load_airframe("paper")
@@ -122,7 +121,7 @@ def test_texts_name_the_airframe() -> None:
 
 
 def test_modes_wait_for_the_kind_of_vehicle() -> None:
-    modes = Modes()
+    modes = ModeChanges()
     assert list(modes.feed(logged("MODE", MODE, (10, 10, 1), (10, 10, 1), (5, 5, 1)))) == []
     told = list(modes.feed(logged("MSG", MSG, (b"ArduPlane V4.7.0-dev (2598e9d4)",))))
     assert [(vehicle, mode) for vehicle, _, mode in told] == [(1, "AUTO"), (1, "FBWA")]

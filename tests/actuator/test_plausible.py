@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from rich.console import Console
 
 from mavhums.actuator import load_airframe
-from mavhums.actuator.plausible import Gate, bounds
+from mavhums.actuator.mapping import Gate, bounds
 from mavhums.core.quantities import KEYS, column
 from mavhums.engine.engine import Engine
 from mavhums.report.assessment import Assessment, Verdict
@@ -128,7 +128,7 @@ def test_nan_is_not_measured_and_infinity_is_not_possible() -> None:
     values = np.full((3, len(KEYS)), np.nan)
     values[:, column("V5")] = [0.1, np.inf, -np.inf]
     admitted = gate.admit(values)
-    assert gate.told[column("V5")] == 3
+    assert gate.given[column("V5")] == 3
     assert gate.refused[column("V5")] == 2
-    assert gate.told.sum() == 3
+    assert gate.given.sum() == 3
     assert np.isfinite(admitted).sum() == 1

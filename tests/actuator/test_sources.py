@@ -11,10 +11,10 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator import Airframe, Mapper, load_airframe, messages_for
 from mavhums.actuator.profile import FieldMapping
-from mavhums.actuator.sources import SOURCES
 from mavhums.actuator.tiers import TIERS
 from mavhums.log import Decoder, Table
 from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.formats import SERVO_SOURCES
 from mavhums_sim.esc_status import EscStatus
 from tests.strategies import START_US
 
@@ -40,7 +40,7 @@ def elevator(tables: dict[str, Table], airframe: Airframe = PAPER) -> tuple[np.n
 def test_every_source_names_a_tier_and_its_messages() -> None:
     names = {tier.name for tier in TIERS}
     assert names == {"instrumented", "csrv", "esc-signed", "named", "esc-unsigned", "pwm"}
-    assert len(SOURCES) == len({id(source) for source in SOURCES}) == 11
+    assert names == {source.tier for source in SERVO_SOURCES}
     assert {"SERVO_OUTPUT_RAW", "ESC_STATUS", "ESC_TELEMETRY_29_TO_32"} <= messages_for()
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.actuator.toml_lines import line_of, lines
+from mavhums.actuator.profile_checks import line_of, lines
 
 TEXT = '''# a comment, and a [header] in it
 name = "x"  # = [no]

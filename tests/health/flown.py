@@ -14,7 +14,7 @@ from mavhums.actuator import load_airframe
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import column
 from mavhums.engine.events import Event
-from mavhums.health.actuator.monitor import Findings, Monitor
+from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums_sim import Flight, FlightRecord, Gearbox, fly
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters
@@ -90,14 +90,16 @@ def telemetry(seen: Mapping[str, Telemetry], surface: str = "elevator", *, esc: 
     return Telemetry(own.time_s, values, own.bus_v)
 
 
-def watch(seen: Telemetry, actuator: Actuator | None = None, **options: Any) -> tuple[list[Event], Findings]:
+def watch(
+    seen: Telemetry, actuator: Actuator | None = None, **options: Any
+) -> tuple[list[Event], ActuatorFindings]:
     """Feed a monitor in one block; return its events and findings."""
     return watch_blocks([seen], actuator, **options)
 
 
 def watch_blocks(
     blocks: list[Telemetry], actuator: Actuator | None = None, **options: Any
-) -> tuple[list[Event], Findings]:
+) -> tuple[list[Event], ActuatorFindings]:
     """Feed a monitor block by block."""
     networks = options.pop("networks", ())
     measured = options.pop("measured", None)

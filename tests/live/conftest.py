@@ -20,7 +20,7 @@ from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.session import Session
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
 from mavhums.report.assessment import Assessment, Verdict
 from mavhums.report.live import AlertObject, StaleObject, StatusObject
@@ -70,7 +70,7 @@ class Rig:
         self.shown = Shown()
         self.said: list[bytes] = []
         self.key = key
-        self.guard = Guard(key, before=latest) if key else None
+        self.guard = SignatureGuard(key, before=latest) if key else None
         self.peers = Peers()
         self.stamper = Stamper(load_dialect(), self.guard, hear=self.peers.hear)
         self.recorder = TlogRecorder(folder / "live.tlog")

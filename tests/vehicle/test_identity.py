@@ -49,9 +49,9 @@ def test_firmware_and_board_are_named(tmp_path: Path) -> None:
     who = identities(write_log(tmp_path / "one.tlog", said)).of(1)
     assert (who.kind, who.multirotor) == ("quadrotor", True)
     assert str(who) == "quadrotor, ArduPilot 4.5.7"
-    assert who.board == "0102" + "00" * 16
+    assert who.board == "0102" + "00" * 10
     who = identities(write_log(tmp_path / "two.tlog", [version(0x01020380, uid=0xABC)])).of(1)
-    assert (who.board, who.firmware) == ("0000000000000abc", "1.2.3-beta")
+    assert (who.board, who.firmware) == ("0000000000000ABC", "1.2.3-beta")
 
 
 def test_a_text_names_the_firmware_better_than_a_number(tmp_path: Path) -> None:

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.vehicle.grid import Grid
-from mavhums.vehicle.order import HORIZON_S, Order, Received
-from mavhums.vehicle.signals import Signal
+from mavhums.vehicle.facts import Signal
+from mavhums.vehicle.grid import HORIZON_S, Grid, Order, Received
 
 Array = NDArray[np.float64]
 COLUMNS = {"outputs": 16, "rates": 3, "attitude": 3, "airspeed": 1, "state": 4}

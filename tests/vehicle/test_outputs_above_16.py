@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.log import Table
+from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.signal_readers import SignalReaders
-from mavhums.vehicle.signals import Signal
+from mavhums.vehicle.signals import SignalReader
 from mavhums.vehicle.surfaces import of_parameters
 
 SECONDS, RATE = 8, 25
@@ -85,14 +85,14 @@ def demand(signals: list[Signal], servo: int) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("tables", [mavlink(), ulog(), dataflash()], ids=["mavlink", "ulog", "dataflash"])
 def test_a_surface_on_output_20_is_followed(tables: dict[str, Table]) -> None:
-    found = demand([*SignalReaders().read(tables)], 20)
+    found = demand([*SignalReader().read(tables)], 20)
     assert np.isfinite(found).sum() >= (SECONDS - 1) * RATE_HZ
     assert np.nanmax(found) == pytest.approx(0.6, abs=0.02)
     assert np.nanmin(found) == pytest.approx(-0.6, abs=0.02)
-    assert np.nanmax(np.abs(demand([*SignalReaders().read(tables)], 4) + 0.8)) < 1e-6
+    assert np.nanmax(np.abs(demand([*SignalReader().read(tables)], 4) + 0.8)) < 1e-6
 
 
 def test_outputs_of_the_second_message_alone_suffice() -> None:
     tables = ulog()["actuator_outputs"]
     alone = {"actuator_outputs": tables.select(tables.component == 1)}
-    assert np.isfinite(demand([*SignalReaders().read(alone)], 20)).any()
+    assert np.isfinite(demand([*SignalReader().read(alone)], 20)).any()

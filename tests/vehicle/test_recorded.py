@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from mavhums import analyse
 from mavhums.log import Decoder
 from mavhums.report.flight import FlightIdentity
-from mavhums.vehicle.recorded import RecordedFlights
+from mavhums.vehicle.identity import RecordedFlights
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import BOOT_US, EPOCH_US, Link
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record

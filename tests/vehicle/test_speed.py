@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mavhums.vehicle.airspeed import AirspeedCheck, Speed
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.speed import AirspeedCheck, Speed
 
 Array = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.inference import inferred
-from mavhums.vehicle.signals import OUTPUTS
 from mavhums.vehicle.surfaces import Demands, Moved, Surfaces
 from tests.health.axis.flights import Array, excited, rows, steady
 

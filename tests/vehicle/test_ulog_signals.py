@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mavhums.log import Table
-from mavhums.vehicle.signal_readers.ulog import UlogSignals
-from mavhums.vehicle.signals import CONTINUOUS, STEPPED, Signal
+from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
+from mavhums.vehicle.signals import SignalReader
 
 Fields = list[tuple[Any, ...]]
 
@@ -22,7 +22,7 @@ def table(name: str, fields: Fields, rows: list[tuple[Any, ...]], instance: int 
 
 
 def signals(*tables: Table) -> dict[str, Signal]:
-    return {signal.name: signal for signal in UlogSignals().read({t.name: t for t in tables})}
+    return {signal.name: signal for signal in SignalReader().read({t.name: t for t in tables})}
 
 
 def test_every_topic_gives_its_signal() -> None:
@@ -78,7 +78,7 @@ def test_older_layouts_give_the_same() -> None:
 
 
 def test_what_came_first_is_taken_from_then_on() -> None:
-    reader = UlogSignals()
+    reader = SignalReader()
     early = table("vehicle_angular_velocity", [("xyz", "f4", (3,))], [([4, 5, 6],)], instance=2)
     late = table("sensor_combined", [("gyro_rad", "f4", (3,))], [([1, 2, 3],)], frame=9)
     for tables in ({"vehicle_angular_velocity": early, "sensor_combined": late}, {"sensor_combined": late}):

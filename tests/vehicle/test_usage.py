@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.vehicle.signals import OUTPUTS, Signal
+from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.usage import BAND_US, Usage
 
 STEP_US = 100_000

@@ -91,6 +91,20 @@ class Detector(Protocol):
         ...
 
 
+class WindowDetector:
+    """A detector that judges windows by themselves: its quantity has no mean over a flight."""
+
+    equations: ClassVar[tuple[str, ...]] = ()
+    two_sided: ClassVar[bool] = False
+    span_s: ClassVar[float | None] = None
+
+    def overall(self, flight: Mapping[str, Fit]) -> None:
+        """Return None."""
+        return
+
+    conclusion = overall
+
+
 class EquationDetector:
     """A detector that reads its quantity from fits of equations, for windows and whole flights alike.
 
@@ -117,6 +131,7 @@ class EquationDetector:
     def feed(self, seen: DetectorInput) -> Estimates:
         """Return the quantity in the windows that end with each new slot."""
         if self.turned is None and seen.motion is not None and np.isfinite(seen.motion.speed).any():
+            # Decided once: samples of both kinds would mix two errors.
             self.turned = bool(seen.motion.turned[np.isfinite(seen.motion.speed).argmax()])
         return self.read(seen.windows, seen.flight)
 
@@ -139,6 +154,7 @@ def sharp(value: Array, error: Array, widest: float, limit: float | None) -> Fla
     ``widest`` is the largest standard error of a value within its limit. Beyond the limit the error may grow
     with the value: a grave fault blurs what it is measured by, and must not be refused for that.
     """
+    # A grave fault blurs what it is measured by, and must not be refused for that.
     size = np.abs(value) / (np.inf if limit is None else limit)
     allowed: Flags = error < widest * np.maximum(size, 1.0)
     return allowed

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import sqrt
 
 import numpy as np
 from scipy.special import stdtrit
@@ -12,14 +11,15 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import CENTRAL_95, TAIL_95
 from mavhums.health.actuator.detector import Detector
-from mavhums.health.decision.baseline import Baseline, Drift, held, held_since
-from mavhums.health.decision.conditions import Change, Episode, Episodes
+from mavhums.health.decision.baseline import Baseline, Drift, condition_with_drift, onset_with_drift
+from mavhums.health.decision.conditions import Episode, Episodes, IndicatorChange
 from mavhums.health.decision.evidence import drift_evidence, drift_rule, limit_rule, suspected
-from mavhums.health.decision.limits import Decision, Look, bounds, half_width, shown_by, tail_of
+from mavhums.health.decision.limits import Decision, WindowEvaluation, bounds, half_width, shown_by, tail_of
 from mavhums.health.decision.records import Decided, Estimate, FaultRecord, WindowRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
+from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.report.assessment import Evidence, Indicator, Interval, Suspect
 
 
@@ -91,15 +91,17 @@ class IndicatorTracker:
     @property
     def condition(self) -> Condition:
         """Condition according to the limits, or at least degraded after a shift from the baseline."""
-        return held(self.decision.condition, self.drift.alarm if self.drift else None)
+        return condition_with_drift(self.decision.condition, self.drift.alarm if self.drift else None)
 
     @property
     def since_s(self) -> float | None:
         """Flight time of the onset of the condition."""
         decision = self.decision
-        return held_since(decision.condition, decision.since_s, self.drift.alarm if self.drift else None)
+        return onset_with_drift(
+            decision.condition, decision.since_s, self.drift.alarm if self.drift else None
+        )
 
-    def feed(self, look: Look, end_s: Array) -> list[Change]:
+    def feed(self, look: WindowEvaluation, end_s: Array) -> list[IndicatorChange]:
         """Process the windows that end at ``end_s``, shape (k,); return the changes."""
         at = np.flatnonzero(np.isfinite(look.own.value))
         if not at.size:
@@ -111,9 +113,11 @@ class IndicatorTracker:
             at.tolist(), *(column[at].tolist() for column in columns), strict=True
         ):
             here = abs(signed) if self.detector.two_sided else signed
+            # Only windows that share no sample are independent tests against the baseline.
             separate = end >= self.next_due_s
             if separate:
                 self._feed_separate(signed, error, freedom, end)
+            # An inconclusive window must not end a fault.
             severity = self._shown(said, here)
             decided = self.decision.feed(severity, end - self._span_s, end, sure=certain)
             if decided and self._recorded:
@@ -125,7 +129,7 @@ class IndicatorTracker:
                 self.episodes.extend(here, end, agrees=agrees)
             if (decided or separate) and self.condition != before:
                 before = self.condition
-                changes.append(Change(k, before, self.since_s or 0.0, self.rule(before)))
+                changes.append(IndicatorChange(k, before, self.since_s or 0.0, self.rule(before)))
         self.latest = Estimate(*(float(column[at[-1]]) for column in look.own))
         return changes
 
@@ -141,12 +145,13 @@ class IndicatorTracker:
         A shaft that friction hardly lets move gives no window enough samples; the flight may still be clear.
         """
         judged, (_, emergency) = self.detector.conclusion(flight), bounds(self.detector.levels)
+        # The interval of a two-sided quantity has two ends, of which neither is surely grave.
         if judged is None or self.detector.two_sided:
             return False
         low = judged.value - half_width(judged, tail=tail_of(self.false_alarms))
         return bool(low[0] > emergency)
 
-    def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> Change | None:
+    def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> IndicatorChange | None:
         """Judge by the whole flight, which may have evidence that no run of windows has; return the change.
 
         It counts as one more test against the limits and one against the baseline, like another window.
@@ -156,7 +161,9 @@ class IndicatorTracker:
         self._conclude_limits(self.detector.conclusion(flight), start_s, end_s)
         if self.condition == before:
             return None
-        return Change(0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight")
+        return IndicatorChange(
+            0, self.condition, start_s, f"{self.rule(self.condition)}, over the whole flight"
+        )
 
     def _conclude_drift(self, overall: Estimates | None, start_s: float) -> None:
         if self.drift is None or overall is None or not np.isfinite(overall.value[0]):
@@ -172,6 +179,7 @@ class IndicatorTracker:
         size = np.abs(judged.value) if self.detector.two_sided else judged.value
         half = half_width(judged, tail=tail_of(self.false_alarms))
         shown = int(shown_by(size - half, size + half, *bounds(self.detector.levels))[0])
+        # The whole flight adds what no run of windows showed; it ends nothing.
         if not self.decision.settle(shown, start_s):
             return
         value, printed = float(judged.value[0]), float(half_width(judged, tail=TAIL_95)[0])
@@ -201,35 +209,6 @@ class IndicatorTracker:
         if condition != self.decision.condition and self.drift is not None and self.drift.alarm:
             return drift_rule(self.detector, self.drift.baseline, self.drift.alarm, self.false_alarms)
         return limit_rule(self.detector, condition, self.false_alarms)
-
-
-class RunningVariance:
-    """Updates count, mean and sum of squared deviations with each number.
-
-    Examples
-    --------
-    >>> variance = RunningVariance()
-    >>> for number in (1.0, 2.0, 3.0):
-    ...     variance.add(number)
-    >>> variance.count, variance.deviation
-    (3, 1.0)
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._mean = self._squares = 0.0
-
-    def add(self, number: float) -> None:
-        """Add a number."""
-        self.count += 1
-        before = number - self._mean
-        self._mean += before / self.count
-        self._squares += before * (number - self._mean)
-
-    @property
-    def deviation(self) -> float | None:
-        """Standard deviation; None for fewer than two numbers."""
-        return sqrt(self._squares / (self.count - 1)) if self.count > 1 else None
 
 
 def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:

@@ -21,20 +21,20 @@ from mavhums.health.actuator.indicator_tracker import (
     record_of,
     suspect_of,
 )
-from mavhums.health.actuator.network_tally import NetworkTally, Tallied
+from mavhums.health.actuator.network_tally import NetworkFindings, NetworkTally
 from mavhums.health.actuator.votes import (
     VOTE_COLUMNS,
     Classifier,
-    Outcome,
+    VoteOutcome,
     count_votes,
     outcomes,
     window_outcomes,
 )
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.conditions import Change, ConditionTracker
+from mavhums.health.decision.conditions import ConditionTracker, IndicatorChange
 from mavhums.health.decision.events import ConditionChanged, Indication, Window
 from mavhums.health.decision.evidence import concludes, in_order, ranked
-from mavhums.health.decision.limits import Look, Panel
+from mavhums.health.decision.limits import Panel, WindowEvaluation
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS
@@ -42,7 +42,7 @@ from mavhums.health.estimation.fits import Fits
 from mavhums.health.estimation.flight_sums import OwnSums, collector
 from mavhums.health.estimation.motion import Motion, motion, window_sums
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, widen
+from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
@@ -50,7 +50,7 @@ _MOST_WAITING = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Findings:
+class ActuatorFindings:
     """Results of a flight for one actuator.
 
     ``network`` is what the networks say, and ``by_network`` whether that decides; ``last_s`` is the flight
@@ -62,7 +62,7 @@ class Findings:
     worst: Condition
     since_s: float | None
     friction: Interval | None
-    network: Tallied | None
+    network: NetworkFindings | None
     by_network: bool
     coverage: Coverage
     suspects: tuple[Suspect, ...]
@@ -119,6 +119,8 @@ class Monitor:
         self._window_s = window_s
         self._cutter = SlotCutter(self._slot_s)
         self._waiting: list[tuple[Array, Array, Flags, Array, Array, Array]] = []
+        # With all constants and limits the data sheet decides; a current at the bus is another quantity than
+        # the motor's.
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
         self._own: list[OwnSums | VoltageSums] = [
             collector(equation, actuator) for equation in OWN_EQUATIONS if open_limits
@@ -180,6 +182,7 @@ class Monitor:
         unsigned = np.full((count, 3), np.nan) if magnitudes is None else magnitudes
         self._waiting.append((time_s, values, known, bus, air, unsigned))
         self._latest_s = max(self._latest_s, float(time_s.max()))
+        # Live blocks of a few samples are gathered until they complete a slot: arrays of one are slow.
         if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
             yield from self._judge(self._cut())
 
@@ -188,6 +191,7 @@ class Monitor:
         if self._waiting:
             yield from self._judge(self._cut())
         yield from self._judge(self._cutter.finish())
+        # On a held shaft no balance of torques or angles is valid, over the flight neither.
         if self._first is None or self._windows == 0 or self._held.jammed:
             return
         whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
@@ -213,7 +217,7 @@ class Monitor:
         """The actuator's worst condition so far."""
         return self._held.worst
 
-    def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> Findings:
+    def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> ActuatorFindings:
         """Return the findings so far; the ``indicators`` are evaluated over the whole flight.
 
         ``temperature_c`` is the actuator's temperature in this flight, if the log has it.
@@ -226,7 +230,7 @@ class Monitor:
         if self._by_network:
             evidence += self._tally.evidence()
             suspects += filter(None, [self._tally.suspect()])
-        return Findings(
+        return ActuatorFindings(
             condition=self._held.condition,
             worst=self._held.worst,
             since_s=self._held.since_s,
@@ -287,7 +291,7 @@ class Monitor:
         """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
         time_s, *quantities = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
         self._waiting.clear()
-        return self._cutter.feed(time_s, widen(*quantities))
+        return self._cutter.feed(time_s, with_extra_columns(*quantities))
 
     def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
         if slots is None:
@@ -300,14 +304,16 @@ class Monitor:
         found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
         moving, votes, sums = self._count(slots, moved)
         self._first = int(slots.index[0]) if self._first is None else self._first
+        # The first windows of a flight are not full, and their errors not comparable.
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
         end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
         looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
-        changes: dict[int, list[tuple[str, Change]]] = {}
+        changes: dict[int, list[tuple[str, IndicatorChange]]] = {}
         deciding = self._deciding()
         for fault, look in looks.items():
             yield from self._indicate(fault, look, end_s)
             for change in self._trackers[fault].feed(look, end_s):
+                # Where a network decides the friction, the physics is shown and changes nothing.
                 if fault in deciding:
                     changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
@@ -351,12 +357,13 @@ class Monitor:
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
         return moving / samples, self._votes.feed(slots.index, ballots), self._sums.feed(slots.index, own)
 
-    def _count_decidable(self, looks: Iterable[Look], friction: Set[int]) -> None:
+    def _count_decidable(self, looks: Iterable[WindowEvaluation], friction: Set[int]) -> None:
         """Count the windows on which a condition can rest: those that show the friction, or a fault."""
+        # A fault of any detector makes a window decidable, not only the friction.
         faulty = np.any([look.severity > SEVERITY["normal"] for look in looks], axis=0)
         self._decidable += len(friction | set(np.flatnonzero(faulty).tolist()))
 
-    def _indicate(self, fault: str, look: Look, end_s: Array) -> Iterator[Indication]:
+    def _indicate(self, fault: str, look: WindowEvaluation, end_s: Array) -> Iterator[Indication]:
         shown = np.isfinite(look.own.value)
         if shown.any():
             value, half = look.own.value[shown], look.half[shown]
@@ -364,14 +371,18 @@ class Monitor:
                 self.vehicle, self.actuator.name, fault, end_s[shown], value, value - half, value + half
             )
 
-    def _changed(self, changes: list[tuple[str, Change]], end_s: float) -> Iterator[ConditionChanged]:
+    def _changed(
+        self, changes: list[tuple[str, IndicatorChange]], end_s: float
+    ) -> Iterator[ConditionChanged]:
         """Process the detectors' changes; report a change of the actuator's condition."""
         for fault, change in changes:
             turn = self._held.take(fault, change)
             if turn is not None:
                 yield ConditionChanged(self.vehicle, self.actuator.name, end_s, *turn)
 
-    def _window(self, end_s: float, moving: float, friction: Interval | None, vote: Outcome | None) -> Window:
+    def _window(
+        self, end_s: float, moving: float, friction: Interval | None, vote: VoteOutcome | None
+    ) -> Window:
         self._windows += 1
         if friction is not None:
             self._friction = friction
@@ -387,7 +398,7 @@ class Monitor:
         )
 
 
-def _intervals(look: Look) -> dict[int, Interval]:
+def _intervals(look: WindowEvaluation) -> dict[int, Interval]:
     """Return the 95 % intervals of the windows with evidence, by window."""
     value, half = look.own.value, look.half
     low, high = value - half, value + half

@@ -14,8 +14,8 @@ import numpy as np
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.thresholds import EVEN_PROBABILITY
-from mavhums.health.actuator.votes import Ballot, Outcome
-from mavhums.health.decision.conditions import Change, Episodes
+from mavhums.health.actuator.votes import Ballot, VoteOutcome
+from mavhums.health.decision.conditions import Episodes, IndicatorChange
 from mavhums.health.decision.evidence import suspected
 from mavhums.health.decision.limits import Decision, Levels
 from mavhums.health.decision.records import Decided, Estimate, FaultRecord
@@ -26,7 +26,7 @@ _BALLOT = Ballot()
 _QUANTITY = "the network's probability of an emergency"
 
 
-class Tallied(NamedTuple):
+class NetworkFindings(NamedTuple):
     """What a network said of a flight; the fields are those of the report's ``NetworkAnswer``."""
 
     network: int
@@ -62,7 +62,7 @@ class NetworkTally:
     def __init__(self, networks: int, window_s: float, *, recorded: bool = False) -> None:
         self.windows = 0
         self._recorded = recorded
-        self.latest: tuple[float, Outcome] | None = None
+        self.latest: tuple[float, VoteOutcome] | None = None
         self.worst: Condition = "undecided"
         self._window_s = window_s
         self._levels = Levels(EVEN_PROBABILITY, EVEN_PROBABILITY)
@@ -78,7 +78,9 @@ class NetworkTally:
             own = ballots[ballots[:, _BALLOT.network] == k]
             self._samples[k] += own[:, _BALLOT.voters].sum(), own[:, _BALLOT.emergency].sum()
 
-    def feed(self, outcomes: Sequence[Outcome | None], end_s: Sequence[float]) -> Iterator[Change]:
+    def feed(
+        self, outcomes: Sequence[VoteOutcome | None], end_s: Sequence[float]
+    ) -> Iterator[IndicatorChange]:
         """Take the outcomes of the windows that end at ``end_s``; yield the changes of the condition."""
         for k, (said, end) in enumerate(zip(outcomes, end_s, strict=True)):
             if said is None:
@@ -87,26 +89,28 @@ class NetworkTally:
             self.latest = end, said
             emergency = said.p_emergency > EVEN_PROBABILITY
             if emergency and self._first_s is None:
+                # The middle of the window is the best guess of the moment.
                 self._first_s = end - self._window_s / 2
             severity = SEVERITY["emergency" if emergency else "normal"]
+            # A probability has no interval: only windows that agree for long decide.
             if self._decision.feed(severity, end - self._window_s, end, sure=False):
                 condition, since_s = self._decision.condition, self._decision.since_s or 0.0
                 self.worst = max(self.worst, condition, key=SEVERITY.__getitem__)
                 if self._recorded:
                     self._decided.append(Decided(end, condition, since_s))
                 self._episodes.begin_decided(condition, since_s, end, said.p_emergency)
-                yield Change(k, condition, since_s, _rule(condition))
+                yield IndicatorChange(k, condition, since_s, _rule(condition))
             else:
                 agrees = severity == SEVERITY[self._decision.condition]
                 self._episodes.extend(said.p_emergency, end, agrees=agrees)
 
-    def tallied(self) -> Tallied | None:
+    def tallied(self) -> NetworkFindings | None:
         """Return what the network with most votes said; None if none voted on a window."""
         if self.latest is None:
             return None
         network = int(self._samples[:, 0].argmax())
         voters, emergency = self._samples[network].tolist()
-        return Tallied(
+        return NetworkFindings(
             network,
             self.windows,
             self._first_s,

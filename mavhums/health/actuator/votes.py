@@ -69,7 +69,7 @@ VOTE_COLUMNS = 6
 """Number of columns that :func:`count_votes` returns."""
 
 
-class Outcome(NamedTuple):
+class VoteOutcome(NamedTuple):
     """A window's probability of an emergency, and the network that gave it."""
 
     p_emergency: float
@@ -105,12 +105,14 @@ def count_votes(
     counts[:, _BALLOT.network] = -1
     counts[:, _BALLOT.moving] = sizes
     carried = np.isfinite(moving)
+    # A V3 that was divided from V2 carries nothing of its own.
     carried[:, _V3] &= moving[:, _V3] != moving[:, _V2] / gear_ratio
     for k, network in enumerate(networks):
         open_ = (counts[:, _BALLOT.network] < 0) & (sizes > 0)
         if not open_.any():
             break
         whole = np.asarray(carried[:, [column(key) for key in network.keys]].all(axis=1))
+        # One network a slot, by the majority of its samples: a slot of two networks would count twice.
         its_own = open_ & (2 * _sums(whole, edges) >= sizes)
         if not its_own.any():
             continue
@@ -124,12 +126,12 @@ def count_votes(
     return counts
 
 
-def outcome(networks: Sequence[Classifier], counts: Counts) -> Outcome | None:
+def outcome(networks: Sequence[Classifier], counts: Counts) -> VoteOutcome | None:
     """Return the outcome of one window, of shape (slots, 6), as :func:`outcomes` does."""
     return outcomes(networks, counts[None])[0]
 
 
-def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array) -> list[Outcome | None]:
+def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array) -> list[VoteOutcome | None]:
     """Return the probability of an emergency by friction in each window; None if the networks abstain.
 
     The first network that can be asked decides: a network of windows where the log has the quantities of
@@ -156,7 +158,7 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
             known = open_ & np.isfinite(probabilities[:, place])
             for k in np.flatnonzero(known).tolist():
                 answers = asked[k] and inside[k]
-                said[k] = Outcome(float(probabilities[k, place]), number) if answers else None
+                said[k] = VoteOutcome(float(probabilities[k, place]), number) if answers else None
             open_ &= ~known
         open_ &= ~voted
     return said
@@ -165,6 +167,7 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
 def _statistics(sums: Array) -> Array:
     """Return the windows' statistics, without those of a gear that shows neither play nor wind-up."""
     features = window_features(sums)
+    # Column 0 is the number of samples.
     rigid = (sums[:, 0] >= LEAST_VOTERS) & (features[:, WINDOW_KEYS.index("gap std")] < RIGID_GEAR_DEG)
     for k, key in enumerate(WINDOW_KEYS):
         if key.startswith("gap"):
@@ -172,7 +175,7 @@ def _statistics(sums: Array) -> Array:
     return features
 
 
-def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | None]:
+def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome | None]:
     """Return the probability of an emergency in each window by votes; None if the networks abstain.
 
     They abstain with fewer than twenty votes, with fewer than five in either direction, and if more
@@ -197,11 +200,13 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[Outcome | N
     votes = (
         (cast >= LEAST_VOTERS)
         & (voters.min(axis=1) >= LEAST_VOTERS_PER_DIRECTION)
+        # Most of the motion must lie within the training range.
         & (2 * cast >= counts[:, :, _BALLOT.moving].sum(axis=1))
     )
+    # Each direction counts the same: an unknown load helps in one as much as it hinders in the other.
     share = np.mean(emergency / np.maximum(voters, 1), axis=1)
     return [
-        Outcome(networks[network].probability(one), network) if voted else None
+        VoteOutcome(networks[network].probability(one), network) if voted else None
         for voted, network, one in zip(votes.tolist(), decides.tolist(), share.tolist(), strict=True)
     ]
 
@@ -256,6 +261,7 @@ def answer_samples(models: Sequence[Model], values: Array, gear_ratio: float | N
         carried[:, _V3] &= values[:, _V3] != values[:, _V2] / gear_ratio
     open_ = np.ones(count, dtype=np.bool_)
     for model in models:
+        # The first network whose quantities a sample carries answers it, and no other.
         own = open_ & np.asarray(carried[:, [column(key) for key in model.keys]].all(axis=1))
         open_ &= ~own
         if not own.any():

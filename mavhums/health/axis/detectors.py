@@ -130,11 +130,15 @@ class EffectivenessDetector:
         reference = given.trackers[self._axis].reference
         left = second.left_over if second.left_over is not None else 1.0
         doubtful = second.lost_s < DOUBTFUL_S or (left > self._common and not second.later)
+        # A single manoeuvre may differ, and gusts lower the gain of calm references for a while.
         limit = self._certain * (DOUBTFUL_TIMES if doubtful else 1.0)
         if second.level <= limit or reference is None:
             return False
+        # A lag that the profile allows is no fault, however certain it is.
         if second.slow_s is not None and second.slow_s < self._limits.lag_s:
             return False
+        # A sudden shift of the trim also reads as a loss for some seconds; it is for the detector of hard-
+        # overs.
         if self._axis != "roll" or second.shift is None or second.lost_s >= DOUBTFUL_S:
             return True
         return abs(second.shift) <= TRIM_SHIFT_DEVIATIONS * max(reference.deviation, SHIFT_FLOOR_RAD_S)
@@ -209,6 +213,7 @@ class TrackingDetector:
         alarms = []
         coarse = _coarse(given.rows)
         for left in self._residual.feed(given.rows):
+            # At 2 Hz a turn begins and ends between two samples, and the model answers at neither.
             limit = self._limit * (COARSE_TIMES if coarse[left.end_s - given.rows.second - 1] else 1.0)
             since_s = self._persistent.feed(left.end_s, left.deviations * self._limit / limit)
             if since_s is None:
@@ -261,6 +266,7 @@ class HardOverDetector:
         alarms = []
         for second in given.seconds["roll"]:
             if reference is None or second.shift is None:
+                # What is not known ends a run of seconds.
                 self._persistent.feed(second.end_s, 0.0)
                 continue
             deviations = abs(second.shift) / max(reference.deviation, SHIFT_FLOOR_RAD_S)
@@ -273,6 +279,8 @@ class HardOverDetector:
                 and side.deviations > max(SKID_DEVIATIONS, deviations)
                 and abs(side.value) > SKID_M_S2
             )
+            # Rudder before aileron: a deflected rudder rolls the aircraft, too, a deflected aileron hardly
+            # skids.
             axis, what = ("yaw", "a rudder") if skids else ("roll", "an aileron or elevon")
             way = "right" if second.shift > 0 else "left"
             rule = (

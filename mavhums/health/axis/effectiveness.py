@@ -14,7 +14,7 @@ E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import replace
 from math import exp
 from typing import Final
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.health.axis.filters import Lag
-from mavhums.health.axis.reference import STANDARDS, Constant, Reference, Second, Standards, constants
+from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards, constants
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Shape, judgeable
 from mavhums.health.axis.scores import Scores, Slowness, Sums
 from mavhums.health.axis.thresholds import (
@@ -104,6 +104,7 @@ class EffectivenessTracker:
         for end, counts in enumerate(usable.tolist(), start=1):
             self.usable_s += counts
             self._tried += 1
+            # A later reference may already hold the fault; an attempt in each second costs time.
             if REFERENCE_S <= self.usable_s <= LATEST_REFERENCE_S and self._tried >= REFERENCE_RETRY_S:
                 self._tried = 0
                 self._keep(rows.cut(kept, end))
@@ -128,25 +129,27 @@ class EffectivenessTracker:
     def _refer(self, rows: Rows) -> None:
         """Use the buffered rows as the reference if they meet the requirements."""
         basis = Basis.of(rows)
-        self.spacing_s = _median(rows.spacing[rows.flying])
+        spacing = rows.spacing[rows.flying & np.isfinite(rows.spacing)]
+        self.spacing_s = float(np.median(spacing)) if spacing.size else 0.0
+        # Slower samples alias the manoeuvres: their gain would be that of the sampling.
         if self.too_slow:
             return
+        # A cheap look before a fit of every shape.
         if judgeable(rows, basis).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
             return
         wanted = self._standards
         fits = [fit for shape in wanted.shapes() if (fit := self._fit(rows, basis, shape)) is not None]
+        # In calm air a regression can find the autopilot's feedback instead of the aircraft, with a gain of
+        # the wrong sign.
         possible = [fit for fit in fits if self._form.possible(fit.others)]
         found = max(possible, key=lambda fit: fit.explained, default=None)
         if found is None:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
         if found.explained >= wanted.explained and found.error <= wanted.error:
-            self.reference = replace(found, constants=self._constants(rows, found))
+            design, answer, _ = self._design(Chain(self._form, basis, found.shape).feed(rows))
+            self.reference = replace(found, constants=constants(self._form, found.speed, design, answer))
             self._begin(rows)
-
-    def _constants(self, rows: Rows, found: Reference) -> Mapping[str, Constant]:
-        design, answer, _ = self._design(Chain(self._form, found.basis, found.shape).feed(rows))
-        return constants(self._form, found.speed, design, answer)
 
     def _design(self, columns: Columns) -> tuple[Array, Array, NDArray[np.intp]]:
         """Return the last usable rows that a reference needs: design, response and their places."""
@@ -173,6 +176,7 @@ class EffectivenessTracker:
         error = float(np.sqrt(variance / total)) / abs(gain) if gain else np.inf
         power = float(drive2.mean())
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
+        # The reference may lie in quiet air, and the rest of the flight in rough air.
         variance, deviation = max(variance, least), float(np.sqrt(left))
         return Reference(
             basis, shape, gain, beta[1:], variance, error, explained, deviation, power, first, last
@@ -213,24 +217,32 @@ class EffectivenessTracker:
         assert reference is not None
         self._left.append((left, count))
         if count >= LEAST_ROWS_PER_S:
+            # Row 0 is without additional lag; the columns are drive², drive·response and response².
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
             self._window.append(sums)
+            # The slow filter's tail fades with its memory, and the square of it twice as fast.
             self._strongest = max(drive2, exp(-2.0 / self._standards.memory_s) * self._strongest)
             ratio = _ratio(score, drive2, reference, self._standards.loss)
+            # Evidence for the full gain always counts, evidence for a loss only where demand dominates gusts.
             if ratio < 0.0 or self._informs(reference):
                 self._cusum = min(MOST_CUSUM, max(0.0, _FORGET * self._cusum + ratio))
                 self._recent.append(sums)
-        value, error = self._estimate(reference) if count >= LEAST_ROWS_PER_S else (None, np.inf)
+        value, error = None, np.inf
+        if count >= LEAST_ROWS_PER_S and len(self._window) == WINDOW_SECONDS:
+            value, error = _measured([window[0] for window in self._window], reference)
         if value is not None and error <= JUDGED_ERROR:
             self._full = self._full + 1 if value >= self._standards.full else 0
+        # A fault that is over must not leave its sum behind.
         if self._full >= FULL_S:
             self._cusum = 0.0
+        # Without a suspicion the onset moves along, and so does what is measured since then.
         if self._cusum == 0.0:
             self._since = end_s
             self._recent.clear()
             self._slowness = Slowness()
         slow_s, later = self._slowness.feed(self._recent, reference.gain)
+        # At the lag that explains most: a slow servo's share in time is no loss.
         at_lag = [sums[self._slowness.lag] for sums in self._recent]
         left_over, left_error = _measured(at_lag, reference)
         return Second(
@@ -253,11 +265,6 @@ class EffectivenessTracker:
             return None
         return float(sum(left[self._slowness.lag] for left, _ in self._left)) / count
 
-    def _estimate(self, reference: Reference) -> tuple[float | None, float]:
-        """Return the effectiveness of the last ten judged seconds and its standard error."""
-        lagless = [sums[0] for sums in self._window]
-        return _measured(lagless, reference) if len(lagless) == WINDOW_SECONDS else (None, np.inf)
-
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.
 
@@ -271,6 +278,7 @@ class EffectivenessTracker:
             return False
         if self._window[-1][0, 0] < TAIL_SHARE * self._strongest:
             return False
+        # A lag under which nothing was driven explains nothing, and would divide by zero.
         driven = drive2 > 0
         unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]
         return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
@@ -338,18 +346,15 @@ def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float |
     scores = cross - gain * drive2
     own = max(float((scores**2).sum()) * n / (n - 1) / total, reference.variance) / total
     k = gain / reference.gain
+    # Healthy windows differ by this whatever their own errors say.
     spread = WINDOW_DEVIATION**2 * min(WINDOW_SECONDS / n, 1.0)
     return k, float(np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + spread))
-
-
-def _median(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else 0.0
 
 
 def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:
     """Return the log-likelihood ratio of a second between a loss and none."""
     lost = loss * reference.gain
+    # The gain of a single second differs between manoeuvres, in proportion to the drive.
     spread = reference.variance + (MANOEUVRE_DEVIATION * reference.gain) ** 2 * drive2
     return float((-lost * score - 0.5 * lost**2 * drive2) / spread)
 

@@ -14,7 +14,7 @@ from mavhums.vehicle.grid import RATE_HZ
 _STEP_S: Final = 1.0 / RATE_HZ
 
 
-def held(values: Array, before: float) -> Array:
+def hold_last(values: Array, before: float) -> Array:
     """Replace values that are not finite by the previous value; ``before`` precedes the first."""
     rows = np.where(np.isfinite(values), np.arange(values.size), -1)
     last = np.maximum.accumulate(rows)
@@ -57,7 +57,7 @@ class Lag:
         if self._last is None:
             finite = values[np.isfinite(values)]
             self._last = self._value = float(finite[0]) if finite.size else 0.0
-        filled = held(values, self._last)
+        filled = hold_last(values, self._last)
         self._last = float(filled[-1])
         out = _smoothed(filled, self._share, self._value)
         self._value = float(out[-1])
@@ -101,7 +101,7 @@ class AttitudeResponse:
             self._last = self._slewed = float(finite[0]) if finite.size else 0.0
             _, b2, _, a2 = self._coefficients
             self._state = np.array([1.0, b2 - a2]) * self._last
-        filled = held(values, self._last)
+        filled = hold_last(values, self._last)
         self._last = float(filled[-1])
         slewed = _slewed(filled, self._step, self._slewed)
         self._slewed = float(slewed[-1])

@@ -23,6 +23,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_SECONDS,
 )
 from mavhums.health.decision.events import ConditionChanged, Indication
+from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.flight import Rows
@@ -34,19 +35,7 @@ _LATEST_EPISODES: Final = 3  # among which an alarm finds its own
 
 
 @dataclass(slots=True)
-class _Episode:
-    fault: str
-    condition: Condition
-    start_s: int
-    end_s: int
-    value: float
-    limit: float
-    rule: str
-    confidence: float
-
-
-@dataclass(slots=True)
-class _Axis:
+class _AxisState:
     """The condition of one axis."""
 
     condition: Condition = "undecided"
@@ -58,10 +47,8 @@ class _Axis:
     lost: bool = False
     full: int = 0
     value: Interval | None = None
-    windows: int = 0
-    mean: float = 0.0
-    squares: float = 0.0
-    episodes: list[_Episode] = field(default_factory=list)
+    mean: RunningVariance = field(default_factory=RunningVariance)
+    episodes: list[Alarm] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +111,7 @@ class AxisMonitor:
         self.limits = limits or AxisLimits()
         self._gains = {axis: new_tracker(axis, self.limits) for axis in AXES}
         self._detectors = detectors(self.limits)
-        self._axes = {axis: _Axis() for axis in AXES}
+        self._axes = {axis: _AxisState() for axis in AXES}
         self._skidded_s = -(1 << 30)
         self._flew, self._waited_rows = False, 0
 
@@ -141,10 +128,12 @@ class AxisMonitor:
         judged = {axis: {second.end_s: second for second in seconds[axis]} for axis in AXES}
         for end_s in range(rows.second + 1, rows.second + rows.seconds + 1):
             now = shown.get(end_s, [])
+            # A skid rolls and pitches the aircraft: what follows about the other axes is its consequence.
             if any(one.axis == "yaw" and one.fault == "hard_over" for one in now):
                 self._skidded_s = end_s
             for axis in AXES:
-                found = [one for one in now if one.axis == axis and not self._masked(one, end_s)]
+                masked = axis != "yaw" and end_s - self._skidded_s <= MASKED_S
+                found = [one for one in now if one.axis == axis and not masked]
                 second = judged[axis].get(end_s)
                 if found or second is not None:
                     yield from self._take(axis, second, found, end_s)
@@ -158,153 +147,143 @@ class AxisMonitor:
 
     def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
         for axis, found in seconds.items():
-            told = [
+            known = [
                 (s.end_s, s.value, NORMAL_95 * s.error)
                 for s in found
                 if s.value is not None and s.error <= JUDGED_ERROR
             ]
-            if told:
-                end_s, value, half = np.array(told, dtype=np.float64).T
+            if known:
+                end_s, value, half = np.array(known, dtype=np.float64).T
                 yield Indication(
                     self._vehicle, axis, "effectiveness", end_s, value, value - half, value + half
                 )
 
-    def _masked(self, one: Alarm, end_s: int) -> bool:
-        """Return whether a hard-over rudder explains the findings about the other axes."""
-        return one.axis != "yaw" and end_s - self._skidded_s <= MASKED_S
-
     def _take(
         self, axis: str, second: Second | None, found: list[Alarm], end_s: int
     ) -> Iterator[ConditionChanged]:
-        held = self._axes[axis]
-        before = held.condition
+        state = self._axes[axis]
+        before = state.condition
         if second is not None:
-            self._count(held, second)
+            self._count(state, second)
         if found:
             worst = max(found, key=lambda one: SEVERITY[one.condition])
-            held.full = 0
+            state.full = 0
             fresh = SEVERITY[before] <= SEVERITY["normal"]
+            # A milder finding does not lift a graver one: only full effectiveness ends a fault.
             if fresh or SEVERITY[worst.condition] > SEVERITY[before]:
-                held.condition = worst.condition
-                held.since_s = worst.since_s if fresh else min(worst.since_s, held.since_s or worst.since_s)
+                state.condition = worst.condition
+                state.since_s = worst.since_s if fresh else min(worst.since_s, state.since_s or worst.since_s)
             for one in found:
-                self._extend(held, one)
-            self._measure(held, found, second, fresh=fresh)
+                self._extend(state, one)
+            self._measure(state, found, second, fresh=fresh)
             fault, rule = worst.fault, worst.rule
             finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
-        elif second is not None and self._well(held):
+        elif second is not None and self._well(state):
             if before != "normal":
-                held.condition, held.since_s = "normal", end_s if before != "undecided" else None
-                held.lost = False
+                state.condition, state.since_s = "normal", end_s if before != "undecided" else None
+                state.lost = False
             fault, rule = "effectiveness", "normal: the control effectiveness of the reference is kept"
             finding = ""
-        if SEVERITY[held.condition] > SEVERITY[held.worst]:
-            held.worst = held.condition
-        if held.condition != before:
-            held.windows, held.mean, held.squares, held.counted = 0, 0.0, 0.0, 0
-            if held.condition == "normal" and before != "undecided" and second is not None:
-                self._average(held, second.value or 0.0, second.error)
-            since_s = float(held.since_s if held.since_s is not None else end_s)
+        if SEVERITY[state.condition] > SEVERITY[state.worst]:
+            state.worst = state.condition
+        # A mean over a change would belong to neither condition.
+        if state.condition != before:
+            state.mean, state.counted = RunningVariance(), 0
+            if state.condition == "normal" and before != "undecided" and second is not None:
+                self._average(state, second.value or 0.0, second.error)
+            since_s = float(state.since_s if state.since_s is not None else end_s)
             yield ConditionChanged(
-                self._vehicle, axis, float(end_s), since_s, before, held.condition, rule, fault, finding
+                self._vehicle, axis, float(end_s), since_s, before, state.condition, rule, fault, finding
             )
 
-    def _count(self, held: _Axis, second: Second) -> None:
-        held.seconds += 1
+    def _count(self, state: _AxisState, second: Second) -> None:
+        state.seconds += 1
         if second.value is None or second.error > JUDGED_ERROR:
             return
-        held.judged += 1
-        held.counted += 1
-        held.full = held.full + 1 if second.value >= self.limits.effectiveness_degraded else 0
-        whole = held.counted % WINDOW_SECONDS == 0 or held.judged == 1
-        if whole and not held.lost:
-            self._average(held, second.value, second.error)
+        state.judged += 1
+        state.counted += 1
+        state.full = state.full + 1 if second.value >= self.limits.effectiveness_degraded else 0
+        # Windows that share seconds are one piece of evidence. The first one counts at once, so that a value
+        # is shown.
+        whole = state.counted % WINDOW_SECONDS == 0 or state.judged == 1
+        if whole and not state.lost:
+            self._average(state, second.value, second.error)
 
-    def _measure(self, held: _Axis, found: list[Alarm], second: Second | None, *, fresh: bool) -> None:
+    def _measure(self, state: _AxisState, found: list[Alarm], second: Second | None, *, fresh: bool) -> None:
         """Take the effectiveness since the onset of a loss: that of the second which the reason names."""
         if fresh:
-            held.value = None
+            state.value = None
         rules = {one.rule for one in found if one.fault == "effectiveness"}
         if any(
             episode.fault == "effectiveness" and episode.rule in rules
-            for episode in held.episodes[-_LATEST_EPISODES:]
+            for episode in state.episodes[-_LATEST_EPISODES:]
         ):
-            held.lost = True
+            state.lost = True
             if second is not None and second.left_over is not None:
                 k, half = second.left_over, NORMAL_95 * second.left_error
-                held.value = Interval(estimate=k, low=k - half, high=k + half)
+                state.value = Interval(estimate=k, low=k - half, high=k + half)
 
-    def _average(self, held: _Axis, value: float, error: float) -> None:
+    def _average(self, state: _AxisState, value: float, error: float) -> None:
         """Add a window that does not overlap the previous one to the mean since the last change."""
-        held.windows += 1
-        step = value - held.mean
-        held.mean += step / held.windows
-        held.squares += step * (value - held.mean)
-        spread = held.squares / (held.windows - 1) if held.windows > 1 else 0.0
-        half = NORMAL_95 * (max(spread, error**2) / held.windows) ** 0.5
-        held.value = Interval(estimate=held.mean, low=held.mean - half, high=held.mean + half)
+        state.mean.add(value)
+        mean, count = state.mean.mean, state.mean.count
+        half = NORMAL_95 * (max(state.mean.variance, error**2) / count) ** 0.5
+        state.value = Interval(estimate=mean, low=mean - half, high=mean + half)
 
-    def _well(self, held: _Axis) -> bool:
+    def _well(self, state: _AxisState) -> bool:
         """Return whether the axis is known to respond as in the reference."""
-        if SEVERITY[held.condition] > SEVERITY["normal"]:
-            return held.full >= FULL_S
-        return held.judged >= NORMAL_S and held.value is not None and held.value.low > NORMAL_EFFECTIVENESS
+        if SEVERITY[state.condition] > SEVERITY["normal"]:
+            # An axis is well again only when the gain itself is back, not when evidence runs out.
+            return state.full >= FULL_S
+        return state.judged >= NORMAL_S and state.value is not None and state.value.low > NORMAL_EFFECTIVENESS
 
-    def _extend(self, held: _Axis, one: Alarm) -> None:
+    def _extend(self, state: _AxisState, one: Alarm) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
-        episodes = held.episodes
-        for earlier in episodes[-_LATEST_EPISODES:]:
-            kinds = (one.fault, earlier.fault, earlier.condition)
-            if kinds == ("slow", "effectiveness", "degraded") and earlier.start_s == one.since_s:
-                earlier.fault = one.fault
-        same = next((e for e in reversed(episodes[-_LATEST_EPISODES:]) if e.fault == one.fault), None)
-        if same is not None and same.end_s >= one.end_s - 2 * MASKED_S:
-            graver = SEVERITY[one.condition] >= SEVERITY[same.condition]
-            same.end_s = one.end_s
-            if graver:
-                same.condition, same.value, same.limit = one.condition, one.value, one.limit
-                same.rule, same.confidence = one.rule, one.confidence
+        episodes = state.episodes
+        latest = range(max(len(episodes) - _LATEST_EPISODES, 0), len(episodes))
+        for k in latest:
+            kinds = (one.fault, episodes[k].fault, episodes[k].condition)
+            # What first looked like a loss was the beginning of this lag.
+            if kinds == ("slow", "effectiveness", "degraded") and episodes[k].since_s == one.since_s:
+                episodes[k] = episodes[k]._replace(fault=one.fault)
+        same = next((k for k in reversed(latest) if episodes[k].fault == one.fault), None)
+        # Alarms that are no farther apart are of one fault, which the air hid for a while.
+        if same is not None and episodes[same].end_s >= one.end_s - 2 * MASKED_S:
+            earlier = episodes[same]
+            # The reason of the worst moment stays; later seconds of the same fault often say less.
+            kept = one if SEVERITY[one.condition] >= SEVERITY[earlier.condition] else earlier
+            episodes[same] = kept._replace(since_s=earlier.since_s, end_s=one.end_s)
             return
         if len(episodes) == _MOST_EPISODES:
+            # Memory stays bounded; the first and the last ones tell most.
             del episodes[_MOST_EPISODES // 2]
-        episodes.append(
-            _Episode(
-                one.fault,
-                one.condition,
-                one.since_s,
-                one.end_s,
-                one.value,
-                one.limit,
-                one.rule,
-                one.confidence,
-            )
-        )
+        episodes.append(one)
 
     def findings(self, axis: str) -> AxisFindings:
         """Return the findings so far about an axis."""
-        held, gain = self._axes[axis], self._gains[axis]
+        state, gain = self._axes[axis], self._gains[axis]
         suspects: dict[str, float] = {}
-        for episode in held.episodes:
+        for episode in state.episodes:
             suspects[episode.fault] = max(suspects.get(episode.fault, 0.0), episode.confidence)
-        fraction = held.judged / held.seconds if held.seconds else 0.0
+        fraction = state.judged / state.seconds if state.seconds else 0.0
         return AxisFindings(
             axis=axis,
-            condition=held.condition,
-            worst=held.worst,
-            since_s=_since_s(held),
-            coverage=Coverage(moving_fraction=fraction, windows=held.seconds, decidable=held.judged),
+            condition=state.condition,
+            worst=state.worst,
+            since_s=_since_s(state),
+            coverage=Coverage(moving_fraction=fraction, windows=state.seconds, decidable=state.judged),
             suspects=tuple(
                 Suspect(fault=fault, confidence=confidence)
                 for fault, confidence in sorted(suspects.items(), key=lambda item: -item[1])
             ),
             evidence=tuple(
                 Evidence(
-                    kind=e.fault, start_s=e.start_s, end_s=e.end_s, value=e.value, limit=e.limit, rule=e.rule
+                    kind=e.fault, start_s=e.since_s, end_s=e.end_s, value=e.value, limit=e.limit, rule=e.rule
                 )
-                for e in held.episodes
+                for e in state.episodes
             ),
-            effectiveness=held.value,
-            windows=0 if held.lost else held.windows,
+            effectiveness=state.value,
+            windows=0 if state.lost else state.mean.count,
             reference=gain.reference,
             best=gain.best,
             usable_s=gain.usable_s,
@@ -315,11 +294,11 @@ class AxisMonitor:
         )
 
 
-def _since_s(held: _Axis) -> float | None:
+def _since_s(state: _AxisState) -> float | None:
     """Return the onset of the present condition: the earliest one that its evidence shows.
 
     A fault that takes longer to prove than the one that raised the alarm may have begun before it.
     """
-    if held.since_s is None or SEVERITY[held.condition] <= SEVERITY["normal"]:
-        return None if held.since_s is None else float(held.since_s)
-    return float(min([held.since_s, *(e.start_s for e in held.episodes if e.end_s > held.since_s)]))
+    if state.since_s is None or SEVERITY[state.condition] <= SEVERITY["normal"]:
+        return None if state.since_s is None else float(state.since_s)
+    return float(min([state.since_s, *(e.since_s for e in state.episodes if e.end_s > state.since_s)]))

@@ -20,6 +20,7 @@ from mavhums.health.axis.thresholds import MOST_CONFIDENCE, PAST_TESTS
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
+from mavhums.health.estimation.random_effects import satterthwaite
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
 from mavhums.report.axis_limits import AxisLimits
@@ -29,7 +30,7 @@ LOSSES: Final = ("effectiveness", "manoeuvre")
 
 
 @dataclass(frozen=True, slots=True)
-class _Compared:
+class _ComparedIndicator:
     """An indicator beside its baseline: the difference, its standard error and its degrees of freedom."""
 
     indicator: Indicator
@@ -39,13 +40,12 @@ class _Compared:
     freedom: float
 
     @classmethod
-    def of(cls, indicator: Indicator, baseline: Baseline) -> _Compared:
+    def of(cls, indicator: Indicator, baseline: Baseline) -> _ComparedIndicator:
         value = indicator.value
+        # The interval of the report is the only form in which the error was stored.
         own = ((value.high - value.low) / 2 / NORMAL_95) ** 2
         between = baseline.flight_variance
-        freedom = (own + between) ** 2 / (
-            own**2 / max(indicator.windows - 1, 1) + between**2 / baseline.certainty
-        )
+        freedom = satterthwaite(own, max(indicator.windows - 1, 1), between, baseline.certainty)
         return cls(
             indicator, baseline, value.estimate - baseline.mean, max(own + between, 1e-24) ** 0.5, freedom
         )
@@ -64,7 +64,7 @@ class _Compared:
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _Departure:
     """A difference from the earlier flights that counts."""
 
     fault: str
@@ -76,7 +76,7 @@ class _Found:
     effectiveness: Interval | None = None
 
 
-def against_flights(
+def compare_with_earlier_flights(
     verdict: Verdict,
     baselines: Mapping[str, Baseline],
     *,
@@ -98,7 +98,7 @@ def against_flights(
         Allowed false alarms per 100 hours of the axis.
     """
     compared = [
-        _Compared.of(shown, baselines[shown.fault])
+        _ComparedIndicator.of(shown, baselines[shown.fault])
         for shown in verdict.indicators
         if shown.fault in baselines
     ]
@@ -109,8 +109,10 @@ def against_flights(
         update={"indicators": tuple(_beside(shown, known.get(shown.fault)) for shown in verdict.indicators)}
     )
     seconds = max(verdict.coverage.windows, WINDOW_S)
+    # The rate is per hour: a longer flight may use more of it.
     tail = min(tail_of(false_alarms) * seconds / WINDOW_S, MOST_FLIGHT_TAIL) / PAST_TESTS
     seen = {item.kind for item in verdict.evidence}
+    # What the flight itself shows is told with its onset, not from the start on.
     found = [one for one in _found(compared, verdict.limits or AxisLimits(), tail) if one.fault not in seen]
     if found:
         return _judged(verdict, found, start_utc, end_s)
@@ -129,10 +131,11 @@ def _beside(shown: Indicator, baseline: Baseline | None) -> Indicator:
     return shown.model_copy(update={"baseline": expected, "baseline_flights": baseline.flights})
 
 
-def _found(compared: list[_Compared], limits: AxisLimits, tail: float) -> Iterator[_Found]:
+def _found(compared: list[_ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[_Departure]:
     """Yield the differences that are certain and beyond the limits: of the gains the most certain one."""
     lost = [one for one in compared if one.indicator.fault in LOSSES and one.baseline.mean > 0]
     losses = [loss for one in lost if (loss := _loss(one, limits, tail))]
+    # Gain and load factor fall with the same surface: one loss, the graver one.
     yield from sorted(losses, key=lambda loss: loss.value)[:1]
     for one in compared:
         bound = float(stdtrit(one.freedom, 1.0 - tail))
@@ -141,20 +144,21 @@ def _found(compared: list[_Compared], limits: AxisLimits, tail: float) -> Iterat
             rule = (
                 f"degraded: answers {size:.1f} s later than in {flights} earlier flights, from the start on"
             )
-            yield _Found("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
+            yield _Departure("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
         if one.indicator.fault == "hard_over" and abs(size) >= limits.trim_shift and abs(one.ratio) > bound:
             way = "right" if size > 0 else "left"
             rule = (
                 f"degraded: needs {100 * abs(size):.0f} % of the full demand more to the {way} than in "
                 f"{flights} earlier flights to keep its wings level, from the start on"
             )
-            yield _Found("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
+            yield _Departure("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
 
 
-def _loss(one: _Compared, limits: AxisLimits, tail: float) -> _Found | None:
+def _loss(one: _ComparedIndicator, limits: AxisLimits, tail: float) -> _Departure | None:
     """Return a certain loss of effectiveness; None if there is none."""
     share = one.share
     k = share.estimate
+    # Certain alone is not enough: a small certain loss is within what loading and air change.
     if -one.ratio <= float(stdtrit(one.freedom, 1.0 - tail)) or k >= limits.effectiveness_degraded:
         return None
     grave = k <= limits.effectiveness_emergency
@@ -165,14 +169,14 @@ def _loss(one: _Compared, limits: AxisLimits, tail: float) -> _Found | None:
         f"{condition}: {100 * max(k, 0.0):.0f} % of the {what} of {one.baseline.flights} earlier flights "
         "is left, from the start on"
     )
-    return _Found("effectiveness", condition, k, limit, rule, _confidence(one), share)
+    return _Departure("effectiveness", condition, k, limit, rule, _confidence(one), share)
 
 
-def _confidence(one: _Compared) -> float:
+def _confidence(one: _ComparedIndicator) -> float:
     return round(min(float(stdtr(one.freedom, abs(one.ratio))), MOST_CONFIDENCE), 4)
 
 
-def _judged(verdict: Verdict, found: list[_Found], start_utc: datetime, end_s: float) -> Verdict:
+def _judged(verdict: Verdict, found: list[_Departure], start_utc: datetime, end_s: float) -> Verdict:
     """Return a verdict with the findings; what they say holds from the start of the flight on."""
     worst = max((one.condition for one in found), key=SEVERITY.__getitem__)
     decided = SEVERITY[worst] >= SEVERITY[verdict.condition]

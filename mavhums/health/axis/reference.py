@@ -12,18 +12,18 @@ from mavhums.core.arrays import Array
 from mavhums.health.axis.regressions import Basis, Form, Shape
 from mavhums.health.axis.thresholds import (
     CONSTANT_BLOCKS,
+    DELAYS_S,
     EXPLAINED,
     GAIN_ERROR,
     GUSTY,
-    GUSTY_ROLL,
+    LAGS_S,
     LOSS_TO_DETECT,
     SCORE_SCATTER,
-    SLOW_PART_PITCH_S,
     SLOW_PART_S,
-    SLOW_PITCH_STREAM_S,
-    SLOW_STREAM_S,
+    SLOWEST_STREAM_S,
 )
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.surfaces import AXES
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,36 +72,17 @@ class Standards:
 
 
 STANDARDS: Final = {
-    "roll": Standards(
-        explained=EXPLAINED["roll"],
-        error=GAIN_ERROR["roll"],
-        scatter=SCORE_SCATTER["roll"],
-        noise=GUSTY_ROLL,
-        delays_s=(0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
-        taus_s=(0.0, 0.1, 0.2),
-        spacing_s=SLOW_STREAM_S,
-        memory_s=SLOW_PART_S,
-    ),
-    "pitch": Standards(
-        explained=EXPLAINED["pitch"],
-        error=GAIN_ERROR["pitch"],
-        scatter=SCORE_SCATTER["pitch"],
-        noise=GUSTY,
-        delays_s=(0.0, 0.05, 0.1),
-        taus_s=(0.0, 0.1),
-        spacing_s=SLOW_PITCH_STREAM_S,
-        memory_s=SLOW_PART_PITCH_S,
-    ),
-    "yaw": Standards(
-        explained=EXPLAINED["yaw"],
-        error=GAIN_ERROR["yaw"],
-        scatter=SCORE_SCATTER["yaw"],
-        noise=GUSTY,
-        delays_s=(0.1, 0.2, 0.3),
-        taus_s=(0.0, 0.2),
-        spacing_s=SLOW_STREAM_S,
-        memory_s=SLOW_PART_S,
-    ),
+    axis: Standards(
+        explained=EXPLAINED[axis],
+        error=GAIN_ERROR[axis],
+        scatter=SCORE_SCATTER[axis],
+        noise=GUSTY[axis],
+        delays_s=DELAYS_S[axis],
+        taus_s=LAGS_S[axis],
+        spacing_s=SLOWEST_STREAM_S[axis],
+        memory_s=SLOW_PART_S[axis],
+    )
+    for axis in AXES
 }
 
 
@@ -212,12 +193,14 @@ def _constants(form: Form, speed: float, design: Array, answer: Array) -> Mappin
     if not whole:
         return {}
     without = []
+    # Residuals of neighbouring rows are alike: whole blocks are left out, not rows.
     for block in np.array_split(np.arange(len(answer)), CONSTANT_BLOCKS):
         beta = _fitted(np.delete(design, block, axis=0), np.delete(answer, block))
         without.append(form.kept(beta, speed))
     found = {}
     for fault, value in whole.items():
         parts = np.array([part[fault] for part in without])
+        # Variance of the delete-one-block jackknife.
         error = float(np.sqrt((CONSTANT_BLOCKS - 1) / CONSTANT_BLOCKS * ((parts - parts.mean()) ** 2).sum()))
         if np.isfinite(value) and np.isfinite(error):
             found[fault] = Constant(float(value), error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -30,33 +30,33 @@ class Shape(NamedTuple):
     tau_s: float
 
 
-class Form(Protocol):
+class Form:
     """A regression: the drive by the demand, the nuisances, and the aircraft's response."""
 
     axis: str
     nuisances: int
-    derivative: bool
-    """Whether the answer is the rate of change of ``answer``."""
+    derivative = False
+    """Whether the response is the rate of change of ``answer``."""
 
     def drive(self, demand: Array, relative: Array) -> Array:
-        """Return the moment of the lagged demand at a speed relative to the reference, (n,)."""
-        ...
+        """Return the moment of the lagged demand at a speed relative to the reference, (n,): v²·δ."""
+        return relative**2 * demand
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return the other contributions to the response, shape (n, nuisances)."""
-        ...
+        raise NotImplementedError
 
     def answer(self, rows: Rows) -> Array:
         """Return the aircraft's response, shape (n,)."""
-        ...
+        raise NotImplementedError
 
     def possible(self, others: Array) -> bool:
-        """Return whether an aircraft can have these coefficients of the other contributions."""
-        ...
+        """Return whether an aircraft can have these coefficients of the others."""
+        return True
 
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
-        """Return what the coefficients tell of the aircraft, by the fault that changes it."""
-        ...
+        """Return what the coefficients tell of the aircraft beside the gain, by the fault that changes it."""
+        return {}
 
 
 class Columns(NamedTuple):
@@ -89,7 +89,9 @@ def judgeable(rows: Rows, basis: Basis) -> Flags:
 
     Rates and speeds from other sources than the reference's are no measure of what is left of it.
     """
+    # Near the stall ailerons lose most of their effect without a fault.
     slow = rows.speed < LEAST_SPEED_SHARE * basis.speed
+    # The regressions are linear in the angles.
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
     gap = rows.spacing > LONGEST_SAMPLE_GAP_S
     good: Flags = rows.flying & rows.trusted & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
@@ -132,12 +134,14 @@ class Chain:
         relative = rows.speed / self._basis.speed
         lagged = np.stack([lag.feed(rows.demand(axis)) for axis, lag in self._lags.items()], axis=1)
         own = ("roll", "pitch", "yaw").index(form.axis)
+        # Only the axis's own servo is suspected to be slow.
         if self._extra:
             lagged[:, own] = self._slower.feed(lagged[:, own])
         late = self._demands.feed(lagged)[1 : n + 1]
         demands = dict(zip(self._lags, late.T, strict=True))
         drive = form.drive(demands[form.axis], relative)
         raw = np.column_stack([drive, form.others(rows, relative, demands), form.answer(rows)])
+        # The filters fill gaps of the demand; a filled demand is no evidence.
         known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
         joined = self._means.feed(raw * known[:, None])
         total = joined[1 : n + 2].copy()
@@ -147,18 +151,18 @@ class Chain:
         now, before = means[1:], means[:-1]
         answer = now[:, -1]
         if form.derivative:
+            # The difference of two means is half a row later than either: so are the other columns taken.
             answer = (now[:, -1] - before[:, -1]) * RATE_HZ
             now = (now + before) / 2
         good = judgeable(rows, self._basis) & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
         return Columns(now[:, 0], now[:, 1:-1], answer, good)
 
 
-class RollForm:
+class RollForm(Form):
     """``p = K·v·δ + b·v + c·r``: roll rate p, relative airspeed v, demand δ by the ailerons, yaw rate r."""
 
     axis = "roll"
     nuisances = 2
-    derivative = False
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return v·δ."""
@@ -172,25 +176,17 @@ class RollForm:
         """Return the roll rate."""
         return rows.roll_rate
 
-    def possible(self, others: Array) -> bool:
-        """Return True: no sign is certain."""
-        return True
-
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
         """Return the demand that keeps the wings level, −b/K."""
         return {"hard_over": -beta[1] / beta[0]}
 
 
-class PitchForm:
+class PitchForm(Form):
     """``q̇ = K·v²·δ + a·v² + b·v·q + c·n``: pitch rate q, load factor n for the angle of attack."""
 
     axis = "pitch"
     nuisances = 3
     derivative = True
-
-    def drive(self, demand: Array, relative: Array) -> Array:
-        """Return v²·δ."""
-        return relative**2 * demand
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v² for the trim, v·q for the damping, n for the stability."""
@@ -209,16 +205,11 @@ class PitchForm:
         return {"manoeuvre": abs(beta[0] / beta[3]) / speed**2}
 
 
-class YawForm:
+class YawForm(Form):
     """``a = K·v²·δ + …``: side force a, without the parts of aileron, trim, yaw rate, roll rate and bank."""
 
     axis = "yaw"
     nuisances = 5
-    derivative = False
-
-    def drive(self, demand: Array, relative: Array) -> Array:
-        """Return v²·δ."""
-        return relative**2 * demand
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v²·δ of the ailerons, v², v·r, v·p and sin φ."""
@@ -230,14 +221,6 @@ class YawForm:
     def answer(self, rows: Rows) -> Array:
         """Return the side force."""
         return rows.side_force
-
-    def possible(self, others: Array) -> bool:
-        """Return True: no sign is certain."""
-        return True
-
-    def kept(self, beta: Array, speed: float) -> dict[str, float]:
-        """Return nothing: beside the gain itself, no constant of yaw is known well enough."""
-        return {}
 
 
 FORMS: Final[Mapping[str, Form]] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}

@@ -90,6 +90,7 @@ class Residual:
         """Collect whole seconds for the reference; return the number of those that it needed."""
         usable = self._rows + good.reshape(-1, RATE_HZ).sum(axis=1).cumsum()
         complete = int(np.searchsorted(usable, RESIDUAL_REFERENCE_S * RATE_HZ))
+        # The reference ends with a whole second, so that it does not depend on the block.
         taken = min(complete + 1, len(usable))
         at = np.flatnonzero(good[: taken * RATE_HZ])
         self._design.append(design[at])
@@ -106,6 +107,7 @@ class Residual:
         weights = np.array([own / spread for spread in self._model.spreads]) * np.sqrt(RATE_HZ)
         x_wide = np.vstack([x, np.diag(weights)])
         self._beta = np.linalg.lstsq(x_wide, np.append(y, np.zeros(len(weights))), rcond=None)[0]
+        # A calm beginning would make every gust of the rest an alarm.
         self.deviation = max(float((y - x @ self._beta).std()), own)
         self.since_s = end_s
         self._design.clear()
@@ -118,6 +120,7 @@ class Residual:
         rms = self._model.kind == "rms"
         self._window.append((float((left * left if rms else left).sum()), int(good.sum())))
         total, count = np.array(self._window).sum(axis=0)
+        # After a gap three seconds must pass: the mean of fewer is a gust.
         if len(self._window) < SHIFT_S or count < SHIFT_S * LEAST_ROWS_PER_S:
             return Deviation(end_s, np.nan, np.nan)
         value = float(np.sqrt(total / count)) if rms else float(total / count)
@@ -149,6 +152,7 @@ class RollTracking:
         if rows.fresh:
             self._begin()
         expected = [rows.roll_demand, *(response.feed(rows.roll_demand) for response in self._responses)]
+        # Between the demanded and the expected angles the aircraft follows; it may be quicker than expected.
         answer = rows.roll - np.clip(rows.roll, np.fmin.reduce(expected), np.fmax.reduce(expected))
         good = rows.flying & np.isfinite(rows.roll_demand) & np.isfinite(answer)
         return np.ones((len(rows), 1)), answer, good
@@ -203,6 +207,7 @@ class PitchTracking:
         late = self._late.feed(self._demand.feed(rows.pitch_demand)[:, None])[: len(rows), 0]
         answer = rows.pitch - late
         own = self._own.feed(rows)
+        # A stall or a lost engine, not an elevator.
         sinking = (rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD) & (rows.speed < SLOW_FLIGHT_SHARE * own)
         good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer) & ~sinking
         turning = np.nan_to_num(np.sin(rows.roll)) ** 2

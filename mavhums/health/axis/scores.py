@@ -91,10 +91,12 @@ class Slowness:
         full
             The gain of the reference.
         """
+        # A single manoeuvre shows no lag.
         if len(seconds) < DOUBTFUL_S:
             return None, False
         drive2, cross, answer2 = np.sum(list(seconds), axis=0).T
         with np.errstate(divide="ignore", invalid="ignore"):
+            # Columns of the sums are drive², drive·response and response², rows the lags.
             gain = cross / drive2 / full
             share = np.nan_to_num(cross**2 / (drive2 * answer2))
         best = int(np.argmax(share))
@@ -102,6 +104,7 @@ class Slowness:
         later = better >= LAG_BETTER
         if later:
             self.lag = best
+        # With two limits a servo at the limit is not called slow and lost by turns.
         whole = LAG_GAIN_KEPT if self._is_slow else LAG_GAIN
         self._is_slow = later and (self._is_slow or better >= LAG_MUCH_BETTER) and bool(gain[best] >= whole)
         return (EXTRA_LAGS_S[best - 1] if self._is_slow else None), later

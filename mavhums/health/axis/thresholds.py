@@ -111,9 +111,9 @@ ROLL_PERSISTENT_S: Final = 3
 # Below, tracking limits are wider.
 SLOW_STREAM_S: Final = 0.42
 
-# The same for pitch, s: 10 Hz; slower samples miss most of the short period (docs/control.md: 4 % of the
-# seconds at 4 Hz could be judged, and the only false alarms came from there).
-SLOW_PITCH_STREAM_S: Final = 0.15
+# The same by axis, s. In pitch 10 Hz: slower samples miss most of the short period (docs/control.md: 4 % of
+# the seconds at 4 Hz could be judged, and the only false alarms came from there).
+SLOWEST_STREAM_S: Final = {"roll": SLOW_STREAM_S, "pitch": 0.15, "yaw": SLOW_STREAM_S}
 
 # Rate that a reason names for roll and yaw.
 NEEDED_HZ: Final = 3
@@ -178,18 +178,23 @@ DRIVEN_SHARE: Final = 0.5
 # Share of the last manoeuvre's drive below which the slow filter's tail dominates. Development.
 TAIL_SHARE: Final = 0.07
 
-# Largest unexplained response in roll: beyond it, gusts alone make the gain of ten healthy seconds scatter
-# by 14 % and more (docs/control.md).
-GUSTY_ROLL: Final = 0.1
+# Largest unexplained response: in roll beyond it, gusts alone make the gain of ten healthy seconds scatter by
+# 14 % and more (docs/control.md). Pitch and yaw: development.
+GUSTY: Final = {"roll": 0.1, "pitch": 0.5, "yaw": 0.5}
 
-# The same in pitch and yaw. Development.
-GUSTY: Final = 0.5
+# Memory of the filter that removes trim, s: longer ones keep phugoid and wind. In pitch a step of thrust or
+# speed changes the elevator's trim for good (docs/control.md).
+SLOW_PART_S: Final = {"roll": 8.0, "pitch": 2.0, "yaw": 8.0}
 
-# Memory of the filter that removes trim, s: longer ones keep phugoid and wind. Development.
-SLOW_PART_S: Final = 8.0
+# Delays of an axis's own response that are tried, s: whole rows of 0.05 s; each costs a fit. By hand.
+DELAYS_S: Final = {
+    "roll": (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
+    "pitch": (0.0, 0.05, 0.1),
+    "yaw": (0.1, 0.2, 0.3),
+}
 
-# The same in pitch, s: a step of thrust or speed changes the elevator's trim for good (docs/control.md).
-SLOW_PART_PITCH_S: Final = 2.0
+# Lags of an axis's own response that are tried, s: a third of the smallest additional lag apart. By hand.
+LAGS_S: Final = {"roll": (0.0, 0.1, 0.2), "pitch": (0.0, 0.1), "yaw": (0.0, 0.2)}
 
 # Share of the response that a reference must explain: below, the surfaces cannot be told from gusts and
 # each other (docs/control.md).

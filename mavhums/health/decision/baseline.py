@@ -27,7 +27,7 @@ from mavhums.health.decision.thresholds import (
     FALSE_ALARMS,
     LEAST_WINDOW_FREEDOM,
 )
-from mavhums.health.estimation.random_effects import population
+from mavhums.health.estimation.random_effects import population, satterthwaite
 from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, WINDOW_SLOTS
 from mavhums.report.assessment import Indicator, Interval
 
@@ -83,6 +83,7 @@ class Baseline:
 
         Ten are needed, or as many as the indicators say.
         """
+        # Axes ask for fewer flights than actuators, and say so themselves.
         needed = max((i.needed_flights for i in indicators if i.needed_flights), default=BASELINE_FLIGHTS)
         shown = [
             (i.value.estimate, i.windows, i.scatter)
@@ -93,6 +94,7 @@ class Baseline:
             return None
         values, windows, scatter = (np.array(column, dtype=np.float64) for column in zip(*shown, strict=True))
         errors = _errors(windows, scatter)
+        # A flight with an error of zero would outweigh all others.
         errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), 1e-12))
         natural = AXIS_SCATTER_SHARE.get(indicators[0].fault, NATURAL_SCATTER_SHARE)
         flights = population(np.ones((len(values), 1)), values, errors, natural)
@@ -145,14 +147,14 @@ class Shift(NamedTuple):
     since_s: float
 
 
-def held(decided: Condition, alarm: Shift | None) -> Condition:
+def condition_with_drift(decided: Condition, alarm: Shift | None) -> Condition:
     """Return what a quantity shows: what the limits decided, or at least that it left its baseline."""
     return "degraded" if alarm and SEVERITY[decided] < SEVERITY["degraded"] else decided
 
 
-def held_since(decided: Condition, since_s: float | None, alarm: Shift | None) -> float | None:
+def onset_with_drift(decided: Condition, since_s: float | None, alarm: Shift | None) -> float | None:
     """Return the flight time since which it does, the limits having decided at ``since_s``."""
-    condition = held(decided, alarm)
+    condition = condition_with_drift(decided, alarm)
     times = [since_s] if condition == decided else []
     times += [alarm.since_s] if alarm and condition == "degraded" else []
     return min((time for time in times if time is not None), default=None)
@@ -190,12 +192,13 @@ class Drift:
         self.baseline = baseline
         self.alarm: Shift | None = None
         self._two_sided = two_sided
+        # Half for the tests in flight, half for the finish; a two-sided test has two tails.
         self._tail = tail_of(false_alarms) / 2 / (2 if two_sided else 1)
-        self._windows: deque[_Window] = deque(maxlen=DRIFT_SPANS_WINDOWS[-1])
+        self._windows: deque[_SeparateWindow] = deque(maxlen=DRIFT_SPANS_WINDOWS[-1])
 
     def feed(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
         """Add a window that does not overlap the previous one; return the most significant shift."""
-        self._windows.append(_Window(value - self.baseline.mean, error, freedom, start_s))
+        self._windows.append(_SeparateWindow(value - self.baseline.mean, error, freedom, start_s))
         tail = self._tail / DRIFT_LOOKS
         shifts = [self._over(span, tail) for span in DRIFT_SPANS_WINDOWS if span <= len(self._windows)]
         return self._heed(max(shifts, key=lambda shift: shift.ratio))
@@ -206,9 +209,11 @@ class Drift:
         The more certain of the two counts; a window's error excludes errors that all flights share.
         """
         count = max(len(self._windows), 1)
+        # The finish has half of the allowed alarms for itself, over as many windows as the flight had.
         tail = self._tail * count
         whole = self._shift(value - self.baseline.mean, error**2, freedom, start_s, tail)
         together = self._over(count, tail) if self._windows else whole
+        # The more certain of the two; a window's error leaves out what all flights share.
         return self._heed(min(whole, together, key=lambda shift: shift.error))
 
     def _heed(self, shift: Shift) -> Shift:
@@ -221,6 +226,7 @@ class Drift:
         weights = 1.0 / np.maximum(errors, 1e-12) ** 2
         shift = float(weights @ values / weights.sum())
         scatter = float(weights @ (values - shift) ** 2 / max(span - 1, 1))
+        # By the windows' own scatter where it is larger than their errors promise.
         own = float(max(scatter, 1.0) / weights.sum())
         freedom = max(float(freedoms.max()), _FREEDOM * span)
         return self._shift(shift, own, freedom, float(starts_s[0]), tail)
@@ -229,20 +235,15 @@ class Drift:
         """Return a shift of known variance, relative to its threshold for this tail probability."""
         flight = self.baseline.flight_variance
         error = float(np.sqrt(own + flight))
-        freedom = _satterthwaite(own, own_freedom, flight, self.baseline.certainty)
+        freedom = satterthwaite(own, own_freedom, flight, self.baseline.certainty)
         size = abs(shift) if self._two_sided else shift
         return Shift(shift, error, size / (float(stdtrit(freedom, 1.0 - tail)) * error), since_s)
 
 
-class _Window(NamedTuple):
+class _SeparateWindow(NamedTuple):
     """A window's estimate minus the baseline, its standard error, degrees of freedom, and start."""
 
     value: float
     error: float
     freedom: float
     start_s: float
-
-
-def _satterthwaite(first: float, first_freedom: float, second: float, second_freedom: float) -> float:
-    """Return the degrees of freedom of a sum of two variances (F. E. Satterthwaite, 1946)."""
-    return (first + second) ** 2 / (first**2 / first_freedom + second**2 / second_freedom)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 _MOST_EPISODES = 100
 
 
-class Change(NamedTuple):
+class IndicatorChange(NamedTuple):
     """A change of an indicator's condition: the window k that brings it, and the onset."""
 
     window: int
@@ -47,16 +47,16 @@ class ConditionTracker:
     Examples
     --------
     >>> tracker = ConditionTracker()
-    >>> tracker.take("friction", Change(0, "normal", 0.0, "normal: …")).after
+    >>> tracker.take("friction", IndicatorChange(0, "normal", 0.0, "normal: …")).after
     'normal'
-    >>> tracker.take("backlash", Change(5, "degraded", 3.0, "degraded: …")).since_s
+    >>> tracker.take("backlash", IndicatorChange(5, "degraded", 3.0, "degraded: …")).since_s
     3.0
     >>> tracker.condition, tracker.worst
     ('degraded', 'degraded')
     """
 
     def __init__(self) -> None:
-        self.shown: dict[str, Change] = {}
+        self.shown: dict[str, IndicatorChange] = {}
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
         self.since_s: float | None = None
@@ -67,7 +67,7 @@ class ConditionTracker:
         """Whether the shaft is jammed, in which case no balance of torques or angles is valid."""
         return "jam" in self.shown and self.shown["jam"].condition == "emergency"
 
-    def take(self, fault: str, change: Change) -> ConditionChange | None:
+    def take(self, fault: str, change: IndicatorChange) -> ConditionChange | None:
         """Process a detector's change; return the resulting change of the actuator's condition, if any."""
         self.shown[fault] = change
         before, self.condition = self.condition, self._gravest()
@@ -75,12 +75,15 @@ class ConditionTracker:
             self.worst = self.condition
         if self.condition == before:
             return None
+        # Only the friction can make an actuator normal; any fault can make it worse.
+        deciding = {"friction"} if self.condition == "normal" else self.shown.keys()
         holding = [
             (c.since_s, name, c.rule)
             for name, c in self.shown.items()
-            if c.condition == self.condition and name in self._deciding()
+            if c.condition == self.condition and name in deciding
         ]
         since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
+        # Not before the last change: conditions follow each other in time.
         since_s = self._changed_s = max(since_s, self._changed_s)  # not before the last change
         self.since_s = None if self.condition == "undecided" else since_s
         return ConditionChange(since_s, before, self.condition, rule, why)
@@ -92,11 +95,8 @@ class ConditionTracker:
         )
         if SEVERITY[gravest] > SEVERITY["normal"]:
             return gravest
+        # Silence of the other detectors is not health: normal requires that the friction was judged.
         return self.shown["friction"].condition if "friction" in self.shown else "undecided"
-
-    def _deciding(self) -> Collection[str]:
-        """Return the faults that can cause the condition; only the friction can make it normal."""
-        return {"friction"} if self.condition == "normal" else self.shown.keys()
 
 
 @dataclass(slots=True)

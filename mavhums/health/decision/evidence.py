@@ -1,4 +1,4 @@
-"""Reasons for an actuator's condition, as text."""
+"""Reasons, evidence and suspects of a quantity, the same in flight and from a flight's record."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ from typing import Protocol
 from scipy.special import stdtr
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.decision.baseline import Baseline, Shift, held
+from mavhums.health.decision.baseline import Baseline, Shift, condition_with_drift
 from mavhums.health.decision.limits import Levels
 from mavhums.health.decision.records import Estimate
 from mavhums.health.decision.thresholds import SHOWN_SHIFT_FREEDOM
 from mavhums.report.assessment import Evidence, Suspect
 
 
-class Quantity(Protocol):
-    """The inputs of a rule: a quantity, its unit and its limits."""
+class Described(Protocol):
+    """A fault's indicator, as a detector or a record describes it."""
+
+    @property
+    def fault(self) -> str:
+        """Name of the fault."""
 
     @property
     def quantity(self) -> str:
@@ -30,48 +34,40 @@ class Quantity(Protocol):
     def levels(self) -> Levels:
         """Limits of the quantity."""
 
+    @property
+    def two_sided(self) -> bool:
+        """Whether the quantity is normal near zero, and not below a value."""
 
-def limit_rule(detector: Quantity, condition: Condition, false_alarms: float) -> str:
+
+def limit_rule(indicator: Described, condition: Condition, false_alarms: float) -> str:
     """Return the reason for a condition according to the limits."""
-    normal, emergency = (_value(detector, level) for level in detector.levels)
+    normal, emergency = (_value(indicator, level) for level in indicator.levels)
     sure = f"with {_alarms(false_alarms)}"
     return {
-        "normal": f"normal: {detector.quantity} not reliably above {normal}, {sure}",
-        "degraded": f"degraded: {detector.quantity} reliably above {normal}, {sure}",
-        "emergency": f"emergency: interval of {detector.quantity} reaches {emergency}, {sure}",
-        "undecided": f"undecided: no window shows {detector.quantity}",
+        "normal": f"normal: {indicator.quantity} not reliably above {normal}, {sure}",
+        "degraded": f"degraded: {indicator.quantity} reliably above {normal}, {sure}",
+        "emergency": f"emergency: interval of {indicator.quantity} reaches {emergency}, {sure}",
+        "undecided": f"undecided: no window shows {indicator.quantity}",
     }[condition]
 
 
-def drift_rule(detector: Quantity, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
+def drift_rule(indicator: Described, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
     """Return the reason for a condition according to the baseline: the shift from it."""
     return (
-        f"degraded: {detector.quantity} {_value(detector, shift.value, '+')} from its own baseline of "
-        f"{_value(detector, baseline.mean)} over {baseline.flights} flights, "
+        f"degraded: {indicator.quantity} {_value(indicator, shift.value, '+')} from its own baseline of "
+        f"{_value(indicator, baseline.mean)} over {baseline.flights} flights, "
         f"with {_alarms(false_alarms)}"
     )
 
 
-def _value(detector: Quantity, value: float | None, sign: str = "") -> str:
+def _value(indicator: Described, value: float | None, sign: str = "") -> str:
     if value is None:
         return "any limit"
-    return f"{value:{sign}.3g}" if detector.unit == "1" else f"{value:{sign}.3g} {detector.unit}"
+    return f"{value:{sign}.3g}" if indicator.unit == "1" else f"{value:{sign}.3g} {indicator.unit}"
 
 
 def _alarms(false_alarms: float) -> str:
     return f"≤ {false_alarms:g} false alarm{'' if false_alarms == 1 else 's'} per 100 h"
-
-
-class Described(Quantity, Protocol):
-    """A fault's indicator, as a detector or a record describes it."""
-
-    @property
-    def fault(self) -> str:
-        """Name of the fault."""
-
-    @property
-    def two_sided(self) -> bool:
-        """Whether the quantity is normal near zero, and not below a value."""
 
 
 def concludes(windows: int, friction_windows: int) -> bool:
@@ -103,13 +99,14 @@ def suspected(
     described: Described, decided: Condition, latest: Estimate | None, alarm: Shift | None
 ) -> Suspect | None:
     """Return the fault, with the probability that the quantity exceeds its limit or its baseline."""
-    if SEVERITY[held(decided, alarm)] < SEVERITY["degraded"] or latest is None:
+    if SEVERITY[condition_with_drift(decided, alarm)] < SEVERITY["degraded"] or latest is None:
         return None
     value, error, freedom = latest
     normal = described.levels.normal
     confidence = 0.0
     if SEVERITY[decided] > 0 and normal is not None:
         size = abs(value) if described.two_sided else value
+        # A jam has no error: it is proven or not.
         confidence = float(stdtr(freedom, (size - normal) / error)) if error else 1.0
     if alarm is not None:
         confidence = max(confidence, float(stdtr(SHOWN_SHIFT_FREEDOM, abs(alarm.value) / alarm.error)))

@@ -63,6 +63,7 @@ def shown_by(low: Array, high: Array, normal: float | Array, emergency: float | 
     >>> shown_by(np.array([0.36, 0.40, 0.80, 0.30]), np.array([0.44, 0.48, 0.90, 0.95]), 0.375, 0.875)
     array([ 0,  1,  2, -1])
     """
+    # An interval over both limits says nothing: -1.
     reached = high >= emergency
     severity = np.where(low > normal, np.where(reached, 2, 1), np.where(reached, -1, 0))
     return np.where(np.isnan(low) | np.isnan(normal), -1, severity)
@@ -101,6 +102,7 @@ class Decision:
 
         It decides if no run of windows did, or if it is a fault and the windows were normal.
         """
+        # The whole flight mends silence and finds faults; it never ends one.
         if shown < 0 or SEVERITY[self.condition] > 0 or _CONDITIONS[shown] == self.condition:
             return False
         self.condition, self.since_s = _CONDITIONS[shown], start_s
@@ -115,11 +117,14 @@ class Decision:
             return False
         if shown != self._candidate:
             self._candidate, self._run, self._sure = shown, 0, 0
+            # The first condition of a flight holds from the window's start; a change lies somewhere within
+            # it.
             throughout = self.condition == "undecided" or (self._proven and shown > 0)
             self._first_s = start_s if throughout else (start_s + end_s) / 2
         self._run += 1
         self._sure = self._sure + 1 if sure else 0
         after = _CONDITIONS[shown]
+        # A window that a fault lasted through needs no second one to begin, only to end.
         confirm = 1 if self._proven and shown > SEVERITY[self.condition] else CONFIRM_WINDOWS
         if after == self.condition or (self._sure < confirm and self._run < LASTING_WINDOWS):
             return False
@@ -134,7 +139,7 @@ class Levels(NamedTuple):
     emergency: float | None = None
 
 
-class Look(NamedTuple):
+class WindowEvaluation(NamedTuple):
     """Evaluation of one quantity in k windows; arrays of shape (k,).
 
     Attributes
@@ -175,17 +180,19 @@ class Panel:
         self._tails = tail_of(false_alarms) ** np.array([0.5, 1.0])[:, None]
         self._errors = PooledErrors()
 
-    def feed(self, estimates: Sequence[Estimates], windows: Flags) -> list[Look]:
+    def feed(self, estimates: Sequence[Estimates], windows: Flags) -> list[WindowEvaluation]:
         """Evaluate each detector's estimates in the selected windows, shape (k,)."""
         own = Estimates(*(np.array(arrays)[:, windows] for arrays in zip(*estimates, strict=True)))
         steadied = self._errors.feed(own)
         size = np.where(self._two_sided, np.abs(own.value), own.value)
         half = half_width(steadied, tail=self._tails)
         severity, surely = shown_by(size - half, size + half, self._normal, self._emergency)
+        # Normal claims nothing that the wide interval could deny.
         sure = (severity == SEVERITY["normal"]) | (surely > 0)
         printed = half_width(own, tail=TAIL_95)
         return [
-            Look(own.at(k), steadied.at(k), printed[k], severity[k], sure[k]) for k in range(len(estimates))
+            WindowEvaluation(own.at(k), steadied.at(k), printed[k], severity[k], sure[k])
+            for k in range(len(estimates))
         ]
 
 
@@ -206,11 +213,13 @@ class PooledErrors:
             return estimates
         squares = np.where(shown, estimates.error**2, 0.0)
         total = squares.copy()
+        # The running sums go on from the block before.
         total[..., :1] += self._sum
         total = total.cumsum(axis=-1)
         count = self._count + shown.cumsum(axis=-1)
         self._sum, self._count = total[..., -1:], count[..., -1:]
         freedom, error = estimates.freedom, estimates.error
+        # Windows slide by a slot: only each tenth one is independent.
         before = np.minimum(freedom * (count // WINDOW_SLOTS), MOST_POOLED_FREEDOM)
         pooled = (freedom * squares + before * total / np.maximum(count, 1)) / (freedom + before)
         return Estimates(estimates.value, np.maximum(error, np.sqrt(pooled)), freedom + before)

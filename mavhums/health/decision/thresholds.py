@@ -78,3 +78,6 @@ STEP_LIKELIHOOD_RATIO: Final = 20.0
 
 # Flights on either side of a step: one alone is an outlier.
 STEP_FLIGHTS: Final = 2
+
+# Least error of a flight, as a share of the largest: one with next to no error would be the line. By hand.
+LEAST_ERROR_SHARE: Final = 1e-3

@@ -36,6 +36,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import CENTRAL_95, NORMAL_99
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
+    LEAST_ERROR_SHARE,
     MOST_AUTOCORRELATION,
     OUTLIER_PROBABILITY,
     STEP_FLIGHTS,
@@ -80,7 +81,7 @@ class Trend:
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
+class _TrendLine:
     """Level at the last flight and slope, their covariance, and the factor that widened it."""
 
     level: float
@@ -119,10 +120,11 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
     """
     if len(values) < TREND_FLIGHTS:
         return None
-    errors = np.maximum(errors, max(1e-3 * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
+    errors = np.maximum(errors, max(LEAST_ERROR_SHARE * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     kept, line = _without_outliers(numbers, values, errors)
     t = float(stdtrit(line.freedom, CENTRAL_95))
     outlook = _outlook(line, emergency, t, TREND_REACH_SPANS * float(np.ptp(numbers)))
+    # Whether it is an outlier or the beginning of the end only the next flights tell.
     if not kept[-1]:
         outlook = "its last flight lies far off the line of the others; the next ones will tell"
     return Trend(
@@ -136,7 +138,7 @@ def fit_trend(numbers: Array, values: Array, errors: Array, emergency: float | N
     )
 
 
-def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Flags, _Line]:
+def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Flags, _TrendLine]:
     """Exclude outliers: repeatedly the flight farthest from the line of the others, up to one in ten."""
     kept = np.ones(len(values), dtype=np.bool_)
     line = _fit(numbers, values, errors, numbers[-1])
@@ -151,7 +153,7 @@ def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Fla
     return kept, line
 
 
-def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
+def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _TrendLine:
     design = np.column_stack([np.ones_like(numbers), numbers - last])
     between = variance_between(design, values, errors)
     weights = 1 / (errors**2 + between)
@@ -163,7 +165,7 @@ def _fit(numbers: Array, values: Array, errors: Array, last: float) -> _Line:
     free = np.clip(1 - leverage, 1e-9, None)
     others = (scale * freedom - residuals**2 / free) / (freedom - 1)
     deleted = residuals / np.sqrt(free * np.maximum(others, 1e-12 * scale + 1e-24))
-    return _Line(
+    return _TrendLine(
         level=float(coefficients[0]),
         slope=float(coefficients[1]),
         covariance=widening * scale * inverse,
@@ -179,15 +181,17 @@ def _widening(residuals: Array) -> float:
     """Return the variance inflation from correlated neighbouring flights; 1 if they are uncorrelated."""
     total = float(residuals @ residuals)
     alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
+    # Neighbours that differ more than by chance do not make the line more certain.
     alike = min(max(alike, 0.0), MOST_AUTOCORRELATION)
     return (1 + alike) / (1 - alike)
 
 
-def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> Interval | str:
+def _outlook(line: _TrendLine, emergency: float | None, t: float, reach: float) -> Interval | str:
     """Return the remaining useful life in flights, or the reason why it is not known."""
     if emergency is not None and line.level >= emergency:
         return "the emergency limit is reached"
     slope_error = float(stdtrit(line.freedom, TREND_CONFIDENCE)) * sqrt(line.covariance[1, 1])
+    # Without the widening: a course that is no line is named as such, and not called flat.
     grows = line.slope > slope_error / sqrt(line.widening)
     if grows and line.departure:
         return f"{line.departure}, so a straight line does not extrapolate"
@@ -202,10 +206,11 @@ def _outlook(line: _Line, emergency: float | None, t: float, reach: float) -> In
     return left
 
 
-def _flights_left(line: _Line, limit: float, t: float) -> Interval:
+def _flights_left(line: _TrendLine, limit: float, t: float) -> Interval:
     """Return Fieller's interval, the roots of (level + slope·x − limit)² = t²·variance of the line at x."""
     missing = limit - line.level
     (v_level, v_both), (_, v_slope) = line.covariance * t**2
+    # Positive, because the slope is significant: the interval is bounded.
     square = line.slope**2 - v_slope
     linear = -line.slope * missing - v_both
     constant = missing**2 - v_level
@@ -241,6 +246,7 @@ def departure(numbers: Array, values: Array, weights: Array) -> str | None:
     at = (numbers - numbers.mean()) / np.ptp(numbers)
     line = _residuals(at, values, root, 1)
     squares = float(line @ line)
+    # Sums of squares compare as likelihoods to the power of 2/n.
     if _best_step(values, weights) < squares * STEP_LIKELIHOOD_RATIO ** (-2 / len(values)):
         return "it changed in one step"
     curve = _residuals(at, values, root, 2)

@@ -67,6 +67,7 @@ class Fits:
 
     def _add(self, row: Array) -> None:
         if self._slots == _GROUPS * self._of_group:
+            # Full: neighbours are joined, so that memory stays the same for any length of flight.
             self._groups[: _GROUPS // 2] = self._groups[::2] + self._groups[1::2]
             self._groups[_GROUPS // 2 :] = 0.0
             self._of_group *= 2

@@ -13,11 +13,11 @@ from mavhums.core.quantities import column
 from mavhums.core.statistics import AIR_DENSITY
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import POWER
-from mavhums.health.estimation.grams import Groups, eliminated, full, packed
-from mavhums.health.estimation.least_squares import row_length, sums_of_slots
+from mavhums.health.estimation.grams import Groups, eliminated, packed
+from mavhums.health.estimation.least_squares import sums_of_slots
 from mavhums.health.estimation.motion import lasting
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
-from mavhums.health.estimation.thresholds import LONGEST_GAP_PERIODS, LONGEST_INTEGRATED_STEP_S, WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import LONGEST_GAP_PERIODS, LONGEST_INTEGRATED_STEP_S
 from mavhums.report.assessment import OwnRecord
 
 KEPT = ("sign", "speed", "acceleration", "load", "angle", "left")
@@ -54,27 +54,23 @@ class OwnSums:
     def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
         self._equation, self._actuator = equation, actuator
         self._turned = AngleIntegrator()
-        self._window: int | None = None
-        self._row = np.zeros(row_length(self.width))
-        self._groups = Groups(self.joined)
+        self._groups = Groups(self.width, self.in_window, self.joined)
         self._span, self._samples = 0.0, 0
         self._pressure = False
 
     def feed(self, slots: Slots) -> None:
         """Process the samples of several slots."""
-        told = terms(self._equation, self._actuator, slots, self._turned)
-        if told is None:
+        found = terms(self._equation, self._actuator, slots, self._turned)
+        if found is None:
             return
         time_s = slots.time_s[slots.judged]
-        seen = np.isfinite(told.y) & np.isfinite(told.X[:, 1])
-        told = self.expanded(told)
-        rows = sums_of_slots(told.X, told.y, told.usable, slots.start)
+        # Rate and duration are those of the evidence, not of the log.
+        seen = np.isfinite(found.y) & np.isfinite(found.X[:, 1])
+        found = self.expanded(found)
+        rows = sums_of_slots(found.X, found.y, found.usable, slots.start)
         ends = np.append(slots.start[1:], time_s.size)
-        for k, index in enumerate(slots.index.tolist()):
-            if index // WINDOW_SLOTS != self._window:
-                self._close()
-                self._window = index // WINDOW_SLOTS
-            self._row += rows[k]
+        self._groups.feed(slots.index, rows)
+        for k in range(len(rows)):
             times = time_s[slots.start[k] : ends[k]][seen[slots.start[k] : ends[k]]]
             if times.size > 1:
                 self._span += float(times[-1] - times[0])
@@ -82,10 +78,7 @@ class OwnSums:
 
     def record(self) -> OwnRecord | None:
         """Return the record of the flight so far; None if it has no evidence for this equation."""
-        groups = [*self._groups.parts]
-        last = self._last()
-        if last is not None:
-            groups.append(last)
+        groups = self._groups.parts()
         if not groups or self._span <= 0.0 or self.rate_hz < self._equation.min_rate_hz:
             return None
         return OwnRecord(
@@ -111,13 +104,14 @@ class OwnSums:
         """Rate of the samples that carry the left side."""
         return self._samples / self._span if self._span > 0.0 else 0.0
 
-    def expanded(self, told: Terms) -> Terms:
+    def expanded(self, found: Terms) -> Terms:
         """Return the terms whose products are summed."""
-        return told
+        return found
 
     def in_window(self, gram: Array) -> Array:
         """Return a window's sums without its own offset."""
         self._pressure |= bool(gram[PRESSURE, PRESSURE] > 0.0)
+        # An integrated angle has an unknown zero: its load is a multiple of the pressure.
         free = [ONE] if self._turned.source == "V3" else [ONE, PRESSURE]
         return eliminated(gram, free)[np.ix_(_COLUMNS, _COLUMNS)]
 
@@ -129,19 +123,6 @@ class OwnSums:
         """Return the measurement set-up as text; only flights with the same set-up are compared."""
         angle = self._turned.source or "speed"
         return f"angle from {angle}, {'airspeed' if self._pressure else 'no airspeed'}"
-
-    def _close(self) -> None:
-        """End a window."""
-        last = self._last()
-        if last is not None:
-            self._groups.add(*last)
-        self._row[:] = 0.0
-
-    def _last(self) -> tuple[int, Array] | None:
-        """Return the sums of the open window, without its own offset."""
-        if self._row[0] < 1.0:
-            return None
-        return int(self._row[0]), self.in_window(full(self._row, self.width))
 
 
 class Terms(NamedTuple):
@@ -193,6 +174,7 @@ class AngleIntegrator:
             return np.where(measured, np.radians(shaft_deg), np.nan)
         speed = np.nan_to_num(rad_s)
         before_s = time_s[0] if np.isnan(self._time_s) else self._time_s
+        # A pause of the telemetry is no travel.
         step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, LONGEST_INTEGRATED_STEP_S)
         around = (speed + np.concatenate([[self._rad_s], speed[:-1]])) / 2
         angle: Array = np.concatenate([[self._angle], step_s * around]).cumsum()[1:]
@@ -220,6 +202,7 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Angle
     acceleration[1:-1] = (speed.rad_s[2:] - speed.rad_s[:-2]) / span[1:-1]
     longest_s = 1.0 / equation.min_rate_hz
     moving = lasting(time_s, speed.rad_s, speed.moving_rad_s, LONGEST_GAP_PERIODS * longest_s)
+    # Central differences span two samples.
     moving &= span < 2 * LONGEST_GAP_PERIODS * longest_s
     values = slots.values
     angle = turned.feed(slots, speed.rad_s[own])
@@ -256,14 +239,15 @@ class PowerSums(OwnSums):
             return gap
         return f"the {self._equation.quantity} needs the airspeed, and the log has none"
 
-    def expanded(self, told: Terms) -> Terms:
+    def expanded(self, found: Terms) -> Terms:
         """Return the products of the torque's terms at the samples with a known airspeed."""
-        factors = told.X[:, [0, 1, 2, LOAD]]
-        known = told.X[:, PRESSURE] > 0.0
+        factors = found.X[:, [0, 1, 2, LOAD]]
+        known = found.X[:, PRESSURE] > 0.0
+        # Without an airspeed no load is known, and no law of the power.
         self._pressure |= bool(known.any())
         products = factors[:, _FIRST] * factors[:, _SECOND]
         X = np.concatenate([factors, products, np.ones((len(factors), 1))], axis=1)
-        return Terms(np.ascontiguousarray(X), told.y, told.usable & known)
+        return Terms(np.ascontiguousarray(X), found.y, found.usable & known)
 
     def in_window(self, gram: Array) -> Array:
         """Return a window's sums without its own P₀."""

@@ -8,6 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from mavhums.core.arrays import Array, Integers
+from mavhums.health.estimation.least_squares import row_length
+from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 
 _NOTHING = 1e-10
 _ROUNDING = 1e-11
@@ -36,6 +38,7 @@ def eliminated(gram: Array, columns: Sequence[int]) -> Array:
     gram, least = gram.copy(), np.maximum(_ROUNDING * np.diag(gram), _NOTHING)
     for k in columns:
         pivot = gram[k, k]
+        # A column that others explain leaves rounding errors, not information.
         if pivot > least[k]:
             gram -= np.outer(gram[:, k], gram[k]) / pivot
         gram[k, :] = 0.0
@@ -63,44 +66,65 @@ def _upper(size: int) -> tuple[Integers, Integers]:
 
 
 class Groups:
-    """Collects the sums of windows.
+    """Collects the sums of a flight: of slots in windows, of windows in up to sixteen parts of equal length.
 
     Parameters
     ----------
+    terms
+        Number of terms p of the rows of :mod:`~.least_squares`.
+    in_window
+        Returns the sums of a window that are kept, of its whole Gram matrix.
     joined
         Applied to the sums of a window before they are added to another's.
 
-    Attributes
-    ----------
-    parts
-        Number of samples and sums of each part, in time order.
-
     Examples
     --------
-    >>> groups = Groups()
-    >>> for _ in range(40):
-    ...     groups.add(10, np.ones((1, 1)))
-    >>> [count for count, _ in groups.parts]
-    [40, 40, 40, 40, 40, 40, 40, 40, 40, 40]
+    >>> groups = Groups(1, np.asarray)
+    >>> groups.feed(np.arange(0, 400, 10), np.full((40, row_length(1)), 10.0))
+    >>> [count for count, _ in groups.parts()]
+    [40, 40, 40, 40, 40, 40, 40, 40, 40, 30, 10]
     """
 
-    def __init__(self, joined: Callable[[Array], Array] = np.asarray) -> None:
-        self._joined = joined
-        self.parts: list[tuple[int, Array]] = []
+    def __init__(
+        self, terms: int, in_window: Callable[[Array], Array], joined: Callable[[Array], Array] = np.asarray
+    ) -> None:
+        self._terms, self._in_window, self._joined = terms, in_window, joined
+        self._row = np.zeros(row_length(terms))
+        self._window: int | None = None
+        self._closed: list[tuple[int, Array]] = []
         self._of_part, self._in_part = 1, 0
 
-    def add(self, count: int, sums: Array) -> None:
-        """Add one window's number of samples, and its sums."""
+    def feed(self, index: Integers, rows: Array) -> None:
+        """Add slots by their numbers, shape (k,), and their rows of sums, shape (k, m)."""
+        for row, window in zip(rows, (index // WINDOW_SLOTS).tolist(), strict=True):
+            if window != self._window:
+                for part in self._open():
+                    self._add(part)
+                self._row[:] = 0.0
+                self._window = window
+            self._row += row
+
+    def parts(self) -> list[tuple[int, Array]]:
+        """Return number of samples and sums of each part, in time order; the open window comes last."""
+        return [*self._closed, *self._open()]
+
+    def _open(self) -> list[tuple[int, Array]]:
+        if self._row[0] < 1.0:
+            return []
+        return [(int(self._row[0]), self._in_window(full(self._row, self._terms)))]
+
+    def _add(self, window: tuple[int, Array]) -> None:
         if self._in_part == self._of_part:
             self._in_part = 0
-            if len(self.parts) == _MOST:
-                pairs = zip(self.parts[::2], self.parts[1::2], strict=True)
-                self.parts = [self._sum(first, second) for first, second in pairs]
+            if len(self._closed) == _MOST:
+                # Full: neighbours are joined, so that memory stays the same for any length of flight.
+                pairs = zip(self._closed[::2], self._closed[1::2], strict=True)
+                self._closed = [self._sum(first, second) for first, second in pairs]
                 self._of_part *= 2
         if self._in_part == 0:
-            self.parts.append((count, sums))
+            self._closed.append(window)
         else:
-            self.parts[-1] = self._sum(self.parts[-1], (count, sums))
+            self._closed[-1] = self._sum(self._closed[-1], window)
         self._in_part += 1
 
     def _sum(self, one: tuple[int, Array], other: tuple[int, Array]) -> tuple[int, Array]:

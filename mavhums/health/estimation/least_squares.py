@@ -104,6 +104,7 @@ def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Arr
         variance[w] = max((total[1] - explained) / max(total[0] - p, 1.0), 1e-12)
 
         for j in range(p):
+            # A prior counts as samples do: by the residuals' variance over its own.
             weights[j] = variance[w] / (deviation[j] * deviation[j])
         _posterior(total, weights, mean, factor, coefficients[w])
         inverse[w] = 0.0
@@ -119,6 +120,7 @@ def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Arr
                 for j in range(p):
                     errors[w, j] += (without[j] - coefficients[w, j]) ** 2
         for j in range(p):
+            # Never less than the error for independent residuals: few slots can agree by chance.
             jackknife = errors[w, j] * (filled - 1) / max(filled, 1)
             errors[w, j] = sqrt(max(jackknife, variance[w] * inverse[w, j, j]))
     return coefficients, errors, variance, inverse
@@ -134,6 +136,7 @@ def _posterior(total: Array, weights: Array, mean: Array, factor: Array, out: Ar
             factor[k, j] = total[column]
             column += 1
         square = factor[j, j]
+        # A term that no sample shows would make the matrix singular.
         ridge = weights[j] + _WEAK * (square + (1.0 if weights[j] == 0.0 else 0.0))
         factor[j, j] += ridge
         out[j] = total[2 + j] + ridge * mean[j]
@@ -244,6 +247,7 @@ class Fit:
         """
         p = self._prior.mean.size
         first, last = sorted((self._places[term], self._places[constant]))
+        # The entry (first, last) of the upper triangle, which is stored row by row.
         balance = self._sums[:, :, 2 + p + first * p - first * (first - 1) // 2 + last - first]
         count = self._sums[:, :, 0]
         slots = [np.count_nonzero(count + signed > 0.5, axis=1) for signed in (balance, -balance)]
@@ -261,6 +265,7 @@ class Fit:
         """
         coefficients, errors, variance, inverse = self._solution
         noise, place = self._places[noisy], self._places[term]
+        # The sign is kept, and a coefficient near zero must not divide.
         own = np.copysign(np.maximum(np.abs(coefficients[:, noise]), _LEAST), coefficients[:, noise])
         most = self.count * variance * own / np.maximum(np.abs(own), healthy) ** 2 * inverse[:, place, noise]
         std_error = np.hypot(errors[:, place], uniform_deviation(most))

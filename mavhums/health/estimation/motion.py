@@ -67,6 +67,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     acceleration[1:-1] = (speed[2:] - speed[:-2]) / span[1:-1]
     around[1:-1] = (speed[2:] + speed[:-2]) / 2
     longest_s = LONGEST_GAP_PERIODS / actuator.min_rate_hz
+    # At a low rate differences over a gap are no acceleration.
     moving = lasting(time_s, rev_min, actuator.moving_speed_rev_min, longest_s) & (span < longest_s)
     own = slots.judged
     values = slots.values[own]
@@ -102,6 +103,7 @@ def lasting(time_s: Array, speed: Array, moving_speed: float, longest_gap_s: flo
     run = np.searchsorted(turns, np.arange(time_s.size))
     begin = time_s[np.concatenate([[0], turns + 1])[run]]
     end = time_s[np.concatenate([turns, [time_s.size - 1]])[run]]
+    # A single fast sample between slow ones is noise of the sensor.
     fast[1:-1] &= fast[2:] & fast[:-2]
     lasts: Flags = (time_s - begin >= _LASTING_S) & (end - time_s >= _LASTING_S)
     return fast & lasts
@@ -141,6 +143,7 @@ def _moving(actuator: Actuator, slots: Slots, moved: Motion) -> Array:
     carried = 2 * has >= slots.sums(seen[:, None].astype(np.float64))
     own = np.repeat(carried, slots.count(), axis=0)
     counts = seen & (finite | ~own).all(axis=1)
+    # Products of a quantity that the slot lacks are NaN below, whatever stands here.
     used = np.where(counts[:, None], np.where(finite & own, moments, 0.0), 0.0)
     sums = slots.sums(products(used))
     return np.where(products(np.where(carried, 1.0, np.nan)) == 1.0, sums, np.nan)
@@ -151,6 +154,7 @@ def _all(actuator: Actuator, slots: Slots) -> Array:
     own, time_s, values = slots.judged, slots.time_s, slots.values
     ratio = actuator.known_ema().gear_ratio
     step_s = np.diff(time_s, prepend=time_s[0])
+    # Over a gap in the log no path is known.
     whole = (step_s > 0) & (step_s < LONGEST_GAP_PERIODS / actuator.min_rate_hz)
     commanded = np.abs(np.diff(values[:, _V1], prepend=values[0, _V1]))
     flown = np.abs(values[:, _V7]) * (DEGREES_S_PER_REV_MIN / ratio) * step_s

@@ -19,14 +19,13 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
 from mavhums.core.statistics import CENTRAL_95, NORMAL_95, RAD_S_PER_REV_MIN, uniform_deviation
-from mavhums.health.estimation.grams import Groups, eliminated, full, packed, unpacked
-from mavhums.health.estimation.least_squares import row_length, sums_of_slots
+from mavhums.health.estimation.grams import Groups, eliminated, packed, unpacked
+from mavhums.health.estimation.least_squares import sums_of_slots
 from mavhums.health.estimation.slots import Slots
 from mavhums.health.estimation.thresholds import (
     LEAST_PARTS,
     MOST_COLUMN_CORRELATION,
     PEAK_EXCEEDED_SHARE,
-    WINDOW_SLOTS,
 )
 from mavhums.report.assessment import Interval, OwnRecord
 
@@ -53,9 +52,7 @@ class VoltageSums:
         self._motor_side = actuator.esc_side == "motor"
         self._supply_v = actuator.known_supply_v
         self._peak_a, self._peak_v = Peak(), Peak()
-        self._groups = Groups()
-        self._row = np.zeros(row_length(_TERMS))
-        self._window: int | None = None
+        self._groups = Groups(_TERMS, _without_offset)
         self._first_s = self._last_s = np.nan
         self._samples = 0
 
@@ -65,6 +62,7 @@ class VoltageSums:
         volts, current = np.ascontiguousarray(values[:, _V4]), values[:, _V5]
         terms = (current, values[:, _V7] * RAD_S_PER_REV_MIN, np.sign(current), np.ones(len(current)))
         X = np.stack(terms, axis=1)
+        # At the bus V4 and V5 are not the motor's.
         usable = np.isfinite(X).all(axis=1) & np.isfinite(volts) & self._motor_side
         if not usable.any():
             return
@@ -74,12 +72,7 @@ class VoltageSums:
         self._samples += used_s.size
         self._first_s = float(np.nanmin([self._first_s, used_s[0]]))
         self._last_s = float(used_s[-1])
-        rows = sums_of_slots(X, volts, usable, slots.start)
-        for row, index in zip(rows, slots.index.tolist(), strict=True):
-            if index // WINDOW_SLOTS != self._window:
-                self._close()
-                self._window = index // WINDOW_SLOTS
-            self._row += row
+        self._groups.feed(slots.index, sums_of_slots(X, volts, usable, slots.start))
 
     @property
     def gap(self) -> None:
@@ -88,7 +81,7 @@ class VoltageSums:
 
     def record(self) -> OwnRecord | None:
         """Return the record of the flight so far; None if it has no evidence for the equation."""
-        groups = [*self._groups.parts, *self._open()]
+        groups = self._groups.parts()
         duration_s = self._last_s - self._first_s
         if not groups or not duration_s > 0.0:
             return None
@@ -103,18 +96,11 @@ class VoltageSums:
             groups=tuple((float(count), *packed(gram)) for count, gram in groups),
         )
 
-    def _close(self) -> None:
-        for part in self._open():
-            self._groups.add(*part)
-        self._row[:] = 0.0
 
-    def _open(self) -> list[tuple[int, Array]]:
-        """Return the sums of the open window, without its own offset."""
-        if self._row[0] < 1.0:
-            return []
-        gram = eliminated(full(self._row, _TERMS), _LEFT_OUT)
-        kept = [0, 1, 2, _TERMS]
-        return [(int(self._row[0]), gram[np.ix_(kept, kept)])]
+def _without_offset(gram: Array) -> Array:
+    """Return a window's sums without its own offset, the fourth term."""
+    kept = [0, 1, 2, _TERMS]
+    return eliminated(gram, _LEFT_OUT)[np.ix_(kept, kept)]
 
 
 class Peak:
@@ -212,12 +198,14 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
     spread = np.array(others) - np.mean(others, axis=0)
     error = np.sqrt((spread**2).sum(axis=0) * (count - 1) / count)
     noise = _attenuation(total, value)
+    # What is true lies between the least squares of the voltage and of the current: the middle is taken.
     value = value + noise / 2.0
     half = stdtrit(count - 1, CENTRAL_95) * np.hypot(error, uniform_deviation(noise))
     resistance, back_emf, drop = (
         Interval(estimate=float(f"{v:.6g}"), low=float(f"{v - h:.6g}"), high=float(f"{v + h:.6g}"))
         for v, h in zip(value, half, strict=True)
     )
+    # No motor has less than nothing: the flights do not determine it.
     if resistance.low <= 0.0 or back_emf.low <= 0.0:
         return None
     return Identified(resistance, back_emf, drop, len(own))
@@ -236,6 +224,7 @@ def _solved(gram: Array) -> Array | None:
     if not (scale > 0.0).all():
         return None
     alike = normal / np.outer(scale, scale)
+    # Current, speed and drop that always go together cannot be separated.
     if np.abs(np.triu(alike, 1)).max() > MOST_COLUMN_CORRELATION:
         return None
     solved: Array = np.linalg.solve(alike, right / scale) / scale

@@ -8,6 +8,7 @@ R. C. Paule and J. Mandel (1982), Journal of Research of the National Bureau of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
@@ -67,11 +68,14 @@ def population(
     freedom = len(values) - p
     natural = (natural_scatter * float(first[0])) ** 2
     pooled = (NATURAL_SCATTER_FREEDOM * natural + freedom * own) / (NATURAL_SCATTER_FREEDOM + freedom)
+    # A few flights may agree by chance, but real actuators differ from day to day.
     between = max(own, pooled)
     weights = 1.0 / (errors**2 + between)
     coefficients, residuals, inverse = weighted(design, values, weights)
+    # Never less than the stated errors.
     scale = max(float(residuals @ residuals) / freedom, 1.0)
     effective = float(weights.sum() ** 2 / (weights**2).sum()) - p
+    # Where the prior decides, it brings its own certainty.
     trusted = NATURAL_SCATTER_FREEDOM if pooled > own else 0.0
     return Population(coefficients, scale * inverse, float(np.sqrt(between)), max(effective, 1.0) + trusted)
 
@@ -109,8 +113,48 @@ def variance_between(design: Array, values: Array, errors: Array) -> float:
         residuals = weighted(design, values, 1 / (errors**2 + variance))[1]
         return float(residuals @ residuals - freedom)
 
+    # The errors alone explain the scatter.
     if excess(0.0) <= 0:
         return 0.0
     plain = weighted(design, values, np.ones_like(values))[1]
     enough = 2 * float(plain @ plain) / freedom
     return float(brentq(excess, 0.0, enough, xtol=1e-9 * enough, rtol=1e-6))
+
+
+def satterthwaite(first: float, first_freedom: float, second: float, second_freedom: float) -> float:
+    """Return the degrees of freedom of a sum of two variances (F. E. Satterthwaite, 1946)."""
+    return (first + second) ** 2 / (first**2 / first_freedom + second**2 / second_freedom)
+
+
+class RunningVariance:
+    """Count, mean and variance of numbers that come one by one (B. P. Welford, Technometrics 4, 1962).
+
+    Examples
+    --------
+    >>> variance = RunningVariance()
+    >>> for number in (1.0, 2.0, 3.0):
+    ...     variance.add(number)
+    >>> variance.count, variance.deviation
+    (3, 1.0)
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.mean = self._squares = 0.0
+
+    def add(self, number: float) -> None:
+        """Add a number."""
+        self.count += 1
+        before = number - self.mean
+        self.mean += before / self.count
+        self._squares += before * (number - self.mean)
+
+    @property
+    def variance(self) -> float:
+        """Variance; 0 for fewer than two numbers."""
+        return self._squares / (self.count - 1) if self.count > 1 else 0.0
+
+    @property
+    def deviation(self) -> float | None:
+        """Standard deviation; None for fewer than two numbers."""
+        return sqrt(self.variance) if self.count > 1 else None

@@ -36,7 +36,7 @@ class Slots:
     judged
         Mask of the samples that belong to the slots; the others are neighbours.
     time_s, values
-        Shapes (n,) and (n, ``COLUMNS``), increasing in time; the columns are those of :func:`widen`.
+        Shapes (n,) and (n, ``COLUMNS``), increasing in time; columns of :func:`with_extra_columns`.
     """
 
     index: Integers
@@ -55,7 +55,7 @@ class Slots:
         return np.diff(self.start, append=self.judged.stop - self.judged.start)
 
 
-def widen(
+def with_extra_columns(
     values: Array,
     measured: Flags | None = None,
     bus_v: Array | None = None,
@@ -97,7 +97,9 @@ def widen(
         wide[:, SENSED] = measured[:, _V3]
         wide[:, APART] = measured[:, _V2] & measured[:, _V3]
         wide[:, TURNED] = measured[:, _V10] & ~measured[:, _V7]
+        # An angle that is integrated from a speed whose sign follows the command would always follow it.
         wide[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan
+    # Not of NaN either: the comparison is False there.
     wide[~(np.abs(wide) < MOST_PLAUSIBLE)] = np.nan
     return wide
 
@@ -161,6 +163,7 @@ class SlotCutter:
         if not self._times:
             return None
         time_s, values = _joined(self._times), _joined(self._values)
+        # Sorting costs more than all else here, and most logs are in order.
         if not (time_s[1:] > time_s[:-1]).all():
             time_s, first = np.unique(time_s, return_index=True)
             values = values[first]
@@ -179,6 +182,7 @@ class SlotCutter:
         start = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
         next_s = time_s[ready] if ready < time_s.size else np.inf
         keep = int(np.searchsorted(whole_t, next_s - GUARD_S, side="right")) - 1
+        # One sample more on the left: central differences need a neighbour.
         keep = max(min(keep, lead + ready - 1) - 1, 0)
         self._before = whole_t[keep : lead + ready], whole_v[keep : lead + ready]
         return Slots(slots[start], start, slice(lead, lead + ready), whole_t, whole_v)

@@ -88,6 +88,7 @@ def _learned_linear(records: Sequence[OwnRecord]) -> Nuisances | None:
         gram = eliminated(grams.sum(axis=0), [_SIGN, *free])
         left = eliminated(gram, held)[_LEFT, _LEFT]
         freedom = counts.sum() - len(counts) - len(held) - 1
+        # Each flight by the inverse variance of its residuals: gusts disturb the balance.
         if freedom > 0 and left > 0.0:
             total += gram * freedom / left
     normal = total[np.ix_(held, held)]
@@ -117,10 +118,12 @@ def _linear_wear(record: OwnRecord, nuisances: Nuisances | None) -> Wear | None:
     information = whole[_SIGN, _SIGN]
     value = whole[_SIGN, _LEFT] / information
     without = [eliminated(total - gram, free) for gram in grams]
+    # Without one part nothing would be left: the jackknife has no value there.
     if min(rest[_SIGN, _SIGN] for rest in without) <= 1e-9 * total[_SIGN, _SIGN]:
         return None
     others = np.array([rest[_SIGN, _LEFT] / rest[_SIGN, _SIGN] for rest in without])
     shares = grams[:, _SIGN, _SIGN]
+    # Parts differ in length: so many of equal length are worth the same.
     effective = float(shares.sum() ** 2 / (shares**2).sum())
     jackknife = float(((others - others.mean()) ** 2).sum()) * (len(grams) - 1) / len(grams)
     residual = max(float(whole[_LEFT, _LEFT] - value**2 * information), 0.0)
@@ -248,6 +251,7 @@ def _friction(counts: Array, grams: Array, law: Law) -> _PowerFit | None:
             return None
         value = float(weights @ pull) / float(weights @ information)
         residual = squares - 2.0 * value * pull + value**2 * information
+        # Parts count by the inverse variance of their residuals; none counts without end.
         weights = counts / np.maximum(residual, 1e-9 * squares.max() + 1e-300)
     value = float(weights @ pull) / float(weights @ information)
     return _PowerFit(value, weights, information, pull) if np.isfinite(value) else None
@@ -263,6 +267,7 @@ def _law(total: Array, friction: float) -> Law | None:
     alike = normal / np.outer(scale, scale)
     quadratic: Array = np.linalg.lstsq(alike, total[terms, _POWER] / scale, rcond=1e-9)[0] / scale
     load_alone = 1.0 / float(np.linalg.pinv(alike, rcond=1e-9)[_C, _C]) ** 0.5 * float(scale[_C])
+    # The law's ratios divide by this coefficient.
     sure = abs(float(quadratic[_C])) * load_alone > LOAD_SHOWS_ERRORS
     return Law(quadratic, friction) if sure else None
 
@@ -280,6 +285,7 @@ def _along(grams: Array, direction: Array) -> Array:
     """Return Gram matrices, shape (k, 14, 14), after a regression on one combination of columns."""
     product = grams @ direction
     size = product @ direction
+    # Nothing of this combination is in the sums: rounding errors must not be divided by it.
     small = size <= 1e-9 * np.abs(direction**2 @ np.diagonal(grams, axis1=1, axis2=2).T)
     share = np.where(small, 0.0, 1.0 / np.where(small, 1.0, size))
     rest: Array = grams - share[:, None, None] * product[:, :, None] * product[:, None, :]

@@ -17,7 +17,7 @@ from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT
-from mavhums.health.estimation.random_effects import Population, population
+from mavhums.health.estimation.random_effects import Population, population, satterthwaite
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.estimation.wear import Individual, Wear, grams_of, information, learned, wear
 from mavhums.health.self_baseline.past import PastRecord, compared
@@ -104,21 +104,22 @@ def compare(
         if alone is None:
             return _still(equation, flights)
         return Comparison("learning", _interval(alone), min(flights + 1, needed), needed)
-    held = wear(own, healthy.nuisances)
-    if held is None:
+    own_wear = wear(own, healthy.nuisances)
+    if own_wear is None:
         return _still(equation, healthy.shown)
+    # Outside the baseline's range the line over temperature or activity is a guess.
     if healthy.beyond(own):
         why = f"its flight was {healthy.beyond(own)} than any of its baseline"
-        return Comparison("undecided", _interval(held), healthy.shown, needed, why=why)
-    rise, bound, found = healthy.rise(held, own, false_alarms)
+        return Comparison("undecided", _interval(own_wear), healthy.shown, needed, why=why)
+    rise, bound, found = healthy.rise(own_wear, own, false_alarms)
     trailing = after[-TRAILING_FLIGHTS:]
     return Comparison(
         condition="changed" if rise > bound else "unchanged",
-        value=_interval(held),
+        value=_interval(own_wear),
         flights=healthy.shown,
         needed=equation.min_flights,
         baseline=healthy.prediction(own),
-        change=healthy.relative(held, own),
+        change=healthy.relative(own_wear, own),
         least_rise=found / abs(healthy.mean(own)),
         since=healthy.since(trailing, false_alarms) if rise > bound else None,
     )
@@ -166,22 +167,24 @@ class _Healthy:
         """Return the expected value of a flight."""
         return float(self._row(record) @ self.flights.coefficients)
 
-    def rise(self, held: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
+    def rise(self, own_wear: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
         """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
         variance = self.flights.variance_at(self._row(record))
-        own = min(held.error, self.noise / information(record) ** 0.5) ** 2
-        freedom = (variance + own) ** 2 / (variance**2 / self.flights.freedom + own**2 / held.freedom)
+        # A grave fault makes the flight as uncertain as large, and would hide itself.
+        own = min(own_wear.error, self.noise / information(record) ** 0.5) ** 2
+        freedom = satterthwaite(variance, self.flights.freedom, own, own_wear.freedom)
+        # The rate is per hour: a longer flight may use more of it.
         tail = min(tail_of(false_alarms) * max(record.duration_s / WINDOW_S, 1.0), MOST_FLIGHT_TAIL)
         error = (variance + own) ** 0.5
         bound = float(stdtrit(freedom, 1.0 - tail)) * error
-        return self.sign * (held.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
+        return self.sign * (own_wear.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
 
-    def relative(self, held: Wear, record: OwnRecord) -> Interval:
+    def relative(self, own_wear: Wear, record: OwnRecord) -> Interval:
         """Return the relative change with its 95 % interval."""
         mean = self.mean(record)
-        change = held.value / mean - 1.0
-        error = (held.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
-        half = float(stdtrit(min(held.freedom, self.flights.freedom), CENTRAL_95)) * error
+        change = own_wear.value / mean - 1.0
+        error = (own_wear.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
+        half = float(stdtrit(min(own_wear.freedom, self.flights.freedom), CENTRAL_95)) * error
         return Interval(estimate=change, low=change - half, high=change + half)
 
     def prediction(self, record: OwnRecord) -> Interval:
@@ -194,10 +197,11 @@ class _Healthy:
         """Return the first of the latest consecutive flights that also show the change."""
         first = None
         for number, date, record in reversed(after):
-            held = wear(record, self.nuisances)
-            if held is None or self.beyond(record):
+            own_wear = wear(record, self.nuisances)
+            # A flight that says nothing neither begins nor ends a run.
+            if own_wear is None or self.beyond(record):
                 continue
-            rise, bound, _ = self.rise(held, record, false_alarms)
+            rise, bound, _ = self.rise(own_wear, record, false_alarms)
             if rise <= bound:
                 break
             first = Onset(number, date)
@@ -268,7 +272,7 @@ def differences(equation: OwnEquation, records: Sequence[OwnRecord], *, warm: bo
         Whether the temperature of the judged flight is known.
     """
     found = []
-    warmth = _difference(_temperature, records, BEYOND_K, "colder", "warmer")
+    warmth = _difference(lambda record: record.temperature_c, records, BEYOND_K, "colder", "warmer")
     if warm and warmth is not None and warmth.high - warmth.low >= WARMTH_K:
         found.append(warmth)
     if equation.by_activity:
@@ -281,14 +285,11 @@ def differences(equation: OwnEquation, records: Sequence[OwnRecord], *, warm: bo
 def _difference(
     of: _Of, records: Sequence[OwnRecord], margin: float, below: str, above: str
 ) -> Difference | None:
-    told = [value for record in records if (value := of(record)) is not None]
-    if len(told) < len(records):
+    values = [value for record in records if (value := of(record)) is not None]
+    # A difference that some flights do not tell would be fitted on the others alone.
+    if len(values) < len(records):
         return None
-    return Difference(of, float(np.mean(told)), min(told), max(told), margin, below, above)
-
-
-def _temperature(record: OwnRecord) -> float | None:
-    return record.temperature_c
+    return Difference(of, float(np.mean(values)), min(values), max(values), margin, below, above)
 
 
 def _activity(record: OwnRecord) -> float:

@@ -127,6 +127,7 @@ def lacking(records: Sequence[OwnRecord]) -> str | None:
         return "the supply's voltage is not known; set supply_voltage in the profile"
     supply = max(record.supply_v or 0.0 for record in records)
     highest = max(record.peak_v or 0.0 for record in records)
+    # A motor cannot have more than its supply: the profile is wrong, and the shares would be.
     if highest > OVER_SUPPLY_TIMES * supply:
         return f"the motor had {highest:g} V, more than the supply_voltage of {supply:g} V in the profile"
     if not all(record.peak_a for record in records):
@@ -153,7 +154,7 @@ def shares(records: Sequence[OwnRecord], found: Identified, friction: Interval |
     if not volts > 0.0:
         return None
     per_ampere = found.resistance.estimate / volts
-    error = hypot(_relative(found.resistance), _half(found.drop) / volts)
+    error = hypot(_half(found.resistance) / found.resistance.estimate, _half(found.drop) / volts)
     peak = max((record.peak_a for record in own if record.peak_a), key=lambda one: one.estimate)
     torque = _share(peak, per_ampere, error)
     return Shares(friction and _share(friction, per_ampere, hypot(error, STALL_BIAS_SHARE)), torque)
@@ -186,6 +187,7 @@ def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
     values, errors, freedom = np.array(found).T
     count = len(found)
     between = float(values.std(ddof=1)) if count > 1 else 0.0
+    # By the flights' errors, or by their scatter if that is larger.
     error = max(float(np.hypot.reduce(errors)) / count, between / count**0.5)
     half = float(stdtrit(max(count - 1.0, freedom.min()), CENTRAL_95)) * error
     mean = float(values.mean())
@@ -209,14 +211,14 @@ def stall_indicators(
         Its friction current, A; None if it is not known.
     """
     own = record_of(records, VOLTAGE)
-    told = shares([own], found, friction) if own and found else None
-    if own is None or told is None:
+    of_stall = shares([own], found, friction) if own and found else None
+    if own is None or of_stall is None:
         return ()
     parts = len(own.groups)
-    torque = _share_indicator(_TORQUE, "highest sustained torque, share of stall", told.torque, parts)
-    if told.friction is None:
+    torque = _share_indicator(_TORQUE, "highest sustained torque, share of stall", of_stall.torque, parts)
+    if of_stall.friction is None:
         return (torque,)
-    return (_share_indicator(_FRICTION, "friction, share of stall", told.friction, parts), torque)
+    return (_share_indicator(_FRICTION, "friction, share of stall", of_stall.friction, parts), torque)
 
 
 def _share_indicator(fault: str, quantity: str, value: Interval, parts: int) -> Indicator:
@@ -233,10 +235,6 @@ def _share(current: Interval, per_ampere: float, error: float) -> Interval:
 
 def _half(interval: Interval) -> float:
     return (interval.high - interval.low) / 2.0
-
-
-def _relative(interval: Interval) -> float:
-    return _half(interval) / interval.estimate
 
 
 def constant_lost(
@@ -258,9 +256,11 @@ def constant_lost(
     if own is None or found.change is None or found.least_rise is None:
         return None
     now, known = identified([own]), identified(before[:REFERENCE_FLIGHTS])
+    # A loss of the constant counts only where the intervals lie apart.
     if now is None or known is None or now.back_emf.high >= known.back_emf.low:
         return None
     left = now.back_emf.estimate / known.back_emf.estimate
+    # The friction torque is k_e·I_c: what is left of its rise.
     rest = (1.0 + found.change.estimate) * left - 1.0
     explained = rest < min(found.least_rise, found.change.estimate / 2.0)
     return 1.0 - left if explained and 1.0 - left >= LEAST_CONSTANT_LOSS_SHARE else None

@@ -53,6 +53,7 @@ def compared(
         if (record := record_of(flight.records, equation.name)) and _alike(own, record) and shows(record)
     ]
     healthy = [number for number, _, sound, _ in alike if sound]
+    # The first healthy ones for good: a baseline that follows would learn slow wear.
     last = healthy[:REFERENCE_FLIGHTS][-1] if healthy else 0
     reference = [(number, date, record) for number, date, sound, record in alike if sound and number <= last]
     after = [(number, date, record) for number, date, _, record in alike if number > last]
@@ -61,6 +62,7 @@ def compared(
 
 def _alike(one: OwnRecord, other: OwnRecord) -> bool:
     faster, slower = max(one.rate_hz, other.rate_hz), min(one.rate_hz, other.rate_hz)
+    # Estimates depend on the rate and on what measured the angle.
     return one.setup == other.setup and faster <= ALIKE_RATE_RATIO * slower
 
 

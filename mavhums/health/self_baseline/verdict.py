@@ -38,7 +38,9 @@ _KEEP = "keep its flights in one folder: mavhums analyse LOG --history DIR --kee
 _NO_LIMIT = "no absolute limit known"
 
 
-def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS) -> Verdict:
+def compare_with_own_flights(
+    verdict: Verdict, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS
+) -> Verdict:
     """Return the verdict after the comparison with the actuator's own earlier flights.
 
     It is unchanged if a limit or a jam decides, and if it has no own-scale record. A verdict that was
@@ -53,14 +55,15 @@ def held_against(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
     false_alarms
         Allowed false alarms per 100 hours of the actuator.
     """
-    told_by = _deciding(verdict)
-    if told_by is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
+    deciding = _deciding(verdict)
+    # A limit or a jam decides: neither is taken back by what is usual for this servo.
+    if deciding is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
         return verdict
-    equation, record = told_by
+    equation, record = deciding
     found = compare(equation, record, past, false_alarms)
     lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
     fault = equation.fault if lost is None else _CONSTANT
-    text = told(equation, found) if lost is None else told_of_constant(equation, found, lost)
+    text = comparison_text(equation, found) if lost is None else constant_text(equation, found, lost)
     replaced = (equation.fault, *_OF_THE_MOTOR)
     indicators = [shown for shown in verdict.indicators if shown.fault not in replaced]
     evidence = [known for known in verdict.evidence if known.kind != _kind(equation)]
@@ -145,13 +148,13 @@ def _rounded(interval: Interval) -> Interval:
     return Interval(**{name: float(f"{number:.5g}") for name, number in interval})
 
 
-def told(equation: OwnEquation, found: Comparison) -> str:
+def comparison_text(equation: OwnEquation, found: Comparison) -> str:
     """Return the result of a comparison as text.
 
     Examples
     --------
     >>> from mavhums.health.estimation.equations import OWN_EQUATIONS
-    >>> told(OWN_EQUATIONS[0], Comparison("learning", None, 6, 10))
+    >>> comparison_text(OWN_EQUATIONS[0], Comparison("learning", None, 6, 10))
     'flight 6 of the 10 that its baseline takes; no absolute limit known'
     """
     if found.condition == "learning":
@@ -168,7 +171,7 @@ def told(equation: OwnEquation, found: Comparison) -> str:
     return f"{equation.quantity} {_change(found.change)}{since}: {equation.cause}; {_NO_LIMIT}"
 
 
-def told_of_constant(equation: OwnEquation, found: Comparison, lost: float) -> str:
+def constant_text(equation: OwnEquation, found: Comparison, lost: float) -> str:
     """Return the text for a change that a loss of the torque constant explains."""
     rise = "" if found.change is None else f" {found.change.estimate:+.0%}"
     return f"torque constant {-lost:+.0%}; the {equation.quantity}{rise} follows from it; {_NO_LIMIT}"

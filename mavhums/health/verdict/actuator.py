@@ -11,7 +11,7 @@ from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
-from mavhums.health.actuator.monitor import Findings
+from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import WEAR_UNSEEN, obstacle
@@ -26,15 +26,16 @@ from mavhums.report.assessment import (
     Suspect,
     Verdict,
 )
+from mavhums.vehicle.formats import remedy as to_record
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
 
 
-class Held(NamedTuple):
+class BaselineFindings(NamedTuple):
     """Findings about an actuator in comparison with its own baseline, unrounded.
 
     ``baselines`` are by fault; ``decidable`` is the number of windows that show what left its baseline. The
-    other fields are those of :class:`mavhums.health.actuator.monitor.Findings`.
+    other fields are those of :class:`mavhums.health.actuator.monitor.ActuatorFindings`.
     """
 
     condition: Condition
@@ -47,10 +48,10 @@ class Held(NamedTuple):
     decidable: int
 
 
-def judged(
+def verdict_of_actuator(
     vehicle: int,
     actuator: Actuator,
-    findings: Findings,
+    findings: ActuatorFindings,
     *,
     start_utc: datetime,
     end_s: float,
@@ -67,6 +68,7 @@ def judged(
     implausible values and the number of all values.
     """
     silent = _is_silent(findings.last_s, end_s)
+    # Silence is never normal; earlier findings stay as the worst.
     condition: Condition = "undecided" if silent else findings.condition
     reason, remedy = None, None
     if findings.condition == "undecided":
@@ -79,9 +81,9 @@ def judged(
         condition=condition,
         worst=findings.worst,
         network=network,
-        friction_nm=_rounded(findings.friction),
-        suspects=_rounded_suspects(findings.suspects),
-        since=_since(None if silent else findings.since_s, start_utc),
+        friction_nm=rounded(findings.friction),
+        suspects=rounded_suspects(findings.suspects),
+        since=since(None if silent else findings.since_s, start_utc),
         coverage=Coverage(
             moving_fraction=round(findings.coverage.moving_fraction, 4),
             windows=findings.coverage.windows,
@@ -99,7 +101,9 @@ def judged(
     )
 
 
-def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_s: float) -> Verdict:
+def against_baseline(
+    verdict: Verdict, found: BaselineFindings, *, start_utc: datetime, end_s: float
+) -> Verdict:
     """Return a verdict on a flight alone, updated by the comparison with the actuator's own baseline.
 
     ``end_s`` is the end of the log, in flight time.
@@ -113,9 +117,9 @@ def against_baseline(verdict: Verdict, found: Held, *, start_utc: datetime, end_
         update={
             "condition": "undecided" if silent else found.condition,
             "worst": found.worst,
-            "suspects": _rounded_suspects(found.suspects),
+            "suspects": rounded_suspects(found.suspects),
             "coverage": verdict.coverage.model_copy(update={"decidable": decidable}),
-            "since": _since(None if silent else found.since_s, start_utc),
+            "since": since(None if silent else found.since_s, start_utc),
             "evidence": tuple(_rounded_evidence(evidence) for evidence in found.evidence),
             "indicators": tuple(
                 _rounded_indicator(one.model_copy(update={"baseline": found.baselines.get(one.fault)}))
@@ -139,6 +143,7 @@ def unjudged_actuator(
     An actuator without feedback is unmonitored, regardless of its profile. ``own_gap`` is the reason why it
     cannot be compared with its own earlier flights either.
     """
+    # Absence of telemetry is never an alarm, and never normal.
     if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
         unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
         if actuator.travel_deg is not None or "V1" in actuator.fields:
@@ -157,27 +162,26 @@ def unjudged_actuator(
     if not (actuator.blanks and tier and tier.judged and provenance):
         reasons.append(_telemetry_gap(actuator, tier))
         remedies.append(TO_BE_JUDGED)
-    return Verdict(
-        vehicle=vehicle,
-        actuator=actuator.name,
-        condition="undecided",
-        worst="undecided",
-        tier=tier.name if tier else None,
-        provenance=provenance,
-        reason="; ".join(reasons),
-        remedy="; ".join(remedies),
-    )
+    return unjudged(vehicle, actuator.name, ("; ".join(reasons), "; ".join(remedies)), tier, provenance)
 
 
-def contradicted_actuator(
-    vehicle: int, name: str, why: tuple[str, str], tier: Tier | None, provenance: dict[str, str]
+def unjudged(
+    vehicle: int | None,
+    name: str,
+    why: tuple[str, str],
+    tier: Tier | None,
+    provenance: dict[str, str],
+    condition: Condition = "undecided",
 ) -> Verdict:
-    """Return the verdict on an actuator whose output moves something else; ``why`` is reason and remedy."""
+    """Return a verdict without findings, such as on an output that moves something else.
+
+    ``why`` is reason and remedy.
+    """
     return Verdict(
         vehicle=vehicle,
         actuator=name,
-        condition="undecided",
-        worst="undecided",
+        condition=condition,
+        worst=condition,
         tier=tier.name if tier else None,
         provenance=provenance,
         reason=why[0],
@@ -212,35 +216,17 @@ def unjudged_vehicle(
     if vehicle is not None and names:
         yield from (_unmonitored(vehicle, name, tier, {}) for name in names)
         return
+    why = obstacle(tier, identity)
     if vehicle is None:
-        reason, remedy = "no vehicle sends in this log", "record the link between vehicle and ground station"
-    else:
-        reason, remedy = obstacle(tier, identity)
+        why = "no vehicle found in this log", "record the link between vehicle and ground station"
+    # Absence of telemetry is neither normal nor a gap in the evidence: nothing reports on the servos.
     silent = vehicle is not None and (tier is None or not tier.judged)
-    condition: Condition = "unmonitored" if silent else "undecided"
-    yield Verdict(
-        vehicle=vehicle,
-        actuator=ALL,
-        condition=condition,
-        worst=condition,
-        tier=tier.name if tier else None,
-        reason=reason,
-        remedy=remedy,
-    )
+    yield unjudged(vehicle, ALL, why, tier, {}, "unmonitored" if silent else "undecided")
 
 
 def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[str, str]) -> Verdict:
     """Return the verdict on an actuator without feedback: neither an alarm nor a normal condition."""
-    return Verdict(
-        vehicle=vehicle,
-        actuator=name,
-        condition="unmonitored",
-        worst="unmonitored",
-        tier=tier.name if tier else None,
-        provenance=provenance,
-        reason=WEAR_UNSEEN,
-        remedy=TO_BE_JUDGED,
-    )
+    return unjudged(vehicle, name, (WEAR_UNSEEN, TO_BE_JUDGED), tier, provenance, "unmonitored")
 
 
 def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
@@ -258,26 +244,25 @@ def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | Non
 
 def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
     """Return the verdict on a vehicle beyond the maximum number of judged vehicles."""
-    return Verdict(
-        vehicle=vehicle,
-        actuator=ALL,
-        condition="undecided",
-        worst="undecided",
-        tier=tier.name if tier else None,
-        reason=f"more than {most} vehicles speak; this one came after them",
-        remedy="record each vehicle's link on its own; on a link, accept only signed frames (--key)",
+    why = (
+        f"more than {most} vehicles speak; this one came after them",
+        "record each vehicle's link on its own; on a link, accept only signed frames (--key)",
     )
+    return unjudged(vehicle, ALL, why, tier, {})
 
 
-def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str, str]) -> tuple[str, str]:
+def _why_undecided(
+    actuator: Actuator, findings: ActuatorFindings, provenance: dict[str, str]
+) -> tuple[str, str]:
     missing = [] if "V7" in provenance else ["V7"]
     if not {"V5", "V8"} & provenance.keys():
         missing.append("V5 or V8")
     if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
         return (
             "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",
-            "measure at the motor's terminals, or send V1–V12 as DEBUG_FLOAT_ARRAY named EMA",
+            f"measure at the motor's terminals, or {to_record('motor quantities')}",
         )
+    # In the order of what binds: what is not measured, then how long, then how it moved.
     if missing:
         return f"{', '.join(missing)} not measured, so the torque balance cannot be formed", TO_BE_JUDGED
     coverage = findings.coverage
@@ -292,7 +277,7 @@ def _why_undecided(actuator: Actuator, findings: Findings, provenance: dict[str,
         return (
             f"the actuator moves in {share} of the samples, too slowly to show friction: in slow motion the "
             "magnitudes that the ESC sends do not tell a driving current from a braking one",
-            "analyse a flight in which the surface moves faster, or send signed values (ESC_STATUS)",
+            f"analyse a flight in which the surface moves faster, or {to_record('signed currents')}",
         )
     return (
         f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",
@@ -309,23 +294,24 @@ def _silence(last_s: float, end_s: float, condition: Condition) -> tuple[str, st
     return f"{ended}, when it was {condition}", "check why it is silent: sensor, wiring or link"
 
 
-def _rounded_suspects(suspects: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
+def rounded_suspects(suspects: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
+    """Return suspects with the decimals that are shown."""
     return tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in suspects)
 
 
-def _since(since_s: float | None, start_utc: datetime) -> Since | None:
+def since(since_s: float | None, start_utc: datetime) -> Since | None:
+    """Return an onset in flight time with its date; None if there is none."""
     if since_s is None:
         return None
     utc = start_utc + timedelta(seconds=since_s)
     return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())
 
 
-def _rounded(interval: Interval | None) -> Interval | None:
+def rounded(interval: Interval | None, decimals: int = 4) -> Interval | None:
+    """Return an interval with so many decimals; None if there is none."""
     if interval is None:
         return None
-    return Interval(
-        estimate=round(interval.estimate, 4), low=round(interval.low, 4), high=round(interval.high, 4)
-    )
+    return Interval(**{name: round(number, decimals) for name, number in interval})
 
 
 def _rounded_indicator(indicator: Indicator) -> Indicator:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from types import MappingProxyType
 from typing import Final
 
@@ -13,11 +13,11 @@ from mavhums.health.axis.monitor import AxisFindings
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import LAG_ERROR_S, PAST_FLIGHTS, REFERENCE_S, WINDOW_DEVIATION
 from mavhums.health.estimation.thresholds import WINDOW_S
+from mavhums.health.verdict.actuator import rounded, rounded_suspects, since
 from mavhums.health.verdict.obstacles import why_undecided
-from mavhums.report.assessment import Indicator, Interval, Since, Suspect, Verdict
+from mavhums.report.assessment import Indicator, Interval, Verdict
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.order import Received
+from mavhums.vehicle.grid import RATE_HZ, Received
 from mavhums.vehicle.surfaces import Surfaces
 
 _BEGINS_IN_FLIGHT: Final = (
@@ -41,7 +41,7 @@ def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
     )
 
 
-def judged_axis(
+def verdict_of_axis(
     vehicle: int,
     findings: AxisFindings,
     surfaces: Surfaces | None,
@@ -53,6 +53,7 @@ def judged_axis(
     reason, remedy = None, None
     if findings.condition == "undecided":
         reason, remedy = why_undecided(findings, surfaces, flight, received)
+    # A reference from a flight that was already damaged calls the damage normal.
     elif findings.condition == "normal" and not findings.from_take_off:
         reason, remedy = _BEGINS_IN_FLIGHT
     axis = findings.axis
@@ -60,7 +61,7 @@ def judged_axis(
     origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}
     coverage = findings.coverage
     late = sum(counts.late for counts in received.values())
-    rounded = coverage.model_copy(
+    counted = coverage.model_copy(
         update={"moving_fraction": round(coverage.moving_fraction, 4), "late": late}
     )
     return Verdict(
@@ -70,11 +71,11 @@ def judged_axis(
         surfaces=surfaces.names(findings.axis) if surfaces else (),
         condition=findings.condition,
         worst=findings.worst,
-        since=_since(findings.since_s, start_utc),
-        coverage=rounded,
-        suspects=tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in findings.suspects),
+        since=since(findings.since_s, start_utc),
+        coverage=counted,
+        suspects=rounded_suspects(findings.suspects),
         evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
-        effectiveness=_to_thousandths(findings.effectiveness),
+        effectiveness=rounded(findings.effectiveness, 3),
         limits=findings.limits,
         # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
         indicators=tuple(indicators(findings))
@@ -92,19 +93,6 @@ def _origin(surfaces: Surfaces, axis: str) -> str:
         contradicts = axis in surfaces.contradicted
         return f"{words['parameters']}{', which contradict the airframe profile' if contradicts else ''}"
     return words.get(surfaces.origin, "inference from the flight's beginning")
-
-
-def _since(since_s: float | None, start_utc: datetime) -> Since | None:
-    if since_s is None:
-        return None
-    utc = start_utc + timedelta(seconds=since_s)
-    return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())
-
-
-def _to_thousandths(interval: Interval | None) -> Interval | None:
-    if interval is None:
-        return None
-    return Interval(**{name: round(number, 3) for name, number in interval})
 
 
 def indicators(findings: AxisFindings) -> Iterator[Indicator]:

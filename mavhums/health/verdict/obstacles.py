@@ -21,8 +21,9 @@ from mavhums.health.axis.thresholds import (
     REFERENCE_S,
 )
 from mavhums.vehicle.flight import LEAST_SPEED, Flight
+from mavhums.vehicle.formats import messages_of, remedy
+from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
-from mavhums.vehicle.order import Received
 from mavhums.vehicle.surfaces import Surfaces
 
 NO_WINGS = "its servos can be judged if they report current or speed: name a profile with --airframe"
@@ -40,8 +41,7 @@ _WINGED_TYPES: Final = {1, *range(19, 26)}
 _FIXED_WINGS_ONLY: Final = "control effectiveness is judged for fixed-wing aircraft in forward flight only"
 _LONGER: Final = f"choose a log with {_JUDGED_S} s or more of forward flight"
 _IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
-_PX4: Final = 12  # MAV_AUTOPILOT_PX4
-_OUTPUTS: Final = ("SERVO_OUTPUT_RAW", "RCOU", "actuator_outputs")
+_OUTPUTS: Final = messages_of("outputs")
 _NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
 _ACCELEROMETER: Final = ("pitch", "yaw")
 _NAMES: Final = {"roll": "aileron_left", "pitch": "elevator", "yaw": "rudder"}
@@ -120,9 +120,11 @@ def why_not_at_all(
         return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
     missing = [name for name in _NEEDED if name not in flight.heard]
     told = " and ".join(_NEEDED[name] for name in missing)
+    # The messages are there: recording more of them would not help.
     if missing and (late := disorder(received)):
         return Obstacle(f"{told} came too late to be used: {late}", _IN_ORDER)
-    silent = next((name for name in _OUTPUTS if name in received and received[name].kept), None)
+    # Outputs without pulses: ArduPilot writes 0 while the safety switch is on.
+    silent = next((name for name in received if name in _OUTPUTS and received[name].kept), None)
     if missing == ["outputs"] and silent:
         reason = f"the servo outputs are recorded ({received[silent].kept:,} {silent}) and carry no pulses"
         return Obstacle(
@@ -130,7 +132,9 @@ def why_not_at_all(
             "release the safety switch and arm; nothing more needs to be recorded",
         )
     if missing:
-        return Obstacle(f"the log lacks {told}", f"record {_streams(flight, received)} at 10 Hz or more")
+        return Obstacle(
+            f"the log lacks {told}", f"record {_to_record('motion', flight, received)} at 10 Hz or more"
+        )
     if flight.flown_s == 0:
         return _on_ground(flight)
     return None
@@ -211,6 +215,7 @@ def _obstacles(
         if surfaces
         else None
     )
+    # A contradiction matters where it kept the outputs from being known in time.
     late = findings.reference is None and findings.usable_s < REFERENCE_S
     if against and (late or not outputs):
         yield Obstacle(against, _CORRECT)
@@ -234,12 +239,12 @@ def _unmeasured(
     if slow:
         yield Obstacle(
             f"{' and '.join(slow)} times a second, {needed_hz} are needed to judge {axis}",
-            f"record {_streams(flight, received)} at 10 Hz or more",
+            f"record {_to_record('motion', flight, received)} at 10 Hz or more",
         )
     if axis in _ACCELEROMETER and "force" not in flight.heard:
         yield Obstacle(
             f"the log lacks the accelerometer, which {axis} needs",
-            f"record {_streams(flight, received, accelerometer=True)}",
+            f"record {_to_record('force', flight, received)}",
         )
 
 
@@ -311,20 +316,6 @@ def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
         yield Obstacle(f"{reason}, {100 * needs.error:.0f} % are needed", remedy)
 
 
-def _streams(flight: Flight, received: Mapping[str, Received], *, accelerometer: bool = False) -> str:
-    """Return the messages of the log's own format that are needed, and the parameter that sets them."""
-    if received.keys() & {"RCOU", "ATT", "IMU", "STAT"}:
-        if accelerometer:
-            return "IMU (LOG_BITMASK bit 7)"
-        return "RCOU, ATT and IMU (LOG_BITMASK bits 13, 0 and 7; LOG_FILE_RATEMAX 0)"
-    if received.keys() & {"actuator_outputs", "vehicle_attitude", "vehicle_status", "sensor_combined"}:
-        if accelerometer:
-            return "sensor_combined (SDLOG_PROFILE bit 0)"
-        return "actuator_outputs, sensor_combined and vehicle_attitude (SDLOG_PROFILE bits 0 and 4)"
-    if _PX4 in flight.autopilots:
-        if accelerometer:
-            return "HIGHRES_IMU (MAV_x_MODE, MAV_x_RATE)"
-        return "SERVO_OUTPUT_RAW, HIGHRES_IMU and ATTITUDE (MAV_x_MODE, MAV_x_RATE)"
-    if accelerometer:
-        return "RAW_IMU (SRx_RAW_SENS = 10)"
-    return "SERVO_OUTPUT_RAW, RAW_IMU and ATTITUDE (SRx_RC_CHAN, SRx_RAW_SENS, SRx_EXTRA1 = 10)"
+def _to_record(fact: str, flight: Flight, received: Mapping[str, Received]) -> str:
+    """Return what the log's own format calls a fact, and the parameter of the autopilot that records it."""
+    return remedy(fact, received.keys(), flight.autopilots)

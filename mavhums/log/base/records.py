@@ -9,11 +9,11 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Flags, Integers, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import Batch
+from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
 from mavhums.log.base.unaligned_io import GUARD, SPARE, load_word, store_word
 
-__all__ = ["DefinitionTable", "Gathered", "RowContext"]
+__all__ = ["DefinitionTable", "GatheredTables", "RowContext"]
 
 
 class RowContext(NamedTuple):
@@ -34,7 +34,7 @@ class RowContext(NamedTuple):
     vehicle: int | None = None
 
 
-class Gathered(NamedTuple):
+class GatheredTables(NamedTuple):
     """Tables by name, and the number of rows of each definition, wanted or not, shape (definitions,)."""
 
     tables: dict[str, Table]
@@ -91,7 +91,9 @@ class DefinitionTable:
             self._known = np.array([*defined, self._counts_undefined])
         return self._known
 
-    def gather(self, batch: Batch, messages: frozenset[str] | None, context: RowContext) -> Gathered:
+    def gather(
+        self, batch: RecordBatch, messages: frozenset[str] | None, context: RowContext
+    ) -> GatheredTables:
         """Return the wanted messages of a batch; all if ``messages`` is None."""
         sizes = self._wanted(messages)
         counts = _count(batch.rows, sizes.size)
@@ -121,7 +123,7 @@ class DefinitionTable:
             )  # fmt: skip
             before = tables.get(definition.name)
             tables[definition.name] = table if before is None else _merged(before, table)
-        return Gathered(tables, counts[:-1])
+        return GatheredTables(tables, counts[:-1])
 
     def _wanted(self, messages: frozenset[str] | None) -> Integers:
         """Return the bytes of a payload by definition, 0 if it is not wanted; last, 0 for no definition."""

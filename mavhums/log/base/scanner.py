@@ -11,7 +11,7 @@ from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.log.base.losses import Losses, Region
 from mavhums.log.base.unaligned_io import GUARD, SPARE
 
-__all__ = ["NO", "RECORD", "REGION", "WAIT", "YES", "Batch", "BlockScanner", "ScanTotals"]
+__all__ = ["NO", "RECORD", "REGION", "WAIT", "YES", "BlockScanner", "RecordBatch", "ScanTotals"]
 
 YES, NO, WAIT = 1, 0, -1
 """A kernel's answers; ``WAIT`` means that it lies in bytes to come."""
@@ -43,7 +43,7 @@ _COUNTS = ("odd_times", "jumps", "rewinds", "padded", "trials", "old_records", "
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Batch:
+class RecordBatch:
     """The records that a block completed, with fields `RECORD`, and the scanned buffer.
 
     Attributes

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Final
 
 import numpy as np
@@ -13,15 +14,90 @@ from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import join_tables
 from mavhums.log.base.losses import Losses
 from mavhums.log.base.records import RowContext
-from mavhums.log.base.scanner import Batch
-from mavhums.log.base.tables import Table
-from mavhums.log.dataflash.dating import DATING_MESSAGES, Dating
-from mavhums.log.dataflash.definitions import Definitions
+from mavhums.log.base.scanner import RecordBatch
+from mavhums.log.base.tables import ODD_TIME, Table
+from mavhums.log.dataflash.layout import RecordDefinitions
 from mavhums.log.dataflash.scanner import RecordScanner
 
 __all__ = ["DataFlashDecoder"]
 
-_PIECE: Final = 1 << 16
+DATING_MESSAGES: Final = frozenset({"PARM", "GPS"})
+"""Messages with the vehicle's id and the date."""
+
+_IDS: Final = (b"SYSID_THISMAV", b"MAV_SYSID")
+_HELD: Final = 1 << 20  # bytes that wait for the vehicle's id and a fix, so that memory is bounded
+_FIX: Final = 3
+_WEEK_US: Final = 7 * 86_400 * 1_000_000
+
+
+def _us(year: int, month: int, day: int) -> int:
+    return round(datetime(year, month, day, tzinfo=UTC).timestamp()) * 1_000_000
+
+
+_GPS_EPOCH_US: Final = _us(1980, 1, 6)
+_LEAP_SECONDS: Final = (
+    (_us(2017, 1, 1), 18),
+    (_us(2015, 7, 1), 17),
+    (_us(2012, 7, 1), 16),
+)
+"""Seconds by which GPS time was ahead of UTC from a day on (IERS Bulletin C)."""
+
+
+class Dating:
+    """The vehicle and the UTC offset that one log of a stream reports.
+
+    Parameters
+    ----------
+    start
+        Offset at which the log begins in the stream.
+
+    Attributes
+    ----------
+    vehicle
+        Id of the vehicle, 1 if the log does not report it.
+    offset_us
+        UTC at boot, microseconds; None if the log does not report it.
+    end
+        Offset in the stream from which on records are ignored.
+    """
+
+    def __init__(self, start: int) -> None:
+        self.vehicle = 1
+        self.offset_us: int | None = None
+        self._identified = False
+        self.end = start + _HELD
+
+    def observe(self, tables: Mapping[str, Table]) -> None:
+        """Process the records before ``end``."""
+        parameters, positions = tables.get("PARM"), tables.get("GPS")
+        if parameters is not None and not self._identified:
+            told = np.isin(parameters["Name"], _IDS)
+            for value in parameters["Value"][told].tolist():
+                if not self._identified and 1 <= value <= 255:
+                    self.vehicle, self._identified = int(value), True
+        if positions is not None and self.offset_us is None:
+            self._date(positions)
+
+    def is_settled(self, position: int) -> bool:
+        """Return whether the result is final at ``position`` of the stream."""
+        return (self._identified and self.offset_us is not None) or position >= self.end
+
+    def _date(self, positions: Table) -> None:
+        names = positions.fields.dtype.names or ()
+        if not {"TimeUS", "Status", "GMS", "GWk"} <= set(names):
+            return
+        good = (positions["Status"] >= _FIX) & (positions["GWk"] > 0)
+        good &= positions.flags & ODD_TIME == 0
+        if not good.any():
+            return
+        first = int(np.argmax(good))
+        gps_us = int(positions["GWk"][first]) * _WEEK_US + int(positions["GMS"][first]) * 1000
+        utc_us = _GPS_EPOCH_US + gps_us
+        ahead_s = next((seconds for since, seconds in _LEAP_SECONDS if utc_us >= since), 15)
+        self.offset_us = utc_us - ahead_s * 1_000_000 - int(positions["TimeUS"][first])
+
+
+_PIECE: Final = 1 << 16  # bytes: below, the Python around a scan takes longer than the scan
 _DROPS: Final = frozenset({"DSF"})
 
 
@@ -48,9 +124,9 @@ class DataFlashDecoder:
         self._messages = None if messages is None else frozenset(messages)
         self._gathered = None if self._messages is None else self._messages | _DROPS
         self._scanner = RecordScanner()
-        self._definitions = Definitions()
+        self._definitions = RecordDefinitions()
         self._datings: dict[int, Dating] = {0: Dating(0)}
-        self._pending: deque[Batch] = deque()
+        self._pending: deque[RecordBatch] = deque()
         self._held: list[bytes] = []
         self._counts: dict[int, Integers] = {}
         self._frames = 0
@@ -130,7 +206,7 @@ class DataFlashDecoder:
             self._pending.append(part)
         return join_tables([table for tables in self._settled(final=final) for table in tables])
 
-    def _date(self, part: Batch) -> None:
+    def _date(self, part: RecordBatch) -> None:
         dating = self._datings[_boot_of(part)]
         if not dating.is_settled(int(part.rows["offset"][0])):
             before_end = replace(part, rows=part.rows[part.rows["offset"] < dating.end])
@@ -140,15 +216,15 @@ class DataFlashDecoder:
         """Yield the tables of the parts whose vehicle and date are final."""
         while self._pending:
             boot = _boot_of(self._pending[0])
-            followed = _boot_of(self._pending[-1]) > boot
+            followed = _boot_of(self._pending[-1]) > boot  # of a log that has ended nothing more comes
             if not (final or followed or self._datings[boot].is_settled(self._scanner.position)):
                 return
             yield self._tables(boot, self._pending.popleft())
 
-    def _tables(self, boot: int, part: Batch) -> list[Table]:
+    def _tables(self, boot: int, part: RecordBatch) -> list[Table]:
         vehicle, shift, first = self._datings[boot].vehicle, self._shift_of(boot), self._firsts.get(boot, 0)
         times = part.rows["time_us"]
-        times[times < 0] = first  # records before the log's first time have this one
+        times[times < 0] = first  # records before the log's first time, as its definitions, have this one
         context = RowContext(self._frames, shift, vehicle)
         found = self._definitions.gather(part, self._gathered, context)
         counts = found.counts.copy()
@@ -181,12 +257,12 @@ class DataFlashDecoder:
             self._dropped[boot] = max(self._dropped.get(boot, 0), int(table["Dp"].max()))
 
 
-def _boot_of(part: Batch) -> int:
+def _boot_of(part: RecordBatch) -> int:
     """Return the log of the stream to which a part of a batch belongs."""
     return int(part.rows["boot"][0])
 
 
-def _by_boot(batch: Batch) -> Iterator[Batch]:
+def _by_boot(batch: RecordBatch) -> Iterator[RecordBatch]:
     """Yield the parts of a batch that belong to one log each."""
     boots = batch.rows["boot"]
     for rows in np.split(batch.rows, np.flatnonzero(np.diff(boots)) + 1):

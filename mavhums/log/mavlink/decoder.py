@@ -11,13 +11,13 @@ import numpy as np
 
 from mavhums.log.base.losses import Losses
 from mavhums.log.base.records import DefinitionTable, RowContext
-from mavhums.log.base.scanner import Batch
+from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
 from mavhums.log.mavlink.dialect import Dialect, load_dialect
 from mavhums.log.mavlink.intake import Intake
 from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.sequence import StreamStats
-from mavhums.log.mavlink.signing import Guard
+from mavhums.log.mavlink.signing import SignatureGuard
 
 __all__ = ["VEHICLE_MESSAGES", "MavlinkDecoder", "vehicles_of"]
 
@@ -78,7 +78,7 @@ class MavlinkDecoder:
         self._intake = Intake(self._dialect)
         self._stats = StreamStats(self._dialect)
         self._clocks = _SenderClocks(self._dialect)
-        self._guard = None if key is None else Guard(key)
+        self._guard = None if key is None else SignatureGuard(key)
         self._scanner: FrameScanner | None = None
 
     @property
@@ -177,7 +177,7 @@ class _SenderClocks:
         self._system: int | None = None
         self._time_us = 0
 
-    def set_times(self, batch: Batch) -> None:
+    def set_times(self, batch: RecordBatch) -> None:
         """Write the time of each frame into the batch's rows."""
         rows = batch.rows
         places = np.where(rows["definition"] >= 0, self._places[rows["definition"]], -1)

@@ -20,7 +20,7 @@ import numpy as np
 
 from mavhums.core.errors import MavhumsError
 
-__all__ = ["Definition", "Dialect", "DialectError", "Field", "load_dialect"]
+__all__ = ["Dialect", "DialectError", "Field", "MessageDefinition", "load_dialect"]
 
 _SHIPPED = ("ardupilotmega.xml", "development.xml")
 _KINDS = {
@@ -68,7 +68,7 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True)
-class Definition:
+class MessageDefinition:
     """One message of the dialect.
 
     Attributes
@@ -95,7 +95,7 @@ class Definition:
 class Dialect:
     """Definitions by message id, ascending, and names of enum values."""
 
-    definitions: dict[int, Definition]
+    definitions: dict[int, MessageDefinition]
     enums: dict[str, dict[int, str]]
 
 
@@ -115,12 +115,13 @@ def load_dialect(path: Path | None = None) -> Dialect:
     DialectError
         If the file is missing or is not MAVLink XML.
     """
-    definitions: dict[int, Definition] = {}
+    definitions: dict[int, MessageDefinition] = {}
     enums: dict[str, dict[int, str]] = {}
     for document in _shipped():
         _merge_enums(enums, document)
         for definition in map(_definition, document.message):
             known = definitions.get(definition.id)
+            # The larger of two has the newer extension fields; a shorter payload is filled with zeros.
             if known is None or definition.wire.itemsize > known.wire.itemsize:
                 definitions[definition.id] = definition
     if path is not None:
@@ -161,6 +162,7 @@ def _parse(path: Path) -> Any:
     from pymavlink.generator import mavparse
 
     try:
+        # mavparse lets expat's own error through, which is not ElementTree's.
         if _pymavlink_folder() not in path.parents:
             with path.open("rb") as file:
                 ElementTree.parse(file)
@@ -179,13 +181,13 @@ def _parse(path: Path) -> Any:
         raise DialectError(f"{path}: not MAVLink XML ({error})", "check it with mavgen --validate") from error
 
 
-def _definition(message: Any) -> Definition:
+def _definition(message: Any) -> MessageDefinition:
     base = set(message.fieldnames[: message.extensions_start])
     fields = tuple(
         Field(f.name, f.units.strip("[]"), f.enum, max(f.array_length, 1), f.name not in base)
         for f in message.ordered_fields
     )
-    return Definition(
+    return MessageDefinition(
         message.id,
         message.name,
         message.crc_extra,

@@ -15,10 +15,10 @@ from mavhums.log.mavlink.signing import frame_sizes
 __all__ = ["Intake"]
 
 _CR, _LF, _CRLF = b"\r", b"\n", b"\r\n"
-_EVIDENCE = 3
-_HELD = 1 << 12
-_HEAD = 1 << 10
-_CAPTURE = 1 << 14
+_EVIDENCE = 3  # carriage returns: one or two come by chance in a few kilobytes of binary data
+_HELD = 1 << 12  # bytes in which a converted log has several line feeds, an original one a bare line feed
+_HEAD = 1 << 10  # bytes: more than three of the longest frames
+_CAPTURE = 1 << 14  # bytes: a second of a serial line at 115,200 baud, boot text included
 _LEAST_ADJACENT = 2
 _MAGIC = (0xFD, 0xFE)
 _STAMP = 8

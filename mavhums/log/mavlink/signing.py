@@ -16,11 +16,11 @@ import numpy as np
 
 from mavhums.core.arrays import Flags, Integers, Records
 from mavhums.core.errors import MavhumsError
-from mavhums.log.base.scanner import Batch
+from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import MAVLINK1, SIGNED
 from mavhums.log.mavlink.frames import HEAD_V1, HEAD_V2, SIGNATURE
 
-__all__ = ["TICKS_PER_MINUTE", "Guard", "KeyFileError", "frame_sizes", "load_key", "signing_ticks"]
+__all__ = ["TICKS_PER_MINUTE", "KeyFileError", "SignatureGuard", "frame_sizes", "load_key", "signing_ticks"]
 
 TICKS_PER_MINUTE = 60 * 100_000
 """Ticks of a signature's time stamp in a minute; a tick is 10 µs."""
@@ -82,7 +82,7 @@ def frame_sizes(rows: Records) -> Integers:
     return head + rows["length"].astype(np.int64) + 2 + signature
 
 
-class Guard:
+class SignatureGuard:
     """Admits frames that are signed with a key, each once.
 
     A frame has no effect before its signature is verified. Per link, system and component the time
@@ -118,7 +118,7 @@ class Guard:
         """Time stamp of the newest frame that was ever admitted, by link, system and component."""
         return self._before.latest | self._now.latest
 
-    def admit(self, batch: Batch) -> Flags:
+    def admit(self, batch: RecordBatch) -> Flags:
         """Return which of a batch's rows are admitted, shape (n,)."""
         rows = batch.rows
         signed = (rows["flags"] & SIGNED) != 0

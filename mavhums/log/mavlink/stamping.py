@@ -17,12 +17,12 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import kernel
-from mavhums.log.base.scanner import Batch
+from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import MAVLINK1
 from mavhums.log.base.unaligned_io import GUARD
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.scanner import FrameScanner
-from mavhums.log.mavlink.signing import Guard, frame_sizes
+from mavhums.log.mavlink.signing import SignatureGuard, frame_sizes
 
 __all__ = ["Counts", "Piece", "Stamper"]
 
@@ -60,11 +60,11 @@ class Counts:
     replayed_frames: int = 0
 
 
-class _Found(NamedTuple):
+class _SenderFrames(NamedTuple):
     """Frames of one sender: their buffer, rows, times, and order of arrival."""
 
     sender: Hashable
-    batch: Batch
+    batch: RecordBatch
     time_us: Integers
     arrival: Integers
 
@@ -96,7 +96,9 @@ class Stamper:
         Whether a MAVLink 2 frame has been received.
     """
 
-    def __init__(self, dialect: Dialect, guard: Guard | None = None, *, hear: Hear | None = None) -> None:
+    def __init__(
+        self, dialect: Dialect, guard: SignatureGuard | None = None, *, hear: Hear | None = None
+    ) -> None:
         self.speaks_mavlink2 = False
         self._dialect = dialect
         self._guard = guard
@@ -123,7 +125,7 @@ class Stamper:
 
     def feed(self, pieces: Sequence[Piece]) -> bytes:
         """Return the records of the frames that these pieces complete; their times must not decrease."""
-        found: list[_Found] = []
+        found: list[_SenderFrames] = []
         senders: dict[Hashable, list[int]] = {}
         for k, piece in enumerate(pieces):
             senders.setdefault(piece.sender, []).append(k)
@@ -137,7 +139,7 @@ class Stamper:
             self._forget()
             if batch.rows.size:
                 arrival = np.array(places)[by]
-                found.append(_Found(sender, batch, arrived_us[arrival], arrival))
+                found.append(_SenderFrames(sender, batch, arrived_us[arrival], arrival))
         self._counts.pieces += len(pieces)
         self._counts.bytes += sum(len(piece.data) for piece in pieces)
         return self._records(found)
@@ -149,7 +151,7 @@ class Stamper:
         for sender, stream in streams.items():
             batch = stream.scanner.feed(b"", final=True)
             times = np.full(batch.rows.size, time_us, dtype=np.int64)
-            found.append(_Found(sender, batch, times, np.zeros_like(times)))
+            found.append(_SenderFrames(sender, batch, times, np.zeros_like(times)))
             _add_losses(self._counts, stream)
         return self._records([part for part in found if part.batch.rows.size])
 
@@ -162,14 +164,14 @@ class Stamper:
             stream.scanner.feed(b"", final=True)
             _add_losses(self._counts, stream)
 
-    def _records(self, found: Sequence[_Found]) -> bytes:
+    def _records(self, found: Sequence[_SenderFrames]) -> bytes:
         """Pack admitted frames as records, in order of arrival."""
         if not found:
             return b""
         rows, data, starts, time_us, owner = _in_order(found)
         if self._guard:
             rows["offset"] = starts
-            admitted = self._guard.admit(Batch(data, GUARD, rows))
+            admitted = self._guard.admit(RecordBatch(data, GUARD, rows))
             rows, starts, time_us = rows[admitted], starts[admitted], time_us[admitted]
             owner = owner[admitted]
         sizes = frame_sizes(rows)
@@ -182,7 +184,7 @@ class Stamper:
 
     def _tell(
         self,
-        found: Sequence[_Found],
+        found: Sequence[_SenderFrames],
         system: Bytes,
         sizes: Integers,
         owner: Integers,
@@ -211,7 +213,7 @@ class _Stream:
         self.frames = 0
         self._fed = 0
 
-    def feed(self, pieces: Sequence[bytes]) -> tuple[Batch, Integers]:
+    def feed(self, pieces: Sequence[bytes]) -> tuple[RecordBatch, Integers]:
         """Return the frames that these pieces complete, and the index of each frame's last piece."""
         batch = self.scanner.feed(b"".join(pieces))
         ends = self._fed + np.cumsum([len(piece) for piece in pieces])
@@ -221,7 +223,7 @@ class _Stream:
 
 
 def _in_order(
-    found: Sequence[_Found],
+    found: Sequence[_SenderFrames],
 ) -> tuple[Records, Bytes, Integers, Integers, Integers]:
     """Return the frames of all senders in order of arrival.
 

@@ -10,7 +10,7 @@ import numpy as np
 from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import join_tables
 from mavhums.log.base.losses import Losses
-from mavhums.log.base.scanner import Batch
+from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
 from mavhums.log.ulog.layouts import Layout
 from mavhums.log.ulog.messages import Unpacker, parameter
@@ -19,7 +19,7 @@ from mavhums.log.ulog.scanner import UlogScanner
 __all__ = ["UlogDecoder"]
 
 _INSTANCES = 256
-_HELD_BYTES = 1 << 20
+_HELD_BYTES = 1 << 20  # bytes that may wait for a fix; without one in them the log has no date
 _DATA, _PARAMETER = b"DP"
 _VEHICLE: Final = b"MAV_SYS_ID"
 _GPS: Final = "vehicle_gps_position"
@@ -52,7 +52,7 @@ class UlogDecoder:
         self._scanner = UlogScanner()
         self._unpacker = Unpacker(None if messages is None else frozenset(messages))
         self._dated = self._settled = False
-        self._held: list[Batch] = []
+        self._held: list[RecordBatch] = []
         self._first_us: int | None = None
         self._last_us: int | None = None
         self._counts: Integers = np.zeros((0, _INSTANCES), dtype=np.int64)
@@ -117,11 +117,11 @@ class UlogDecoder:
             self._held.clear()
         return join_tables(parts)
 
-    def _unpack(self, batches: Iterable[Batch]) -> list[Table]:
+    def _unpack(self, batches: Iterable[RecordBatch]) -> list[Table]:
         layouts = self._scanner.topics.layouts
         return [table for batch in batches for table in self._unpacker.tables(batch, layouts)]
 
-    def _account(self, batch: Batch) -> None:
+    def _account(self, batch: RecordBatch) -> None:
         missing = len(self._scanner.topics.layouts) - len(self._counts)
         if missing:
             self._counts = np.vstack([self._counts, np.zeros((missing, _INSTANCES), dtype=np.int64)])
@@ -135,7 +135,7 @@ class UlogDecoder:
             latest_us = int(batch.rows["time_us"].max())
             self._last_us = max(self._last_us or self._first_us, latest_us)
 
-    def _settle(self, batch: Batch) -> None:
+    def _settle(self, batch: RecordBatch) -> None:
         """Process the vehicle's id before its first data, and the first fix in the first megabyte."""
         rows = batch.rows
         if self._first_us is None:
@@ -152,6 +152,7 @@ class UlogDecoder:
                     if offset_us is not None:
                         self._unpacker.offset_us, self._dated, self._settled = offset_us, True, True
                         return
+        # Not the end of the block: a record that it cuts may still be a fix within the megabyte.
         self._settled = self._scanner.position >= _HELD_BYTES
 
 

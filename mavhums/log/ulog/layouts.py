@@ -82,7 +82,7 @@ class Layout:
 
 
 @dataclass(slots=True)
-class _Part:
+class _FieldLayout:
     """A field of a record."""
 
     name: str
@@ -133,7 +133,7 @@ class Formats:
         return self._layouts[name]
 
     def _lay_out(self, name: str) -> Layout:
-        parts: list[_Part] = []
+        parts: list[_FieldLayout] = []
         most = self._expand(name, "", 0, (), parts)
         least = most
         while parts and parts[-1].name.startswith("_padding"):
@@ -153,7 +153,9 @@ class Formats:
         )
         return Layout(name, wire, most, stamps[0] if stamps else -1)
 
-    def _expand(self, name: str, prefix: str, at: int, within: tuple[str, ...], parts: list[_Part]) -> int:
+    def _expand(
+        self, name: str, prefix: str, at: int, within: tuple[str, ...], parts: list[_FieldLayout]
+    ) -> int:
         """Append the fields of a format from byte ``at`` on; return their end."""
         if name not in self._fields or name in within:
             raise _NoLayoutError
@@ -162,7 +164,7 @@ class Formats:
             if self._steps > _MOST_STEPS or len(parts) > _MOST_FIELDS or count == 0:
                 raise _NoLayoutError
             if kind in BASIC:
-                parts.append(_Part(prefix + field, BASIC[kind], count, at))
+                parts.append(_FieldLayout(prefix + field, BASIC[kind], count, at))
                 at += np.dtype(BASIC[kind]).itemsize * (1 if count is None else count)
             elif count is None:
                 at = self._expand(kind, f"{prefix}{field}.", at, (*within, name), parts)
@@ -174,7 +176,7 @@ class Formats:
         return at
 
 
-def _form(part: _Part) -> object:
+def _form(part: _FieldLayout) -> object:
     """Return a field's numpy type."""
     if part.form == "S1":
         return f"S{part.count or 1}"

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.log.base.records import DefinitionTable, RowContext
-from mavhums.log.base.scanner import Batch
+from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
 from mavhums.log.ulog.layouts import BASIC, Layout
 
@@ -34,7 +34,7 @@ class FlagBits(NamedTuple):
     appended: tuple[int, ...]
 
 
-class _Reader(NamedTuple):
+class _MessageParser(NamedTuple):
     """The table of a message kind, and its parser."""
 
     table: str
@@ -94,11 +94,11 @@ def _keyed(body: bytes) -> tuple[bytes, bytes, bytes]:
 
 
 READERS: Final = {
-    ord("P"): _Reader("parameter", PARAMETER, parameter),
-    ord("I"): _Reader("info", INFO, _info),
-    ord("L"): _Reader("logged_string", STRING, _string),
-    ord("C"): _Reader("logged_string", STRING, _tagged_string),
-    ord("O"): _Reader("dropout", DROPOUT, _dropout),
+    ord("P"): _MessageParser("parameter", PARAMETER, parameter),
+    ord("I"): _MessageParser("info", INFO, _info),
+    ord("L"): _MessageParser("logged_string", STRING, _string),
+    ord("C"): _MessageParser("logged_string", STRING, _tagged_string),
+    ord("O"): _MessageParser("dropout", DROPOUT, _dropout),
 }
 """By kind. Defaults of parameters (Q), and information in many parts (M), are passed over."""
 
@@ -126,7 +126,7 @@ class Unpacker:
     _frames: int = 0
     _definitions: DefinitionTable = field(default_factory=lambda: DefinitionTable(counts_undefined=True))
 
-    def tables(self, batch: Batch, layouts: list[Layout]) -> Iterator[Table]:
+    def tables(self, batch: RecordBatch, layouts: list[Layout]) -> Iterator[Table]:
         """Yield the tables of a batch."""
         yield from self._said(batch)
         for layout in layouts[len(self._definitions) :]:
@@ -135,7 +135,7 @@ class Unpacker:
         yield from self._definitions.gather(batch, self.wanted, context).tables.values()
         self._frames += batch.rows.size
 
-    def _said(self, batch: Batch) -> Iterator[Table]:
+    def _said(self, batch: RecordBatch) -> Iterator[Table]:
         """Yield parameters, texts, information and dropouts."""
         found: dict[str, list[tuple[int, tuple[object, ...]]]] = {}
         for k in np.flatnonzero(batch.rows["kind"] != _DATA).tolist():

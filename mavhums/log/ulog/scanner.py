@@ -2,23 +2,285 @@
 
 Results do not depend on where a block of bytes ends: an unfinished message waits. Data appended to a log
 later, for example after a crash, begins at the offset in the flag bits; the message before may be cut there.
+
+A message counts if its kind is known, its size is valid for this kind, and another message, or
+the end, follows. Out of step, after damage, this is checked at every byte. The pass pauses after a
+subscription, so that the layout of the following messages is known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from mavhums.core.arrays import Bytes
-from mavhums.log.base.scanner import REGION, Batch, BlockScanner
-from mavhums.log.base.unaligned_io import GUARD, SPARE
-from mavhums.log.ulog.headers import BODY
+from mavhums.core.arrays import Bytes, Records
+from mavhums.core.kernels import inlined, kernel
+from mavhums.log.base.scanner import NO, RECORD, REGION, WAIT, YES, BlockScanner, RecordBatch
+from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.unaligned_io import GUARD, SPARE, load_word
+from mavhums.log.ulog.headers import (
+    BODY,
+    UNKNOWN,
+    UNUSED,
+    follows,
+    header_fits,
+    kind_of,
+    landing,
+    looks_sound,
+    size_of,
+    topic_of,
+)
 from mavhums.log.ulog.layouts import Topics
 from mavhums.log.ulog.messages import flag_bits
-from mavhums.log.ulog.scan import ROW, STATE, scan
 
 __all__ = ["HEADER", "SIGNATURE", "UlogScanner"]
+
+ROW = np.dtype([*RECORD, ("kind", "u1")], align=True)
+"""One message: ``offset`` of its header in the stream, ``definition`` of its layout, -1 if it is no data, and
+its ``kind``. The payload of data begins after the message id; ``component`` is the multi id."""
+
+STATE = np.dtype(
+    [
+        (name, "i8")
+        for name in (
+            "base", "position", "found", "ended", "lost_step", "skipped", "filler", "time_us",
+            "astray", "run", "odd_times", "jumps", "unknown", "pauses", "cut",
+        )
+    ]
+)  # fmt: skip
+"""What is carried from call to call.
+
+``base`` is the stream offset of the buffer's first byte, ``position`` where in the buffer the scan
+stopped, ``found`` and ``ended`` how many rows and regions of this buffer are written. Since the last
+message ``lost_step`` tells whether the next was not where it ought to be, ``skipped`` counts the bytes
+skipped and ``filler`` the zero bytes at their end. ``time_us`` is the clock, ``astray`` the last time
+that was too far from it, ``run`` how many in a row were near that one. ``unknown`` counts messages of
+unknown kinds, ``cut`` tells whether a message is cut by the end.
+"""
+
+MOST_PAUSES = 1 << 16
+_STEP_US = 60 * 1_000_000
+_CONFIRM = 3
+_DAMAGED = 2
+_A, _D, _R = ord("A"), ord("D"), ord("R")
+
+Record = Any
+"""An element of a structured array, within compiled code."""
+
+
+@inlined
+def _judge_time(state: Record, told_us: int) -> bool:
+    """Accept a record's time within a minute of the clock; three consecutive other times set the clock.
+
+    Several topics are logged with one time: where it is wrong, it is one wrong time. A header without a time
+    tells no clock.
+    """
+    if abs(told_us - state.time_us) <= _STEP_US or (state.time_us == 0 and told_us > 0):
+        state.time_us = told_us
+        state.run = 0
+        return True
+    if told_us <= 0 or (state.run and told_us == state.astray):
+        return False
+    state.run = state.run + 1 if state.run and abs(told_us - state.astray) <= _STEP_US else 1
+    state.astray = told_us
+    if state.run < _CONFIRM:
+        return False
+    state.time_us = told_us
+    state.run = 0
+    state.jumps += 1
+    return True
+
+
+@inlined
+def _note_region(state: Record, regions: Records, offset: int, size: int) -> None:
+    region = regions[state.ended]
+    region.offset = offset
+    region.size = size
+    state.ended += 1
+
+
+@inlined
+def _note_row(state: Record, row: Record, data: Bytes, position: int, topics: Records) -> None:
+    row.offset = state.base + position
+    row.start = BODY
+    row.length = size_of(data, position)
+    row.kind = kind_of(data, position)
+    row.definition = -1
+    row.component = row.sequence = row.flags = 0
+    if row.kind == _D:
+        row.start += 2
+        row.length -= 2
+        topic = topics[topic_of(data, position)]
+        row.definition = topic.definition
+        row.component = topic.instance
+        if topic.stamp >= 0:
+            told_us = int(np.int64(load_word(data, position + BODY + 2 + topic.stamp)))
+            if _judge_time(state, told_us):
+                topic.timed = 1
+            else:
+                row.flags = ODD_TIME
+                state.odd_times += topic.timed
+    row.time_us = state.time_us
+
+
+@inlined
+def _is_data(data: Bytes, place: int, topics: Records) -> bool:
+    """Return whether a record of a known layout begins at ``place``; five bytes must be readable there."""
+    topic = topics[topic_of(data, place)]
+    size = size_of(data, place) - 2
+    return bool(kind_of(data, place) == _D and topic.least <= size <= topic.most and topic.definition >= 0)
+
+
+@kernel
+def _run_of_data(data: Bytes, position: int, state: Record, topics: Records, rows: Records) -> int:
+    """Write rows for regular records in step; return the position of the first irregularity.
+
+    `scan` finds the same rows, but checks each more thoroughly.
+    """
+    last = data.size - BODY - 2
+    found, clock = state.found, state.time_us
+    here = position <= last and _is_data(data, position, topics)
+    while here:
+        size = size_of(data, position)
+        end = position + BODY + size
+        if end > last or not _is_data(data, end, topics):
+            break
+        topic = topics[topic_of(data, position)]
+        if topic.stamp < 0:
+            break
+        told_us = np.int64(load_word(data, position + BODY + 2 + topic.stamp))
+        if abs(told_us - clock) > _STEP_US:
+            break
+        clock = told_us
+        topic.timed = 1
+        row = rows[found]
+        row.offset = state.base + position
+        row.time_us = told_us
+        row.definition = topic.definition
+        row.start = BODY + 2
+        row.length = size - 2
+        row.kind = _D
+        row.component = topic.instance
+        row.sequence = row.flags = 0
+        found += 1
+        position = end
+    if found > state.found:
+        state.run = 0
+    state.found, state.time_us = found, clock
+    return position
+
+
+@inlined
+def _pass_damaged(
+    state: Record,
+    data: Bytes,
+    position: int,
+    end: int,
+    topics: Records,
+    regions: Records,
+) -> None:
+    """Count a message with a damaged header and a known end."""
+    kind = kind_of(data, position)
+    if kind == _D and topics[topic_of(data, position)].definition == UNUSED:
+        topic = topics[topic_of(data, position)]
+        topic.definition = UNKNOWN
+        topic.least = topic.most = size_of(data, position) - 2
+    if kind == _D or kind < 65 or kind > 90 or end != position + BODY + size_of(data, position):
+        _note_region(state, regions, state.base + position, end - position)
+    else:
+        state.unknown += 1
+
+
+@kernel
+def _judge(data: Bytes, position: int, final: bool, state: Record, topics: Records) -> tuple[int, int]:
+    """Return whether a message that counts begins at ``position``, and its end.
+
+    ``_DAMAGED`` is a message with a damaged header and a known end.
+    """
+    in_step = state.lost_step == 0
+    if position + BODY > data.size:
+        state.cut |= in_step
+        return (NO if final else WAIT), position
+    fits = header_fits(data, position, final, topics)
+    if fits == YES:
+        end = position + BODY + size_of(data, position)
+        if end > data.size:
+            state.cut |= in_step
+            return (NO if final else WAIT), position
+        if in_step or looks_sound(data, position):
+            return follows(data, position, final, topics, not in_step), end
+        return NO, position
+    if fits == NO and in_step:
+        passed, end = landing(data, position, final, topics)
+        return (_DAMAGED if passed == YES else passed), end
+    return fits, position
+
+
+@kernel
+def scan(
+    data: Bytes,
+    final: bool,
+    carried: Records,
+    topics: Records,
+    rows: Records,
+    regions: Records,
+) -> bool:
+    """Find the messages of a buffer, from ``carried[0].position`` on.
+
+    Parameters
+    ----------
+    data
+        The stream from offset ``carried[0].base`` on.
+    final
+        Whether this is the end of the stream; an unfinished message is then skipped, else it waits.
+    carried
+        Shape (1,) of `STATE`, updated.
+    topics
+        Shape (65536,) of `TOPIC`, by message id; undefined ids are marked.
+    rows, regions
+        Output: the messages, and the skipped regions that end at a message.
+
+    Returns
+    -------
+    Whether the scan paused after a subscription and must be called again.
+    """
+    state = carried[0]
+    position = state.position
+    while position < data.size:
+        if state.lost_step == 0:
+            position = _run_of_data(data, position, state, topics, rows)
+        answer, end = _judge(data, position, final, state, topics)
+        if answer == WAIT:
+            break
+        if answer == NO:
+            state.lost_step = 1
+            state.skipped += 1
+            state.filler = state.filler + 1 if data[position] == 0 else 0
+            position += 1
+            continue
+        if answer == _DAMAGED:
+            _pass_damaged(state, data, position, end, topics, regions)
+            position = end
+            continue
+        if state.lost_step:
+            _note_region(state, regions, state.base + position - state.skipped, state.skipped)
+            state.lost_step = state.skipped = state.filler = state.cut = 0
+        kind = kind_of(data, position)
+        if kind == _D and topics[topic_of(data, position)].definition == UNKNOWN:
+            topics[topic_of(data, position)].unknown += 1
+        else:
+            _note_row(state, rows[state.found], data, position, topics)
+            state.found += 1
+        position = end
+        if (kind in (_A, _R)) and state.pauses < MOST_PAUSES:
+            state.pauses += 1
+            state.position = position
+            return True
+    state.position = position
+    return False
+
 
 HEADER = 16
 """Bytes of a file's header: seven of signature, the version, the u64 time in microseconds since boot."""
@@ -45,7 +307,7 @@ class UlogScanner(BlockScanner):
         self._boundaries: list[int] = []
         self._open = False
 
-    def feed(self, block: bytes, *, final: bool = False) -> Iterator[Batch]:
+    def feed(self, block: bytes, *, final: bool = False) -> Iterator[RecordBatch]:
         """Yield the messages that ``block`` completes; ``final`` says that nothing follows."""
         joined = self._joined(block)
         begin, end = GUARD, len(joined) - SPARE
@@ -88,10 +350,10 @@ class UlogScanner(BlockScanner):
         self._carried["base"] = place
         return place
 
-    def _scan(self, data: Bytes, begin: int, end: int, *, final: bool) -> Batch:
+    def _scan(self, data: Bytes, begin: int, end: int, *, final: bool) -> RecordBatch:
         """Scan a part of the buffer; ``position`` is where in it the scan stopped."""
         state = self._carried[0]
-        batch = Batch(data[begin - GUARD : end + SPARE], self.position, self._rows[:0])
+        batch = RecordBatch(data[begin - GUARD : end + SPARE], self.position, self._rows[:0])
         for name in ("position", "found", "ended", "cut"):
             state[name] = 0
         handled, paused = 0, True
@@ -110,4 +372,4 @@ class UlogScanner(BlockScanner):
             self._finish(longest=_ANY_LENGTH if state["cut"] else 0)
             state["lost_step"] = 0
         # A copy: messages wait for the flight's date while the next blocks are scanned.
-        return Batch(batch.data, batch.base, self._rows[:handled].copy())
+        return RecordBatch(batch.data, batch.base, self._rows[:handled].copy())

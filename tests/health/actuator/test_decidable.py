@@ -18,7 +18,7 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.replay import replay
-from mavhums.health.verdict.actuator import judged
+from mavhums.health.verdict.actuator import verdict_of_actuator
 from mavhums.report.assessment import Coverage
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
@@ -111,7 +111,7 @@ def test_where_no_window_is_decidable_nothing_is_decided(
         list(one.finish())
     agrees(monitor)
     findings, end_s = alone.findings(), float(seen.time_s[-1])
-    verdict = judged(
+    verdict = verdict_of_actuator(
         1,
         actuator,
         findings,

@@ -24,7 +24,7 @@ from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.health.estimation.fits import Estimates, Fits
 from mavhums.health.estimation.motion import motion
-from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.report.assessment import Assessment
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
@@ -83,7 +83,7 @@ def estimates(detector: Detector, seen: Telemetry, places: list[int] | None = No
     actuator = BUS
     cutter, fits, found = SlotCutter(), Fits(actuator, detector.equations), []
     bounds = [0, *(places or []), seen.time_s.size]
-    values = widen(seen.values, bus_v=seen.bus_v)
+    values = with_extra_columns(seen.values, bus_v=seen.bus_v)
     for a, b in itertools.pairwise(bounds):
         slots = cutter.feed(seen.time_s[a:b], values[a:b])
         if slots is not None:

@@ -14,7 +14,7 @@ from mavhums.core.conditions import Condition
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.actuator.indicator_tracker import IndicatorTracker, evidence_of, indicator_of, suspect_of
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.conditions import Change
+from mavhums.health.decision.conditions import IndicatorChange
 from mavhums.health.decision.limits import Levels, Panel
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
@@ -87,7 +87,7 @@ def tracker(
 
 def follow(
     followed: Followed, values: Sequence[float], start_s: float = 0.0, error: float = ERROR
-) -> list[Change]:
+) -> list[IndicatorChange]:
     """Feed windows of 10 s that end a second after one another; return the changes."""
     array = np.array(values, dtype=float)
     end_s = start_s + 10.0 + np.arange(array.size, dtype=np.float64)
@@ -96,7 +96,7 @@ def follow(
     return followed.feed(look, end_s)
 
 
-def changed(changes: Sequence[Change]) -> list[tuple[int, Condition, float]]:
+def changed(changes: Sequence[IndicatorChange]) -> list[tuple[int, Condition, float]]:
     return [(change.window, change.condition, change.since_s) for change in changes]
 
 

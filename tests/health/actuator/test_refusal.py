@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
-from mavhums.health.actuator.monitor import Findings
+from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 
@@ -16,7 +16,7 @@ EMA = actuator_of().known_ema()
 _V3, _V4, _V5, _V7, _V8, _V11 = (column(key) for key in ("V3", "V4", "V5", "V7", "V8", "V11"))
 
 
-def judged(time_s: Array, values: Array) -> Findings:
+def judged(time_s: Array, values: Array) -> ActuatorFindings:
     return watch(Telemetry(time_s, values))[1]
 
 
@@ -25,7 +25,7 @@ def healthy(rate_hz: float = 50.0) -> tuple[Array, Array]:
     return seen.time_s, seen.values
 
 
-def reason(findings: Findings) -> str:
+def reason(findings: ActuatorFindings) -> str:
     assert findings.condition == "undecided"
     assert findings.no_friction is not None
     why, remedy = findings.no_friction

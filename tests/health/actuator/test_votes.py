@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
 from mavhums.core.window_features import MOMENTS, SUMS, WINDOW_KEYS, products
-from mavhums.health.actuator.votes import Outcome, count_votes, outcome, window_outcomes
+from mavhums.health.actuator.votes import VoteOutcome, count_votes, outcome, window_outcomes
 
 RATIO = 300.0
 Array = NDArray[np.float64]
@@ -117,7 +117,7 @@ def window(*rows: list[int]) -> NDArray[np.int64]:
 
 def test_the_directions_count_alike_whatever_their_number() -> None:
     votes = window(row(0, 50, (10, 40), (10, 0)), row(0, 50, (10, 40), (0, 0)))
-    assert outcome([Threshold(slope=0.5)], votes) == Outcome(0.125, 0)
+    assert outcome([Threshold(slope=0.5)], votes) == VoteOutcome(0.125, 0)
 
 
 def test_the_networks_abstain_on_few_or_foreign_samples() -> None:
@@ -126,17 +126,17 @@ def test_the_networks_abstain_on_few_or_foreign_samples() -> None:
     assert outcome([], window(row(-1, 100, (0, 0), (0, 0)))) is None
     assert outcome(networks, window(row(0, 19, (9, 10), (9, 10)))) is None
     assert outcome(networks, window(row(0, 100, (90, 4), (4, 4)))) is None
-    assert outcome(networks, window(row(0, 100, (95, 5), (95, 5)))) == Outcome(1.0, 0)
+    assert outcome(networks, window(row(0, 100, (95, 5), (95, 5)))) == VoteOutcome(1.0, 0)
     assert outcome(networks, window(row(0, 50, (10, 10), (9, 9)))) is None
-    assert outcome(networks, window(row(0, 40, (10, 10), (5, 10)))) == Outcome(0.75, 0)
+    assert outcome(networks, window(row(0, 40, (10, 10), (5, 10)))) == VoteOutcome(0.75, 0)
     assert outcome(networks, window(row(0, 20, (10, 10), (5, 10)), row(-1, 21, (0, 0), (0, 0)))) is None
 
 
 def test_where_the_telemetry_changes_the_network_with_most_votes_decides() -> None:
     networks = [Threshold(), Threshold()]
     few, many = row(0, 40, (20, 20), (20, 20)), row(1, 60, (30, 30), (0, 15))
-    assert outcome(networks, window(few, many)) == Outcome(0.25, 1)
-    assert outcome(networks, window(few, row(1, 40, (20, 20), (0, 0)))) == Outcome(1.0, 0)
+    assert outcome(networks, window(few, many)) == VoteOutcome(0.25, 1)
+    assert outcome(networks, window(few, row(1, 40, (20, 20), (0, 0)))) == VoteOutcome(1.0, 0)
 
 
 @pytest.mark.parametrize("bounds", [[0, 2], [0, 1, 2]])
@@ -176,8 +176,8 @@ def slots(current: float, load: float = 0.5, moving: int = 20) -> Array:
 
 def test_a_network_of_windows_answers_instead_of_votes() -> None:
     ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
-    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [Outcome(0.25, 0)]
-    assert window_outcomes([Threshold()], ballots, slots(0.25)) == [Outcome(1.0, 0)]
+    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [VoteOutcome(0.25, 0)]
+    assert window_outcomes([Threshold()], ballots, slots(0.25)) == [VoteOutcome(1.0, 0)]
 
 
 def test_a_network_of_windows_abstains_outside_its_range_and_where_nothing_moves() -> None:
@@ -190,8 +190,8 @@ def test_a_network_of_windows_that_lacks_a_quantity_leaves_it_to_votes_and_to_ot
     ballots = window(row(0, 40, (20, 20), (10, 10)))[None]
     without_load = slots(0.25, load=np.nan)
     loaded = ByWindow(needs="V11 rms")
-    assert window_outcomes([loaded], ballots, without_load) == [Outcome(0.5, 0)]
-    assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [Outcome(0.5, 0)]
+    assert window_outcomes([loaded], ballots, without_load) == [VoteOutcome(0.5, 0)]
+    assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [VoteOutcome(0.5, 0)]
     silent = window(row(-1, 40, (0, 0), (0, 0)))[None]
-    assert window_outcomes([loaded, ByWindow()], silent, without_load) == [Outcome(0.25, 1)]
-    assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [Outcome(0.5, 0)]
+    assert window_outcomes([loaded, ByWindow()], silent, without_load) == [VoteOutcome(0.25, 1)]
+    assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [VoteOutcome(0.5, 0)]

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mavhums.health.axis.detectors import AxisDetector, _slow, detectors, to_inspect
-from mavhums.health.axis.monitor import AxisMonitor, _Axis, _Episode, _since_s
+from mavhums.health.axis.detectors import Alarm, AxisDetector, _slow, detectors, to_inspect
+from mavhums.health.axis.monitor import AxisMonitor, _AxisState, _since_s
 from mavhums.health.axis.reference import Second
 from mavhums.report.axis_limits import AxisLimits
 from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
@@ -72,9 +72,9 @@ def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fau
 
 def test_since_is_the_earliest_evidence() -> None:
     """What takes longer to prove than the alarm did may have begun before it."""
-    slow = _Episode("slow", "degraded", 104, 160, 1.0, 0.25, "degraded: gain intact, 1 s late", 0.9)
-    before = _Episode("tracking", "emergency", 20, 30, 9.0, 8.0, "emergency: roll away", 0.9)
-    held = _Axis(condition="emergency", since_s=108, episodes=[before, slow])
+    slow = Alarm("roll", 160, "slow", "degraded", 104, 1.0, 0.25, "degraded: gain intact, 1 s late", 0.9)
+    before = Alarm("roll", 30, "tracking", "emergency", 20, 9.0, 8.0, "emergency: roll away", 0.9)
+    held = _AxisState(condition="emergency", since_s=108, episodes=[before, slow])
     assert _since_s(held) == 104.0
     assert _since_s(replace(held, condition="normal")) == 108.0
     assert _since_s(replace(held, since_s=None)) is None

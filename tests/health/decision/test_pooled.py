@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.health.actuator.indicator_tracker import RunningVariance
 from mavhums.health.decision.limits import PooledErrors
 from mavhums.health.estimation.fits import Estimates
+from mavhums.health.estimation.random_effects import RunningVariance
 from tests.strategies import cuts
 
 Array = NDArray[np.float64]

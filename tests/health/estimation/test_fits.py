@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mavhums.health.estimation.fits import Fits
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import motion
-from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from tests.health.flown import actuator_of, flown, telemetry
 from tests.strategies import cuts
 
@@ -52,7 +52,7 @@ def fed(places: Iterable[int]) -> Fed:
     actuator, seen = actuator_of(), telemetry(flown(rate_hz=25.0, seconds=SECONDS, seed=300))
     cutter, fits = SlotCutter(), Fits(actuator, NAMES)
     out = Fed({}, {}, {})
-    values = widen(seen.values)
+    values = with_extra_columns(seen.values)
     for a, b in itertools.pairwise([0, *places, seen.time_s.size]):
         slots = cutter.feed(seen.time_s[a:b], values[a:b])
         if slots is None:
@@ -125,7 +125,7 @@ def test_a_fit_of_the_whole_flight_stays_what_it_was() -> None:
     actuator, seen = actuator_of(), telemetry(flown(rate_hz=25.0, seconds=40.0))
     cutter, fits = SlotCutter(), Fits(actuator, ("torque",))
     for part in (slice(0, 500), slice(500, None)):
-        slots = cutter.feed(seen.time_s[part], widen(seen.values[part]))
+        slots = cutter.feed(seen.time_s[part], with_extra_columns(seen.values[part]))
         assert slots is not None
         fits.feed(slots, motion(actuator, slots))
         if part.start == 0:

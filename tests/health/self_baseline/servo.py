@@ -15,7 +15,7 @@ from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.flight_sums import OwnSums
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.slots import SlotCutter, widen
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.report.assessment import OwnRecord
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ def collected(
 ) -> OwnRecord | None:
     """Return what a flight leaves that comes in these pieces."""
     time_s, values, airspeed = flight
-    wide = widen(values, np.isfinite(values), None, airspeed)
+    wide = with_extra_columns(values, np.isfinite(values), None, airspeed)
     cutter, edges = SlotCutter(), (0, *sorted(cuts), time_s.size)
     for a, b in pairwise(edges):
         slots = cutter.feed(time_s[a:b], wide[a:b])

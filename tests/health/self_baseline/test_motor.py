@@ -9,7 +9,7 @@ from mavhums.core.quantities import column
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.self_baseline.motor import MOTOR_FAULTS, motor_indicators
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.health.self_baseline.verdict import held_against, without_own
+from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.report.assessment import OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 
@@ -59,7 +59,7 @@ def test_a_verdict_carries_them_once_and_alone_it_has_none() -> None:
         worst="undecided",
         own=(left(servo, 33, seconds=60.0), voltage(33)),
     )
-    once = held_against(verdict, [])
+    once = compare_with_own_flights(verdict, [])
     assert [shown.fault for shown in once.indicators] == ["friction_current", *MOTOR_FAULTS]
-    assert held_against(once, []) == once
+    assert compare_with_own_flights(once, []) == once
     assert without_own(once).indicators == ()

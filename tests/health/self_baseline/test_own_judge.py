@@ -13,7 +13,7 @@ from mavhums.health.estimation.random_effects import population
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
-from mavhums.health.self_baseline.verdict import held_against, told
+from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_text
 from mavhums.report.assessment import OwnRecord, Verdict
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 
@@ -37,7 +37,10 @@ def test_fewer_than_ten_flights_are_learning() -> None:
         assert (found.condition, found.flights, found.needed) == ("learning", before + 1, 10)
         assert found.value is not None
         assert found.value.estimate == pytest.approx(0.05, rel=0.1)
-    assert told(EQUATION, found) == "flight 10 of the 10 that its baseline takes; no absolute limit known"
+    assert (
+        comparison_text(EQUATION, found)
+        == "flight 10 of the 10 that its baseline takes; no absolute limit known"
+    )
 
 
 def test_a_flight_like_those_before_is_unchanged_and_says_what_it_would_have_seen() -> None:
@@ -64,7 +67,7 @@ def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row() -> None:
     assert found.change.estimate == pytest.approx(0.6, abs=0.1)
     assert found.since is not None
     assert found.since.flight == REFERENCE_FLIGHTS + 3
-    text = told(EQUATION, found)
+    text = comparison_text(EQUATION, found)
     assert text.startswith("friction current +")
     assert "since flight 23 (2026-03-23): friction" in text
 
@@ -150,18 +153,18 @@ def verdict(record: OwnRecord, **given: object) -> Verdict:
 
 def test_a_verdict_is_replaced_where_no_limit_or_jam_decides() -> None:
     worn = verdict(flight(58, 0.09))
-    found = held_against(worn, HEALTHY)
+    found = compare_with_own_flights(worn, HEALTHY)
     assert (found.condition, found.worst) == ("changed", "changed")
     assert [suspect.fault for suspect in found.suspects] == ["friction_current"]
     assert found.indicators[0].baseline_flights == 12
     assert found.indicators[0].least_rise is not None
     assert found.remedy == "inspect gearbox, bearings and hinge line"
-    assert held_against(found, HEALTHY) == found
-    assert held_against(found, HEALTHY[:3]).condition == "learning"
+    assert compare_with_own_flights(found, HEALTHY) == found
+    assert compare_with_own_flights(found, HEALTHY[:3]).condition == "learning"
     jammed = verdict(flight(58), condition="undecided", worst="emergency")
-    assert held_against(jammed, HEALTHY) is jammed
+    assert compare_with_own_flights(jammed, HEALTHY) is jammed
     untold = worn.model_copy(update={"own": ()})
-    assert held_against(untold, HEALTHY) is untold
+    assert compare_with_own_flights(untold, HEALTHY) is untold
 
 
 def test_a_weaker_motor_is_told_from_friction() -> None:
@@ -182,9 +185,11 @@ def test_a_weaker_motor_is_told_from_friction() -> None:
         return left(weak, seed, seconds=60.0), voltage
 
     before = [PastRecord(records(seed, 1.0), "2026-03-01", True) for seed in range(12)]
-    weak = held_against(verdict(flight(1)).model_copy(update={"own": records(70, 0.8)}), before)
+    weak = compare_with_own_flights(verdict(flight(1)).model_copy(update={"own": records(70, 0.8)}), before)
     assert weak.condition == "changed"
     assert [suspect.fault for suspect in weak.suspects] == ["torque_constant"]
     assert (weak.reason or "").startswith("torque constant -20%; the friction current +")
-    worn = held_against(verdict(flight(1)).model_copy(update={"own": records(71, 1.0, 0.08)}), before)
+    worn = compare_with_own_flights(
+        verdict(flight(1)).model_copy(update={"own": records(71, 1.0, 0.08)}), before
+    )
     assert [suspect.fault for suspect in worn.suspects] == ["friction_current"]

@@ -12,7 +12,7 @@ from mavhums.health.estimation.flight_sums import POWER_COLUMNS, collector
 from mavhums.health.estimation.wear import _learned_power, _power_wear, _shows_power
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.health.self_baseline.verdict import told
+from mavhums.health.self_baseline.verdict import comparison_text
 from mavhums.report.assessment import OwnRecord
 from tests.health.self_baseline.servo import Array, Servo, blank, collected
 
@@ -109,7 +109,7 @@ def test_more_friction_is_a_change_whatever_the_bridge_does(burns: bool) -> None
     risen = left(62, FRICTION_NM * (1.0 + 1.3 * same.least_rise), burns=burns)
     found = compare(POWER, risen, healthy)
     assert found.condition == "changed"
-    assert told(POWER, found).startswith("friction in the supply's power +")
+    assert comparison_text(POWER, found).startswith("friction in the supply's power +")
     assert found.change is not None
     assert found.change.estimate == pytest.approx(1.3 * same.least_rise, abs=0.12 if burns else 0.06)
 

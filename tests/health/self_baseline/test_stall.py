@@ -19,7 +19,7 @@ from mavhums.health.self_baseline.motor import (
     shares,
     stall_indicators,
 )
-from mavhums.health.self_baseline.verdict import held_against, without_own
+from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.report.assessment import Interval, OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Array, Servo, blank, collected, left
 
@@ -51,7 +51,9 @@ def verdict(*own: OwnRecord) -> Verdict:
 
 def test_friction_and_torque_are_their_shares_of_a_known_stall() -> None:
     record = voltage(1, supplied())
-    friction, torque = held_against(verdict(left(SERVO, 1, seconds=60.0), record), []).indicators[-2:]
+    friction, torque = compare_with_own_flights(verdict(left(SERVO, 1, seconds=60.0), record), []).indicators[
+        -2:
+    ]
     assert (friction.fault, torque.fault) == STALL_SHARES
     assert friction.value.low <= SERVO.friction_a / STALL_A <= friction.value.high
     assert friction.value.estimate == pytest.approx(SERVO.friction_a / STALL_A, rel=0.05)
@@ -63,10 +65,10 @@ def test_friction_and_torque_are_their_shares_of_a_known_stall() -> None:
 
 def test_they_decide_nothing_and_are_told_once() -> None:
     own = (left(SERVO, 2, seconds=60.0), voltage(2, supplied()))
-    once = held_against(verdict(*own), [])
-    plain = held_against(verdict(own[0], voltage(2, supplied(None))), [])
+    once = compare_with_own_flights(verdict(*own), [])
+    plain = compare_with_own_flights(verdict(own[0], voltage(2, supplied(None))), [])
     assert (once.condition, once.reason, once.evidence) == (plain.condition, plain.reason, plain.evidence)
-    assert held_against(once, []) == once
+    assert compare_with_own_flights(once, []) == once
     assert without_own(once).indicators == ()
 
 

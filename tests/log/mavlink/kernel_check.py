@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from mavhums.log.base.scanner import Batch
+from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.base.unaligned_io import GUARD
 from mavhums.log.mavlink.dialect import load_dialect
@@ -14,7 +14,7 @@ from tests.log.mavlink.reference import Frame
 from tests.strategies import blocks
 
 
-def frames_of(batch: Batch) -> list[Frame]:
+def frames_of(batch: RecordBatch) -> list[Frame]:
     out = []
     for row in batch.rows:
         flags = int(row["flags"])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from fastcrc import crc16
 
-from mavhums.log.mavlink.dialect import Definition, Dialect
+from mavhums.log.mavlink.dialect import Dialect, MessageDefinition
 
 MINUTE_US, DAY_US = 60_000_000, 86_400_000_000
 YEAR_2000_US, YEAR_2100_US = 946_684_800_000_000, 4_102_444_800_000_000
@@ -159,7 +159,7 @@ def _frame(
     parts: _Parts,
     padded: bool,
     last_us: int | None,
-    definition: Definition | None,
+    definition: MessageDefinition | None,
 ) -> Frame:
     time_us, odd = -1 if last_us is None else last_us, False
     if stamp and definition:
@@ -190,11 +190,11 @@ def _parts(data: bytes, start: int) -> _Parts | None:
     return _Parts(version, signed, sequence, system, component, number, covered, data[body:crc_at], crc, end)
 
 
-def _crc(covered: bytes, definition: Definition) -> int:
+def _crc(covered: bytes, definition: MessageDefinition) -> int:
     return crc16.mcrf4xx(covered + bytes([definition.crc_extra]))
 
 
-def _fits_when_padded(parts: _Parts, definition: Definition, found: Scan) -> bool:
+def _fits_when_padded(parts: _Parts, definition: MessageDefinition, found: Scan) -> bool:
     for size in range(definition.wire.itemsize, len(parts.payload), -1):
         found.trials += 1
         zeros = bytes(size - len(parts.payload))

@@ -9,13 +9,13 @@ import numpy as np
 from fastcrc import crc16
 from numpy.typing import NDArray
 
-from mavhums.log.mavlink.dialect import Definition, load_dialect
+from mavhums.log.mavlink.dialect import MessageDefinition, load_dialect
 from tests.strategies import START_US
 
 Bytes = NDArray[np.uint8]
 
 
-def frame(rng: np.random.Generator, definition: Definition, sequence: int) -> bytes:
+def frame(rng: np.random.Generator, definition: MessageDefinition, sequence: int) -> bytes:
     """A frame of random content: MAVLink 1 or 2, truncated as the protocol wants, signed or not."""
     payload = rng.integers(0, 256, definition.wire.itemsize, dtype=np.uint8)
     payload[rng.integers(0, payload.size + 1) :] = 0

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mavhums.log.base.losses import SequenceLoss
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.scan import ROW
+from mavhums.log.mavlink.scanner import ROW
 from mavhums.log.mavlink.sequence import StreamStats
 
 

@@ -14,7 +14,7 @@ import mavhums
 from mavhums.log import Decoder
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
-from mavhums.log.mavlink.signing import TICKS_PER_MINUTE, Guard, KeyFileError, load_key
+from mavhums.log.mavlink.signing import TICKS_PER_MINUTE, KeyFileError, SignatureGuard, load_key
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import REAL_LOGS, Run
@@ -189,7 +189,7 @@ STREAMS = st.tuples(st.integers(0, 2), st.integers(1, 2), st.integers(1, 2))
 NEAR = st.integers(0, 3 * TICKS_PER_MINUTE)
 
 
-def admitted(guard: Guard, frames: list[bytes]) -> list[bytes]:
+def admitted(guard: SignatureGuard, frames: list[bytes]) -> list[bytes]:
     """Feed frames back to back, and return those that are admitted."""
     scanner = FrameScanner(load_dialect(), stamp=0)
     batch = scanner.feed(b"".join(frames), final=True)
@@ -208,9 +208,9 @@ def test_a_recording_is_admitted_whole_by_who_knows_of_nothing_before(
     """The law of live and replay from the second session on; and nothing old is admitted."""
     signers = {stream: Signer(link=stream[0], system=stream[1], component=stream[2]) for stream, _ in sent}
     frames = [signers[stream].frame(NOW + ticks) for stream, ticks in sent]
-    session = Guard(KEY, before={stream: NOW + ticks for stream, ticks in before.items()})
+    session = SignatureGuard(KEY, before={stream: NOW + ticks for stream, ticks in before.items()})
     recorded = admitted(session, frames)
-    assert admitted(Guard(KEY), recorded) == recorded
+    assert admitted(SignatureGuard(KEY), recorded) == recorded
     newest = {stream: NOW + ticks for stream, ticks in before.items()}
     times = [int.from_bytes(frame[-12:-6], "little") for frame in recorded]
     streams = [(frame[-13], frame[5], frame[6]) for frame in recorded]

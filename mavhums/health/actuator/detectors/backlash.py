@@ -35,6 +35,7 @@ class BacklashDetector(EquationDetector):
         """Return the backlash; undecidable unless the load acts on both flanks."""
         fit = fits["gear"]
         half_play, half_error = fit["flank"]
+        # A load on one flank only never shows the play.
         both = fit.spread & (fit.both_ways("flank", "bias") >= LEAST_FLANK_SLOTS)
         play, error = -2.0 * half_play, 2.0 * half_error
         shown = both & sharp(play, error, WIDEST_GEAR_ERROR_DEG, self.levels.normal)

@@ -11,7 +11,6 @@ ends none.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import exp
 from typing import ClassVar
 
@@ -21,7 +20,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
-from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.actuator.detector import DetectorInput, WindowDetector
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
     FOLLOWING_LONGEST_GAP_S,
@@ -30,13 +29,12 @@ from mavhums.health.actuator.thresholds import (
 )
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
-from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.slots import SENSED, SHAFT, Windows
 
 _V1 = column("V1")
 
 
-class FollowingDetector:
+class FollowingDetector(WindowDetector):
     """Error of following: the shaft's angle minus that of the model, root mean square over a second.
 
     Of a window's ten seconds, the third largest counts.
@@ -48,9 +46,6 @@ class FollowingDetector:
     inspect: ClassVar[str] = (
         "supply, motor, winding and gear, which move the surface too slowly or too little"
     )
-    equations: ClassVar[tuple[str, ...]] = ()
-    two_sided: ClassVar[bool] = False
-    span_s: ClassVar[float | None] = None
 
     def __init__(self, actuator: Actuator) -> None:
         limits = actuator.limits
@@ -80,19 +75,14 @@ class FollowingDetector:
             np.fmax.reduceat(angle, slots.start) - np.fmin.reduceat(angle, slots.start)
             for angle in (shaft, shaft - error)
         )
+        # A second that asks little neither shows a fault nor ends one.
         tells = (rms > self._limit) | (asked >= FOLLOWING_ASKED_LIMITS * self._limit)
+        # A shaft that stands is jammed or idle; either would read as a large error.
         moved = np.where((travel >= FOLLOWING_STANDS_SHARE * rms) & tells, rms, np.nan)
         windows = self._windows.feed(slots.index, moved[:, None])[:, :, 0]
+        # The third largest of ten: one glitch of a sensor, or a step in two seconds, is no fault.
         largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -FOLLOWING_SECONDS]
         return Estimates.of(largest, np.zeros_like(largest), np.ones_like(largest), np.isfinite(largest))
-
-    def overall(self, flight: Mapping[str, Fit]) -> None:
-        """Return None: how far a shaft lags depends on how fast it is commanded, flight by flight."""
-        return
-
-    def conclusion(self, flight: Mapping[str, Fit]) -> None:
-        """Return None, as ``overall``."""
-        return
 
 
 @kernel
@@ -107,7 +97,9 @@ def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Ar
         if np.isnan(command[k]) or np.isnan(shaft[k]):
             continue
         passed = time_s[k] - state[0]
+        # After a gap the model starts where the shaft is.
         if passed <= FOLLOWING_LONGEST_GAP_S:  # not of NaN
+            # The mean of two commands: a step between the samples came at half time on average.
             asked = min(max((command[k] + state[1]) / 2, low), high)
             step = (asked - state[2]) * (1.0 - exp(-passed / lag))
             state[2] += min(max(step, -slew * passed), slew * passed)

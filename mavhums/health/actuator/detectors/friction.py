@@ -63,6 +63,7 @@ class FrictionDetector(EquationDetector):
         tail = tail_of(FALSE_ALARMS)
         lasting, sampled = self.overall(flight), self._per_sample(flight)
         shows_less = half_width(lasting, tail=tail) > half_width(sampled, tail=tail)
+        # The one with the smaller error decides; ties go to lasting motion, which leaves nothing out.
         return sampled if np.isnan(lasting.value[0]) or shows_less[0] else lasting
 
     def _per_sample(self, flight: Mapping[str, Fit]) -> Estimates:
@@ -72,6 +73,8 @@ class FrictionDetector(EquationDetector):
         """
         fit = flight["torque_per_sample"]
         mean = self._widened(self._scaled(fit, flight), PER_SAMPLE_ERROR_SHARE)
+        # A rotor that winds up its gear against a jammed shaft moves, too, but most of its torque is
+        # unexplained.
         holds = fit.variance < self.actuator.known_limits().emergency ** 2
         return Estimates.of(mean.value, mean.error, mean.freedom, holds)
 
@@ -98,7 +101,10 @@ class FrictionDetector(EquationDetector):
         friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
         shown = fit.spread & (fit.count >= FRICTION_SAMPLES)
+        # The interval must be able to tell the limits apart; a grave friction scatters more and is above
+        # either.
         shown &= 2 * ERRORS_95 * whole_error < np.maximum(self._widest, friction * scale - self._normal)
+        # Well below zero: the constants are not this actuator's, or a sensor lies.
         shown &= friction > -FRICTION_CONTRADICTION_ERRORS * error
         shown &= (
             friction + ERRORS_95 * error
@@ -127,6 +133,7 @@ def why_no_friction(
     if np.isfinite(detector.conclusion(flight).value[0]):
         return None
     fit, actuator = flight["torque"], detector.actuator
+    # In the order of what can be done: first the recording, then the flight, then the profile.
     if rate_hz < actuator.min_rate_hz:
         reason = f"its telemetry comes at {rate_hz:.1f} Hz, less than the profile's min_rate_hz of "
         return f"{reason}{actuator.min_rate_hz:g}", "record its telemetry faster"
@@ -137,6 +144,7 @@ def why_no_friction(
 
 def _too_few(usable: int, moving: int, samples: int) -> tuple[str, str]:
     share = f"{100 * moving / max(samples, 1):.0f} %"
+    # It moves, but most of its samples have no current of known sign.
     if moving >= FRICTION_SAMPLES and usable < moving / 2:
         return (
             f"it moves in {share} of the samples, but only {usable} of these have a current of known sign",

@@ -14,7 +14,6 @@ its torque at stall, for a second of ten altogether. The current's sign does not
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -24,7 +23,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
-from mavhums.health.actuator.detector import DetectorInput
+from mavhums.health.actuator.detector import DetectorInput, WindowDetector
 from mavhums.health.actuator.thresholds import (
     JAM_COMMAND_DEG,
     JAM_LATEST_PARTS,
@@ -40,14 +39,13 @@ from mavhums.health.actuator.thresholds import (
 )
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
-from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.slots import MAGNITUDES, SENSED, SHAFT, Slots, Windows
 from mavhums.health.estimation.thresholds import GUARD_S
 
 _V1, _V5, _V7 = (column(key) for key in ("V1", "V5", "V7"))
 
 
-class JamDetector:
+class JamDetector(WindowDetector):
     """Fraction of the commanded travel that the shaft does not follow within three seconds.
 
     If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
@@ -59,8 +57,6 @@ class JamDetector:
     quantity: ClassVar[str] = "commanded travel not flown"
     unit: ClassVar[str] = "1"
     inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
-    equations: ClassVar[tuple[str, ...]] = ()
-    two_sided: ClassVar[bool] = False
     span_s: ClassVar[float | None] = JAM_SPAN_S
 
     def __init__(self, actuator: Actuator, slot_s: float = 1.0) -> None:
@@ -96,6 +92,7 @@ class JamDetector:
         )
         windows = self._windows.feed(part[start], extremes)
         left_out = np.full(len(windows), np.nan)
+        # The longer span is asked only where the shorter one commands too little.
         for parts in JAM_PARTS:
             share = self._left_out(windows[:, -parts:])
             left_out = np.where(np.isnan(left_out), share, left_out)
@@ -119,11 +116,13 @@ class JamDetector:
         values, time_s = slots.values, slots.time_s
         _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
         pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= STALLED_SHARE * self._stall_a
+        # A speed that is not known counts as motion: it must not show a stall.
         moves = ~(np.fmax(np.abs(values[:, _V7]), unsigned_rev_min) < self._standing)
         moved_s = np.concatenate([[-np.inf], time_s[moves], [np.inf]])
         at = np.searchsorted(moved_s, time_s)
         apart_s = np.minimum(moved_s[at] - time_s, time_s - moved_s[at - 1])
         in_vain = (pushes & (apart_s >= GUARD_S))[slots.judged, None].astype(np.float64)
+        # By the least rate as well: a slot of few samples is not a whole second.
         share = slots.sums(in_vain)[:, 0] / np.maximum(slots.count(), self._least_samples)
         stalled: Flags = self._in_vain.feed(slots.index, share[:, None]).sum(axis=(1, 2)) >= STALLED_SECONDS
         return stalled
@@ -132,6 +131,7 @@ class JamDetector:
         """Return how far the shaft travelled at most since the sample before, °; NaN where unknown."""
         speed = slots.values[:, MAGNITUDES][:, -1] * DEGREES_S_PER_REV_MIN / self._ratio
         step_s = np.diff(slots.time_s, prepend=np.nan)
+        # The faster of two neighbours bounds the travel between them.
         faster = np.maximum(speed, np.concatenate([[np.nan], speed[:-1]]))
         travel: Array = np.where(step_s <= LONGEST_SPEED_STEP_S, step_s * faster, np.nan)
         return travel[slots.judged]
@@ -141,22 +141,22 @@ class JamDetector:
 
         NaN as well if no sample came for a second: the shaft may have moved and returned.
         """
+        # Columns 0 and 1 are the highest and minus the lowest command; the last second may not be answered
+        # yet.
         commanded = windows[:, :-JAM_LATEST_PARTS, :2].max(axis=1).sum(axis=1)
+        # Column 4: an angle divided from the rotor's shows the wind-up of the gear, too.
         wound_up = windows[:, :, 4].max(axis=1)
+        # Column 5: the integral of the unsigned speed.
         bound = np.where(np.isneginf(windows[:, :, 5]), 0.0, windows[:, :, 5]).sum(axis=1)
+        # Columns 2 and 3 are the highest and minus the lowest angle.
         angle = windows[:, :, 2:4].max(axis=1).sum(axis=1)
         travelled = np.where(np.isnan(angle), bound, angle) - wound_up
         empty = np.isneginf(windows[:, :, 0])
+        # In a second without samples the shaft may have moved and returned.
         gap = np.any(sliding_window_view(empty, JAM_PARTS_PER_SLOT, axis=1).all(axis=2), axis=1)
         enough = np.where((commanded >= JAM_COMMAND_DEG + wound_up) & ~gap, commanded, np.nan)
         share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
+        # To and fro in the gear also integrates to a travel: the bound shows a jam, and ends one only when
+        # far beyond.
         proves = ~np.isnan(angle) | (share >= JAM_SHARE) | (share <= 1.0 - SURELY_FOLLOWS_SHARE)
         return np.where(proves, share, np.nan)
-
-    def overall(self, flight: Mapping[str, Fit]) -> None:
-        """Return None: a jam has no mean."""
-        return
-
-    def conclusion(self, flight: Mapping[str, Fit]) -> None:
-        """Return None: a jam has no mean."""
-        return

@@ -41,6 +41,7 @@ class SensorBiasDetector(EquationDetector):
         fit = fits["gear"]
         one_sided = fit.both_ways("flank", "bias") < LEAST_FLANK_SLOTS
         bias, error = fit["bias"]
+        # On one flank play and bias cannot be told apart.
         error = np.maximum(error, np.where(one_sided, self._play, 0.0))
         shown = fit.spread & sharp(bias, error, WIDEST_GEAR_ERROR_DEG, self.levels.normal)
         return Estimates.of(bias, error, fit.freedom, shown)

@@ -43,5 +43,6 @@ class SupplySagDetector(EquationDetector):
         """Return the sag; undecidable without the voltage at the bus."""
         fit = fits["supply"]
         voltage, error = fit["voltage"]
+        # The sensor's own error does not average out.
         error = np.hypot(error, SUPPLY_SENSOR_V)
         return Estimates.of(self._supply - voltage, error, fit.freedom, fit.spread)

@@ -44,6 +44,8 @@ class TorqueConstantDetector(EquationDetector):
         fit = fits["voltage"]
         constant, error = _seen(fit, ema, turned=self.turned)
         shown = fit.spread & sharp(1.0 - constant, error, WIDEST_TORQUE_CONSTANT_SHARE, self.levels.normal)
+        # A gain of half, or a shaft that turns without back-EMF: the motor is not the profile's, or a sensor
+        # lies.
         shown &= (constant > LEAST_TURNING_CONSTANT_SHARE) & (constant < 1.0 + CONTRADICTED_CONSTANT_SHARE)
         return Estimates.of(1.0 - constant, error, fit.freedom, shown)
 
@@ -65,6 +67,7 @@ def relative_constant(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[A
     """
     shown, error = _seen(voltage, ema, turned=turned)
     known = max(ema.torque_uncertainty / 2, 1e-6)
+    # What the profile knows and what the flight shows, each by its inverse variance.
     weight = known**2 / (known**2 + error**2)
     contradicted, _ = contradicts(voltage, ema, turned=turned)
     return np.where(contradicted, np.nan, 1.0 + weight * (shown - 1.0)), np.sqrt(weight) * error
@@ -77,6 +80,7 @@ def _seen(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]
     shaft moves so much by itself that a tenth of the back-EMF seems lost.
     """
     nominal = ema.torque_constant * ema.gear_ratio
+    # In calm cruise the output shaft moves so much by itself that a tenth of the back-EMF seems lost.
     if turned:
         constant, error = voltage.corrected("back_emf", noisy="back_emf", healthy=nominal)
     else:

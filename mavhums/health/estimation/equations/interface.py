@@ -44,7 +44,7 @@ class Equation:
     rows: Callable[[Actuator, Motion], tuple[Array, Array, Flags]]
 
 
-class Speed(NamedTuple):
+class ServoSpeed(NamedTuple):
     """A servo's speed, rad/s of the measured shaft, and the threshold from which it counts as moving."""
 
     rad_s: Array
@@ -92,6 +92,6 @@ class OwnEquation:
     min_rate_hz: float
     min_flights: int
     left: Callable[[Actuator, Slots], Array]
-    speed: Callable[[Actuator, Slots], Speed | None]
+    speed: Callable[[Actuator, Slots], ServoSpeed | None]
     by_activity: bool = False
     blurs: bool = False

@@ -26,7 +26,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
 from mavhums.core.statistics import RAD_S_PER_REV_MIN
-from mavhums.health.estimation.equations.interface import OwnEquation, Speed
+from mavhums.health.estimation.equations.interface import OwnEquation, ServoSpeed
 from mavhums.health.estimation.slots import SENSED, Slots
 from mavhums.health.estimation.thresholds import (
     MOVING_ANGLE_DEG_S,
@@ -39,13 +39,13 @@ from mavhums.health.estimation.thresholds import (
 _V1, _V3, _V4, _V5, _V6, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 6, 7, 10))
 
 
-def _rotor_speed(actuator: Actuator, slots: Slots) -> Speed:
+def _rotor_speed(actuator: Actuator, slots: Slots) -> ServoSpeed:
     """Return the rotor's speed, or the output shaft's where only that is measured."""
     rotor, output = slots.values[:, _V7], slots.values[:, _V10]
     if np.isfinite(output).any() and not np.isfinite(rotor).any():
-        return Speed(output * RAD_S_PER_REV_MIN, float(np.radians(actuator.moving_speed_deg_s)))
+        return ServoSpeed(output * RAD_S_PER_REV_MIN, float(np.radians(actuator.moving_speed_deg_s)))
     moving = MOVING_ROTOR_REV_MIN if actuator.ema is None else actuator.moving_speed_rev_min
-    return Speed(rotor * RAD_S_PER_REV_MIN, moving * RAD_S_PER_REV_MIN)
+    return ServoSpeed(rotor * RAD_S_PER_REV_MIN, moving * RAD_S_PER_REV_MIN)
 
 
 def _current(actuator: Actuator, slots: Slots) -> Array:
@@ -60,7 +60,7 @@ def _power(actuator: Actuator, slots: Slots) -> Array:
     return power
 
 
-def _bus_speed(actuator: Actuator, slots: Slots) -> Speed | None:
+def _bus_speed(actuator: Actuator, slots: Slots) -> ServoSpeed | None:
     return _rotor_speed(actuator, slots) if actuator.esc_side == "bus" else None
 
 
@@ -71,11 +71,11 @@ def _position_error(actuator: Actuator, slots: Slots) -> Array:
     return error
 
 
-def _angle_speed(actuator: Actuator, slots: Slots) -> Speed:
+def _angle_speed(actuator: Actuator, slots: Slots) -> ServoSpeed:
     angle, time_s = np.radians(slots.values[:, _V3]), slots.time_s
     speed = np.full(angle.size, np.nan)
     speed[1:-1] = (angle[2:] - angle[:-2]) / (time_s[2:] - time_s[:-2])
-    return Speed(speed, np.radians(MOVING_ANGLE_DEG_S))
+    return ServoSpeed(speed, np.radians(MOVING_ANGLE_DEG_S))
 
 
 CURRENT = OwnEquation(

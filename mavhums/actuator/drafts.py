@@ -1,8 +1,8 @@
 """Profiles for vehicles that name none, drafted while the log is read from the parameters that it carries.
 
-Only telemetry that says which servo it is of needs no more than such a profile: CSRV, V1–V12, and named
-values of a servo's number, whose meaning is a guess. An ESC may drive a propeller: which one drives a servo
-only a profile of the user's tells.
+Only telemetry that says which servo it is of needs no more than such a profile: the servo's own record,
+V1–V12, and named values of a servo's number, whose meaning is a guess. An ESC may drive a propeller: which
+one drives a servo only a profile of the user's tells.
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums.actuator.draft import drafted_airframe
-from mavhums.actuator.named_guess import is_guessed
+from mavhums.actuator.draft import MOST_NAMES, drafted_airframe, is_guessed
 from mavhums.actuator.profile import Airframe
-from mavhums.actuator.sources import csrv, instrumented, named
+from mavhums.actuator.tiers import TIERS
+from mavhums.core.arrays import Flags, Integers
 from mavhums.log import Table
+from mavhums.log.base.tables import text_of
+from mavhums.vehicle.formats import SERVO_SOURCES, messages_of, reports
+from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.parameters import Sent
 
 __all__ = ["Draft", "Drafts"]
@@ -28,15 +30,17 @@ _SETTLED_US: Final = 5_000_000
 """A profile is drafted this long after the last parameter of an output and the first telemetry: a list of
 parameters comes without longer breaks, and every named value that is sent once a second has come by then."""
 
-_PARAMETERS: Final = {"PARAM_VALUE": "param_id", "PARM": "Name", "parameter": "name"}
 _OF_OUTPUTS: Final = re.compile(r"(SERVO|PWM_|CA_SV|UAVCAN_SV).*")
-_NAMED: Final = "NAMED_VALUE_FLOAT"
-_READ: Final = _PARAMETERS.keys() | csrv.MESSAGES | instrumented.MESSAGES | named.MESSAGES
-_MOST_NAMES: Final = 1000
-_MOST_VEHICLES: Final = 64
-_FEW: Final = 4
+_NAMING_TIERS: Final = frozenset(tier.name for tier in TIERS if tier.names_servo)
+_NAMING: Final = tuple(source for source in SERVO_SOURCES if source.tier in _NAMING_TIERS)
+_SCRIPTED: Final = messages_of("script value")
+_READ: Final = messages_of("parameter") | _SCRIPTED | {source.message for source in _NAMING}
+_MOST_VEHICLES: Final = 64  # that may still name a profile: each costs memory, and a sender can forge any
+_FEW: Final = 4  # names in a notice
 
-Rows = NDArray[np.int64]
+
+Places = tuple[Integers, Integers]
+"""Frames and times of messages, in the order of the log."""
 
 
 class Draft(NamedTuple):
@@ -83,35 +87,35 @@ class Drafts:
     def feed(self, tables: Mapping[str, Table]) -> Iterator[Draft]:
         """Yield the profiles that can be drafted now."""
         fresh = {name: self._fresh(tables[name]) for name in _READ & tables.keys()}
-        told = {name: _of_outputs(fresh[name], text) for name, text in _PARAMETERS.items() if name in fresh}
+        told = [*_of_outputs(fresh)]
         sent = {name: fresh[name].select(rows) for name, rows in _telemetry(fresh) if rows.any()}
-        parts = [*told.values(), *sent.values()]
+        parts = [*(report.table for report in told), *sent.values()]
         systems = np.unique(np.concatenate([[], *(table.system for table in parts)])).astype(int)
         for vehicle in systems.tolist():
             if vehicle not in self._vehicles and len(self._vehicles) >= _MOST_VEHICLES:
                 continue
-            draft = self._draft(vehicle, _own(told, vehicle), _own(sent, vehicle), tables)
+            own = [report.select(report.table.system == vehicle) for report in told]
+            draft = self._draft(vehicle, own, _own(sent, vehicle), tables)
             if draft is not None:
                 self.give_up(vehicle)
                 yield draft
-        if "HEARTBEAT" in tables:
-            self._sent.take({"HEARTBEAT": tables["HEARTBEAT"]})
+        self._sent.take_autopilots(tables)
 
     def _fresh(self, table: Table) -> Table:
         """Return the messages of vehicles for which a profile may be drafted."""
         return table.select(~np.isin(table.system, [*self._done])) if self._done else table
 
     def _draft(
-        self, vehicle: int, told: dict[str, Table], sent: dict[str, Table], tables: Mapping[str, Table]
+        self, vehicle: int, told: list[Report], sent: dict[str, Table], tables: Mapping[str, Table]
     ) -> Draft | None:
         """Take one vehicle's messages up to the first at which its profile can be drafted."""
         known = self._vehicles.setdefault(vehicle, _Vehicle())
-        frames, times = _in_order(sent)
-        told_frames, told_us = _in_order(told)
+        frames, times = _in_order([*sent.values()])
+        told_frames, told_us = _in_order([report.table for report in told])
         while True:
             place = _first_settled(known, (frames, times), (told_frames, told_us))
             until = np.iinfo(np.int64).max if place is None else int(frames[place])
-            self._take(known, told, sent, until, tables.get("HEARTBEAT"))
+            self._take(known, told, sent, until, tables)
             if place is None:
                 return None
             parameters = self._sent.of(vehicle)
@@ -130,28 +134,28 @@ class Drafts:
     def _take(
         self,
         known: _Vehicle,
-        told: dict[str, Table],
+        told: list[Report],
         sent: dict[str, Table],
         until: int,
-        heartbeats: Table | None,
+        tables: Mapping[str, Table],
     ) -> None:
-        if heartbeats is not None:  # what an integer parameter means depends on the autopilot
-            self._sent.take({"HEARTBEAT": heartbeats.select(heartbeats.frame < until)})
-        for name, table in told.items():
-            new = table.select(table.frame < until)
-            if len(new):
-                self._sent.take({name: new})
-                known.parameter_us = max(known.parameter_us or 0, int(new.time_us.max()))
+        self._sent.take_autopilots(tables, before=until)
+        for report in told:
+            new = report.select(report.table.frame < until)
+            if len(new.table):
+                self._sent.take_parameters(new)
+                known.parameter_us = max(known.parameter_us or 0, int(new.table.time_us.max()))
         for name, table in sent.items():
-            new = table.select(table.frame <= until)
-            if len(new):
-                first = int(new.time_us.min())
+            fresh = table.select(table.frame <= until)
+            if len(fresh):
+                first = int(fresh.time_us.min())
                 known.telemetry_us = first if known.telemetry_us is None else min(known.telemetry_us, first)
-            if name == _NAMED and len(known.names) < _MOST_NAMES:
-                known.names.update(new.texts("name"))
+            for report in reports({name: fresh}, "script value"):
+                if len(known.names) < MOST_NAMES:
+                    known.names.update(report.texts)
 
 
-def _first_settled(known: _Vehicle, sent: tuple[Rows, Rows], told: tuple[Rows, Rows]) -> int | None:
+def _first_settled(known: _Vehicle, sent: Places, told: Places) -> int | None:
     """Return the first row of telemetry long enough after the first one and after the last parameter."""
     frames, times = sent
     if not frames.size:
@@ -171,23 +175,27 @@ def _listed(names: tuple[str, ...]) -> str:
     return f"{few} and {len(names) - _FEW} more" if len(names) > _FEW else few
 
 
-def _of_outputs(table: Table, text: str) -> Table:
-    told = [_OF_OUTPUTS.fullmatch(name) is not None for name in table.texts(text)]
-    return table.select(np.array(told, dtype=bool))
+def _of_outputs(tables: Mapping[str, Table]) -> Iterator[Report]:
+    """Yield the parameters of outputs."""
+    for report in reports(tables, "parameter"):
+        names = [text_of(name) for name in report.values["name"].tolist()]
+        found = report.select(np.array([_OF_OUTPUTS.fullmatch(name) is not None for name in names]))
+        if len(found.table):
+            yield found
 
 
-def _telemetry(tables: Mapping[str, Table]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+def _telemetry(tables: Mapping[str, Table]) -> Iterator[tuple[str, Flags]]:
     """Yield which messages are telemetry of a servo that they name."""
-    for name in csrv.MESSAGES & tables.keys():
-        yield name, np.ones(len(tables[name]), dtype=bool)
-    for source in (instrumented, named):
-        for name in source.MESSAGES & tables.keys() - {_NAMED}:
-            yield name, source.is_marked(tables[name])
-    if _NAMED in tables:
-        table = tables[_NAMED]
-        names, row = np.unique(table["name"], return_inverse=True)
-        own = [is_guessed(bytes(name).decode("ascii", "replace")) for name in names]
-        yield _NAMED, named.is_marked(table) | np.array(own, dtype=bool)[row]
+    for source in _NAMING:
+        table = tables.get(source.message)
+        if table is None:
+            continue
+        rows = np.ones(len(table), dtype=bool) if source.marked is None else source.marked(table)
+        for report in reports({source.message: table}, "script value"):
+            names, row = np.unique(report.values, return_inverse=True)
+            guessed = [is_guessed(bytes(name).decode("ascii", "replace")) for name in names]
+            rows = rows | np.array(guessed, dtype=bool)[row]
+        yield source.message, rows
 
 
 def _own(tables: Mapping[str, Table], vehicle: int) -> dict[str, Table]:
@@ -195,10 +203,10 @@ def _own(tables: Mapping[str, Table], vehicle: int) -> dict[str, Table]:
     return {name: table for name, table in own.items() if len(table)}
 
 
-def _in_order(tables: Mapping[str, Table]) -> tuple[Rows, Rows]:
+def _in_order(tables: list[Table]) -> Places:
     """Return frames and times of messages, in the order of the log."""
     none = np.empty(0, dtype=np.int64)
-    frames = np.concatenate([none, *(table.frame for table in tables.values())])
-    times = np.concatenate([none, *(table.time_us for table in tables.values())])
+    frames = np.concatenate([none, *(table.frame for table in tables)])
+    times = np.concatenate([none, *(table.time_us for table in tables)])
     order = np.argsort(frames, kind="stable")
     return frames[order], times[order]

@@ -1,0 +1,164 @@
+"""The vocabulary of facts: what a vehicle did, was commanded and said, in SI units, for all log formats.
+
+:mod:`mavhums.vehicle.formats` says where each format keeps a fact. Whatever uses a fact names the fact, never
+a message, a record or a topic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.arrays import Array
+
+__all__ = [
+    "ALL_OUTPUTS",
+    "ARDUPILOT",
+    "CONTINUOUS",
+    "FIRST_UAVCAN_OUTPUT",
+    "IN_AIR",
+    "NO_AUTOPILOT",
+    "ON_GROUND",
+    "OUTPUTS",
+    "PX4",
+    "REPORTS",
+    "SIGNALS",
+    "STEPPED",
+    "ServoIds",
+    "ServoReading",
+    "Signal",
+]
+
+ARDUPILOT: Final = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
+NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
+PX4: Final = 12  # MAV_AUTOPILOT_PX4
+ON_GROUND, IN_AIR = 1, 2  # MAV_LANDED_STATE
+
+OUTPUTS: Final = 16
+"""Servo outputs of the first message, whose use is followed."""
+
+ALL_OUTPUTS: Final = 32
+"""Servo outputs that can move a surface."""
+
+FIRST_UAVCAN_OUTPUT: Final = 33
+"""Outputs from this one on are PX4's on UAVCAN, which count from 0 to 1000 and are not pulses."""
+
+CONTINUOUS: Final[Mapping[str, int]] = {
+    "outputs": OUTPUTS,  # pulses, µs, NaN where an output is off
+    "outputs_2": ALL_OUTPUTS,  # those that a second and a third message carry, NaN for the others
+    "outputs_3": ALL_OUTPUTS,
+    "rates": 3,  # roll, pitch, yaw rate of the fastest gyro, rad/s
+    "slow_rates": 3,  # the same from the attitude estimate
+    "force": 3,  # specific force, forward, right, down, m/s²
+    "attitude": 3,  # roll, pitch, yaw, rad
+    "demand": 2,  # commanded roll and pitch, rad
+    "airspeed": 1,  # m/s
+    "velocity": 2,  # over ground, north and east, m/s
+    "groundspeed": 1,  # m/s
+    "altitude": 1,  # above where it started or above sea level, m
+}
+"""Signals that change steadily, and their number of columns."""
+
+STEPPED: Final[Mapping[str, int]] = {
+    "state": 4,  # MAV_TYPE, MAV_AUTOPILOT, armed, number of the mode
+    "vtol": 1,  # MAV_VTOL_STATE
+    "landed": 1,  # MAV_LANDED_STATE
+}
+"""Signals that hold until the next value."""
+
+SIGNALS: Final = (*CONTINUOUS, *STEPPED)
+
+REPORTS: Final[Mapping[str, str]] = {
+    "armed": "autopilot (MAV_AUTOPILOT) and whether armed, where kind and mode are recorded apart; (n, 2)",
+    "mode": "autopilot, MAV_TYPE (-1 unknown), base mode and number of the mode; (n, 4)",
+    "autopilot": "MAV_TYPE and MAV_AUTOPILOT; (n, 2)",
+    "autopilot name": "name of the autopilot; text (n,)",
+    "firmware": "version, one byte each: major, minor, patch, kind of release; (n,)",
+    "board": "unique id of the board, upper-case hexadecimal; text (n,)",
+    "boot": "UTC at boot by the vehicle's own clocks, µs; (n,)",
+    "uptime": "time since boot, µs; (n,)",
+    "text": "what the autopilot says; text (n,)",
+    "parameter": "fields name (text), bits (of the 32-bit value) and type (MAV_PARAM_TYPE); (n,)",
+    "position": "latitude and longitude, degrees, and altitude above sea level, m; (n, 3)",
+    "sensed airspeed": "airspeed of the sensor, not validated by the autopilot, m/s; (n, 1)",
+    "ESC temperature": "°C, a column for each ESC from the source's ``first`` on; (n, k)",
+    "named value": "name of a value that a script or the autopilot sends; text (n,)",
+    "script value": "name of a number that a script sends and a profile can map; text (n,)",
+}
+"""Facts that are no signals, with the meaning and the shape of their values."""
+
+
+class Signal(NamedTuple):
+    """New values of one signal of one vehicle.
+
+    Attributes
+    ----------
+    source
+        Message or record, as a verdict names it.
+    frame
+        Positions in the log, shape (n,), increasing.
+    time_us
+        Microseconds of UTC, shape (n,).
+    values
+        Shape (n, columns of the signal), NaN where unknown.
+    stamped
+        Whether the samples carry their own times; those without are never earlier than their sender's others.
+    """
+
+    vehicle: int
+    name: str
+    source: str
+    frame: NDArray[np.int64]
+    time_us: NDArray[np.int64]
+    values: Array
+    stamped: bool = True
+
+
+class ServoIds(NamedTuple):
+    """How the messages of a log name one servo.
+
+    Attributes
+    ----------
+    servo
+        Its output channel, from 1.
+    esc
+        Its ESC, from 0; None if no ESC reports on it.
+    record
+        Number of its servo telemetry records; None if it follows from the channel.
+    """
+
+    servo: int
+    esc: int | None = None
+    record: int | None = None
+
+
+class ServoReading(NamedTuple):
+    """New values of one servo from one source.
+
+    Attributes
+    ----------
+    servo
+        Its output channel.
+    source
+        Message and instance, as verdicts name them: ``ESC_STATUS[3]``.
+    fields
+        The field of each quantity: V1…V12, or ``pulse``, the command in µs (a count on UAVCAN).
+    frame, time_us
+        Positions in the log and microseconds of UTC, shape (n,), increasing.
+    values
+        Shape (n, k), NaN where not measured, in the order of ``fields``.
+    signed
+        Whether the values are signed; otherwise they are magnitudes.
+    """
+
+    vehicle: int
+    servo: int
+    source: str
+    fields: Mapping[str, str]
+    frame: NDArray[np.int64]
+    time_us: NDArray[np.int64]
+    values: Array
+    signed: bool = True

@@ -1,0 +1,125 @@
+"""Where each log format keeps the facts of :mod:`mavhums.vehicle.facts`: one module a format.
+
+A module has ``SOURCES``, ``SERVO_SOURCES`` and ``REMEDIES``, the interface :class:`~.base.Format`. Nothing
+else outside :mod:`mavhums.log` names a message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cache
+from typing import Final, cast
+
+from mavhums.log import Table
+from mavhums.vehicle.facts import ServoIds, ServoReading
+from mavhums.vehicle.formats import dataflash, mavlink, ulog
+from mavhums.vehicle.formats.base import ANY, Format, Report, Rows, ServoSource, Source, each, holds
+
+__all__ = [
+    "FORMATS",
+    "SERVO_SOURCES",
+    "Format",
+    "Report",
+    "Rows",
+    "each",
+    "message_of",
+    "messages_of",
+    "remedy",
+    "reports",
+    "servo_readings",
+]
+
+FORMATS: Final = tuple(cast(Format, module) for module in (mavlink, dataflash, ulog))
+"""The formats; a log whose messages are of none is treated as the first one."""
+
+SERVO_SOURCES: Final[tuple[ServoSource, ...]] = tuple(
+    source for form in FORMATS for source in form.SERVO_SOURCES
+)
+
+_COMMON: Final[Mapping[str, str]] = {
+    "servo telemetry": (
+        "record each servo's ESC telemetry (voltage, current, speed) beside its command, its CSRV "
+        "(ArduPilot 4.7, DroneCAN), or V1–V12 as DEBUG_FLOAT_ARRAY named EMA"
+    ),
+    "motor quantities": "send V1–V12 as DEBUG_FLOAT_ARRAY named EMA",
+    "signed currents": "send signed values (ESC_STATUS)",
+}
+"""How facts of servos are recorded: a text that names a format names all that have them."""
+
+
+@cache
+def _sources(facts: tuple[str, ...]) -> tuple[tuple[Format, Source], ...]:
+    """Return the sources of facts, in the order of the formats' tables."""
+    return tuple((form, source) for form in FORMATS for source in form.SOURCES if source.fact in facts)
+
+
+def messages_of(*facts: str) -> frozenset[str]:
+    """Return the messages that carry any of these facts.
+
+    Examples
+    --------
+    >>> sorted(messages_of("text"))
+    ['MSG', 'STATUSTEXT', 'logged_string']
+    """
+    return frozenset(source.message for _, source in _sources(facts))
+
+
+def message_of(fact: str, form: str) -> str:
+    """Return the first message of a format, by its name, that carries a fact.
+
+    Examples
+    --------
+    >>> message_of("outputs", "dataflash")
+    'RCOU'
+    """
+    return next(source.message for known, source in _sources((fact,)) if form == known.NAME)
+
+
+def reports(tables: Mapping[str, Table], *facts: str) -> Iterator[Report]:
+    """Yield the rows of these tables that carry any of these facts."""
+    for form, source in _sources(facts):
+        table = tables.get(source.message)
+        if table is None or not holds(table, source.fields):
+            continue
+        if source.rows is not None:
+            table = table.select(source.rows(table))
+        if len(table):
+            yield Report(source, form, table)
+
+
+def servo_readings(
+    source: ServoSource, tables: Mapping[str, Table], servos: Sequence[ServoIds]
+) -> Iterator[ServoReading]:
+    """Yield the readings of servos in the tables' messages of one source, vehicle by vehicle."""
+    table = tables.get(source.message)
+    if table is None:
+        return
+    for ids, part in source.split(table, servos):
+        for vehicle, rows in each(table.system, part.rows):
+            times = table.frame[rows], table.time_us[rows]
+            name, fields = part.source, part.fields
+            yield ServoReading(vehicle, ids.servo, name, fields, *times, part.values[rows], source.signed)
+
+
+def remedy(fact: str, messages: Collection[str] = (), autopilots: Collection[int] = ()) -> str:
+    """Return how a log records a missing fact.
+
+    Parameters
+    ----------
+    fact
+        A key of ``REMEDIES``.
+    messages
+        Messages of the log, which tell its format.
+    autopilots
+        MAV_AUTOPILOTs of the vehicle; where they are known, the remedy is theirs.
+
+    Examples
+    --------
+    >>> remedy("force", {"IMU"}), remedy("force")
+    ('IMU (LOG_BITMASK bit 7)', 'RAW_IMU (SRx_RAW_SENS = 10)')
+    """
+    if fact in _COMMON:
+        return _COMMON[fact]
+    known = (form for form in FORMATS if any(source.message in messages for source in form.SOURCES))
+    texts = next(known, FORMATS[0]).REMEDIES[fact]
+    return next((texts[autopilot] for autopilot in autopilots if autopilot in texts), texts[ANY])

@@ -1,0 +1,215 @@
+"""Where ArduPilot's on-board log (DataFlash) keeps each fact.
+
+Of several sensors, the first is used (``I`` = 0). The state has no record of its own: STAT says whether the
+vehicle is armed, MODE gives the mode, and a text of the firmware the kind of vehicle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from math import pi
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.arrays import Array, Flags
+from mavhums.log import Table
+from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, IN_AIR, ON_GROUND, OUTPUTS, ServoIds
+from mavhums.vehicle.formats.base import (
+    ANY,
+    TEXT,
+    ServoPart,
+    ServoSource,
+    Source,
+    Split,
+    columns,
+    holds,
+    is_named,
+    named_parts,
+    plain,
+    pulses,
+    records_of_parameters,
+)
+
+__all__ = ["AUTOPILOT", "NAME", "REMEDIES", "SERVO_SOURCES", "SOURCES", "is_stamped", "mode_name"]
+
+_FIX: Final = 3  # GPS_STATUS of a three-dimensional fix: before it, speed and course are noise
+_REAL32: Final = 9  # MAV_PARAM_TYPE
+
+
+def is_stamped(table: Table) -> bool:
+    """Return True: every record has the time of the board's one clock."""
+    return True
+
+
+@cache
+def mode_name(autopilot: int, kind: int, base_mode: int, number: int) -> str | None:
+    """Return the name of a flight mode; None before a text has named the kind of vehicle."""
+    if kind < 0:
+        return None
+    from pymavlink.mavutil import mode_mapping_bynumber
+
+    return str((mode_mapping_bynumber(kind) or {}).get(number, f"Mode({number})"))
+
+
+def _first_sensor(table: Table) -> Flags:
+    if "I" in (table.fields.dtype.names or ()):
+        return np.asarray(table["I"] == 0)
+    return np.ones(len(table), dtype=bool)
+
+
+def _outputs(count: int) -> Any:
+    """Return what reads the pulses of the first ``count`` outputs; a record has only some of them."""
+
+    def read(table: Table) -> Array:
+        sent = np.full((len(table), count), np.nan)
+        for k in range(count):
+            if f"C{k + 1}" in (table.fields.dtype.names or ()):
+                sent[:, k] = table[f"C{k + 1}"]
+        return pulses(sent)
+
+    return read
+
+
+def _velocity(table: Table) -> Array:
+    speed, course = table["Spd"].astype(np.float64), np.radians(table["GCrs"].astype(np.float64))
+    velocity = np.stack([speed * np.cos(course), speed * np.sin(course)], axis=1)
+    return np.where((table["Status"] >= _FIX)[:, None], velocity, np.nan)
+
+
+def _degrees(fact: str, record: str, *fields: str) -> Source:
+    widths = dict.fromkeys(fields, 1)
+    return Source(fact, record, widths, lambda table: np.radians(columns(table, *fields)))
+
+
+def _armed(table: Table) -> Array:
+    return np.stack([np.full(len(table), float(ARDUPILOT)), table["Armed"] > 0], axis=1)
+
+
+def _landed(table: Table) -> Array:
+    return np.where(table["isFlying"] > 0, float(IN_AIR), float(ON_GROUND))[:, None]
+
+
+def _mode(table: Table) -> NDArray[Any]:
+    """Return the mode without the kind of vehicle, which a text gives."""
+    number = table["ModeNum"].astype(np.int64)
+    known = np.full_like(number, ARDUPILOT), np.full_like(number, -1), np.zeros_like(number)
+    return np.stack([*known, number], axis=1)
+
+
+def _uptime(table: Table) -> NDArray[Any]:
+    return table["TimeUS"].astype(np.int64)
+
+
+def _parameters(table: Table) -> NDArray[Any]:
+    bits = np.ascontiguousarray(table["Value"].astype("<f4")).view("<u4")
+    return records_of_parameters(table["Name"], bits, _REAL32)
+
+
+_STAT: Final = {"Armed": 1, "isFlying": 1}
+
+NAME: Final = "dataflash"
+AUTOPILOT: Final = ARDUPILOT
+"""Which autopilot writes such logs."""
+
+SOURCES: Final = (
+    Source("armed", "STAT", _STAT, _armed),
+    Source("landed", "STAT", _STAT, _landed),
+    Source("outputs", "RCOU", {"C1": 1}, _outputs(OUTPUTS)),
+    Source("outputs_2", "RCO2", {}, _outputs(ALL_OUTPUTS)),
+    Source("outputs_3", "RCO3", {}, _outputs(ALL_OUTPUTS)),
+    plain("rates", "IMU", "GyrX", "GyrY", "GyrZ", rows=_first_sensor),
+    plain("force", "IMU", "AccX", "AccY", "AccZ", rows=_first_sensor),
+    _degrees("attitude", "ATT", "Roll", "Pitch", "Yaw"),
+    _degrees("demand", "ATT", "DesRoll", "DesPitch"),
+    plain("airspeed", "ARSP", "Airspeed", rows=_first_sensor),
+    Source("velocity", "GPS", {"Status": 1, "Spd": 1, "GCrs": 1}, _velocity, _first_sensor),
+    plain("groundspeed", "GPS", "Spd", rows=_first_sensor),
+    plain("altitude", "POS", "RelHomeAlt"),
+    Source("mode", "MODE", {"ModeNum": 1}, _mode),
+    Source("text", "MSG", {"Message": TEXT}, lambda t: t["Message"]),
+    Source("uptime", "MSG", {"TimeUS": 1}, _uptime),
+    Source("uptime", "PARM", {"TimeUS": 1}, _uptime),
+    Source("parameter", "PARM", {"Name": TEXT, "Value": 1}, _parameters),
+    plain("position", "POS", "Lat", "Lng", "Alt"),
+    plain("sensed airspeed", "ARSP", "Airspeed", rows=_first_sensor),
+    Source("named value", "NVF", {"Name": TEXT}, lambda t: t["Name"]),
+)
+
+# Servo telemetry
+
+_ESC_FIELDS: Final = {"V4": "Volt", "V5": "Curr", "V7": "RPM"}
+_CSRV_DEGREES: Final = {
+    "PosCmd": ("V1", 1.0),
+    "Pos": ("V3", 1.0),
+    "V": ("V4", 1.0),
+    "A": ("V5", 1.0),
+    "Speed": ("V10", 1 / 6),
+    "Force": ("V11", 1.0),
+}
+_CSRV_RADIANS: Final = {"Pos": ("V3", 180 / pi), "Speed": ("V10", 30 / pi), "Force": ("V11", 1.0)}
+"""ArduPilot before 4.7 logs no command, and the angle in radians."""
+
+
+def _csrv(table: Table, servos: Sequence[ServoIds]) -> Split:
+    """Yield what servos measure; the fields that a servo does not fill are NaN.
+
+    A serial Volz servo gives position, command, voltage and current; a DroneCAN servo gives position, torque
+    and speed. The number is the output counted from 0 if the autopilot itself drives the servo (the record
+    then has its command), and from 1 on DroneCAN, whose servos do not repeat the command.
+    """
+    names = table.fields.dtype.names or ()
+    gives = _CSRV_DEGREES if "PosCmd" in names else _CSRV_RADIANS
+    fields = {field: gives[field] for field in gives if field in names}
+    if "Id" not in names or not fields:
+        return
+    number = table["Id"].astype(np.int64)
+    servo = number + np.isfinite(table["PosCmd"]) if "PosCmd" in names else number
+    values = np.stack(
+        [table[field].astype(np.float64) * scale for field, (_, scale) in fields.items()], axis=1
+    )
+    values[~np.isfinite(values)] = np.nan
+    named = [ids.record for ids in servos if ids.record is not None]
+    for ids in servos:
+        by_channel = (servo == ids.servo) & ~np.isin(number, named)
+        rows = by_channel if ids.record is None else number == ids.record
+        if rows.any():
+            label = f"CSRV[{number[rows.argmax()]}]"
+            yield ids, ServoPart(label, {key: field for field, (key, _) in fields.items()}, rows, values)
+
+
+def _esc(table: Table, servos: Sequence[ServoIds]) -> Split:
+    """Yield magnitudes: most ESCs report no signs, and no record distinguishes those that do."""
+    if not holds(table, dict.fromkeys(("Instance", *_ESC_FIELDS.values()), 1)):
+        return
+    values = np.abs(columns(table, *_ESC_FIELDS.values()))
+    for ids in servos:
+        if ids.esc is not None:
+            yield ids, ServoPart(f"ESC[{ids.esc}]", _ESC_FIELDS, table["Instance"] == ids.esc, values)
+
+
+def _commands(table: Table, servos: Sequence[ServoIds]) -> Split:
+    for ids in servos:
+        field = f"C{ids.servo}"
+        if field in (table.fields.dtype.names or ()):
+            yield ids, ServoPart(table.name, {"pulse": field}, None, columns(table, field))
+
+
+SERVO_SOURCES: Final = (
+    ServoSource("csrv", "CSRV", _csrv),
+    ServoSource(
+        "named",
+        "NVF",
+        lambda table, servos: named_parts(table, servos, "Name", "Value"),
+        lambda table: is_named(table, "Name"),
+    ),
+    ServoSource("esc-unsigned", "ESC", _esc, signed=False),
+    *(ServoSource("pwm", name, _commands) for name in ("RCO2", "RCO3", "RCOU")),
+)
+
+REMEDIES: Final = {
+    "motion": {ANY: "RCOU, ATT and IMU (LOG_BITMASK bits 13, 0 and 7; LOG_FILE_RATEMAX 0)"},
+    "force": {ANY: "IMU (LOG_BITMASK bit 7)"},
+}

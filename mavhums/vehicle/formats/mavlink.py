@@ -1,0 +1,302 @@
+"""Where MAVLink keeps each fact: telemetry logs and live links.
+
+Times are those of the senders' clocks, see :mod:`mavhums.vehicle.clocks`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from types import SimpleNamespace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.arrays import Array, Flags
+from mavhums.log import Table
+from mavhums.log.base.tables import LOOSE_TIME
+from mavhums.vehicle.facts import NO_AUTOPILOT, OUTPUTS, PX4, ServoIds
+from mavhums.vehicle.formats.base import (
+    ANY,
+    TEXT,
+    ServoPart,
+    ServoSource,
+    Source,
+    Split,
+    angles_of,
+    columns,
+    ema_parts,
+    is_ema,
+    is_named,
+    named_parts,
+    plain,
+    pulses,
+    records_of_parameters,
+    wide,
+)
+
+__all__ = [
+    "AUTOPILOT",
+    "NAME",
+    "REMEDIES",
+    "SERVO_SOURCES",
+    "SOURCES",
+    "STAMPS",
+    "is_stamped",
+    "mode_name",
+    "stamp_of",
+]
+
+STAMPS: Final = ("time_boot_ms", "time_usec")
+"""Fields with the time of the sender's clock; the first in a message counts."""
+
+_NOT_OWN_TIME: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS_INPUT", "HIL_GPS"})
+"""Messages whose stamp may be the satellites' time, or that of the last fix: they show no clock."""
+
+_G: Final = 9.80665
+_ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+_NO_ATTITUDE: Final = 1 << 7  # ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
+_GPS_WORKS_US: Final = 1_262_304_000_000_000  # 2010: an autopilot without a fix sends a date before
+_ARDUPILOT_ID_BYTES: Final = 12  # of uid2's 18: the others are zero in ArduPilot
+
+_SERVO_FIELDS: Final = tuple(f"servo{n}_raw" for n in range(1, OUTPUTS + 1))
+_HEARTBEAT: Final = dict.fromkeys(("type", "autopilot", "base_mode", "custom_mode"), 1)
+_VERSION: Final = {"uid2": 18, "uid": 1, "flight_sw_version": 1}
+
+
+def stamp_of(table: Table) -> str | None:
+    """Return the field of a message's stamp; None if it has none."""
+    if table.name in _NOT_OWN_TIME:
+        return None
+    return next((stamp for stamp in STAMPS if table.holds({stamp: 1})), None)
+
+
+def is_stamped(table: Table) -> bool:
+    """Return whether messages of this type carry the time of their sender's clock."""
+    return stamp_of(table) is not None
+
+
+@cache
+def mode_name(autopilot: int, kind: int, base_mode: int, number: int) -> str:
+    """Return the name of a flight mode."""
+    from pymavlink.mavutil import mode_string_v10
+
+    heartbeat = SimpleNamespace(
+        get_type=lambda: "HEARTBEAT", autopilot=autopilot, type=kind, base_mode=base_mode, custom_mode=number
+    )
+    return str(mode_string_v10(heartbeat))
+
+
+def _outputs(table: Table) -> Array:
+    return pulses(columns(table, *_SERVO_FIELDS))
+
+
+def _port(number: int) -> Any:
+    return lambda table: table["port"] == number
+
+
+def _navigated(table: Table) -> Array:
+    """Return the commanded attitude where its time is known, else NaN.
+
+    A command that arrives seconds before or after the attitude that answers it looks as if no surface obeyed.
+    """
+    loose = (table.flags & LOOSE_TIME) > 0
+    return np.where(loose[:, None], np.nan, np.radians(columns(table, "nav_roll", "nav_pitch")))
+
+
+def _target(table: Table) -> Array:
+    asked = (table["type_mask"] & _NO_ATTITUDE) == 0
+    return np.where(asked[:, None], angles_of(table["q"])[:, :2], np.nan)
+
+
+def _has_autopilot(table: Table) -> Flags:
+    return np.asarray(table["autopilot"] != NO_AUTOPILOT)
+
+
+def _state(table: Table) -> Array:
+    armed = (table["base_mode"] & _ARMED) > 0
+    fields = (table["type"], table["autopilot"], armed, table["custom_mode"])
+    return np.stack([field.astype(np.float64) for field in fields], axis=1)
+
+
+def _mode(table: Table) -> NDArray[Any]:
+    fields = ("autopilot", "type", "base_mode", "custom_mode")
+    return np.stack([table[field].astype(np.int64) for field in fields], axis=1)
+
+
+def _boards(table: Table) -> NDArray[Any]:
+    """Return the boards' ids: ``uid2`` with the length that the autopilot gives it, else ``uid``."""
+    ids = []
+    for uid2, uid in zip(table["uid2"], table["uid"].tolist(), strict=True):
+        known = uid2 if uid2[_ARDUPILOT_ID_BYTES:].any() else uid2[:_ARDUPILOT_ID_BYTES]
+        ids.append(known.tobytes().hex().upper() if uid2.any() else f"{uid:016X}")
+    return np.array(ids, dtype="S")
+
+
+def _boot(table: Table) -> NDArray[Any]:
+    return table["time_unix_usec"].astype(np.int64) - table["time_boot_ms"].astype(np.int64) * 1000
+
+
+def _position(table: Table) -> Array:
+    return np.column_stack([columns(table, "lat", "lon") / 1e7, table["alt"] / 1e3])
+
+
+def _parameters(table: Table) -> NDArray[Any]:
+    bits = np.ascontiguousarray(table["param_value"]).view("<u4")
+    return records_of_parameters(table["param_id"], bits, table["param_type"])
+
+
+_MILLI_RATES: Final = ("xgyro", "ygyro", "zgyro")
+_MILLI_FORCE: Final = ("xacc", "yacc", "zacc")
+_ESC_BATCHES: Final = {f"ESC_TELEMETRY_{k + 1}_TO_{k + 4}": k for k in range(0, 32, 4)}
+
+NAME: Final = "tlog"
+AUTOPILOT: Final = None
+"""Which autopilot writes such logs: any."""
+
+SOURCES: Final = (
+    Source("state", "HEARTBEAT", _HEARTBEAT, _state, _has_autopilot, all_components=True),
+    Source("outputs", "SERVO_OUTPUT_RAW", {"port": 1, **dict.fromkeys(_SERVO_FIELDS, 1)}, _outputs, _port(0)),
+    Source(
+        "outputs_2",
+        "SERVO_OUTPUT_RAW",
+        {"port": 1, **dict.fromkeys(_SERVO_FIELDS, 1)},
+        lambda t: wide(_outputs(t), OUTPUTS),
+        _port(1),
+    ),
+    plain("rates", "HIGHRES_IMU", *_MILLI_RATES),
+    plain("rates", "RAW_IMU", *_MILLI_RATES, scale=1e-3),
+    plain("rates", "SCALED_IMU", *_MILLI_RATES, scale=1e-3),
+    plain("rates", "SCALED_IMU2", *_MILLI_RATES, scale=1e-3),
+    plain("force", "HIGHRES_IMU", *_MILLI_FORCE),
+    plain("force", "RAW_IMU", *_MILLI_FORCE, scale=_G / 1e3),
+    plain("force", "SCALED_IMU", *_MILLI_FORCE, scale=_G / 1e3),
+    plain("force", "SCALED_IMU2", *_MILLI_FORCE, scale=_G / 1e3),
+    plain("attitude", "ATTITUDE", "roll", "pitch", "yaw"),
+    plain("slow_rates", "ATTITUDE", "rollspeed", "pitchspeed", "yawspeed"),
+    Source("demand", "ATTITUDE_TARGET", {"q": 4, "type_mask": 1}, _target),
+    Source("demand", "NAV_CONTROLLER_OUTPUT", {"nav_roll": 1, "nav_pitch": 1}, _navigated),
+    plain("airspeed", "VFR_HUD", "airspeed"),
+    plain("groundspeed", "VFR_HUD", "groundspeed"),
+    plain("velocity", "GLOBAL_POSITION_INT", "vx", "vy", scale=0.01),
+    plain("altitude", "GLOBAL_POSITION_INT", "relative_alt", scale=1e-3),
+    plain("altitude", "VFR_HUD", "alt"),
+    plain("vtol", "EXTENDED_SYS_STATE", "vtol_state"),
+    plain("landed", "EXTENDED_SYS_STATE", "landed_state"),
+    Source("mode", "HEARTBEAT", _HEARTBEAT, _mode, _has_autopilot),
+    Source("autopilot", "HEARTBEAT", _HEARTBEAT, lambda t: np.stack([t["type"], t["autopilot"]], axis=1)),
+    Source("firmware", "AUTOPILOT_VERSION", _VERSION, lambda t: t["flight_sw_version"]),
+    Source("board", "AUTOPILOT_VERSION", _VERSION, _boards, lambda t: t["uid2"].any(axis=1) | (t["uid"] > 0)),
+    Source(
+        "boot",
+        "SYSTEM_TIME",
+        {"time_unix_usec": 1, "time_boot_ms": 1},
+        _boot,
+        lambda t: np.asarray(t["time_unix_usec"] > _GPS_WORKS_US),
+    ),
+    Source("uptime", "ATTITUDE", {"time_boot_ms": 1}, lambda t: t["time_boot_ms"].astype(np.int64) * 1000),
+    Source("text", "STATUSTEXT", {"text": TEXT}, lambda t: t["text"]),
+    Source("parameter", "PARAM_VALUE", {"param_id": TEXT, "param_value": 1, "param_type": 1}, _parameters),
+    Source("position", "GLOBAL_POSITION_INT", {"lat": 1, "lon": 1, "alt": 1}, _position),
+    plain("sensed airspeed", "VFR_HUD", "airspeed"),
+    *(
+        Source("ESC temperature", name, {"temperature": 4}, lambda t: t["temperature"], first=first)
+        for name, first in _ESC_BATCHES.items()
+    ),
+    *(
+        Source("named value", name, {"name": TEXT}, lambda t: t["name"])
+        for name in ("NAMED_VALUE_FLOAT", "NAMED_VALUE_INT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")
+    ),
+    Source("script value", "NAMED_VALUE_FLOAT", {"name": TEXT, "value": 1}, lambda t: t["name"]),
+)
+
+# Servo telemetry
+
+_BATCH: Final = 4
+_STATUS_FIELDS: Final = {"V4": "voltage", "V5": "current", "V7": "rpm"}
+_TELEMETRY_UNITS: Final = (0.01, 0.01, 1.0)  # 10 mV, 10 mA, 1 rev/min
+_PER_STATUS: Final = 32
+
+
+def _repeated(table: Table) -> Flags:
+    """Return which batches repeat the time and values of the previous one, shape (n,).
+
+    PX4 repeats ESCs 0–3 in the batch whose index is 4: taken as they are, four ESCs would be eight.
+    """
+    repeated = np.zeros(len(table), dtype=bool)
+    if len(table) > 1:
+        same = table["index"][1:] != table["index"][:-1]
+        same &= table.system[1:] == table.system[:-1]
+        for field in ("time_usec", *_STATUS_FIELDS.values()):
+            equal = table[field][1:] == table[field][:-1]
+            same &= equal.all(axis=1) if equal.ndim == 2 else equal
+        repeated[1:] = same
+    return repeated
+
+
+def _esc_status(table: Table, servos: Sequence[ServoIds]) -> Split:
+    fresh = ~_repeated(table)
+    values = np.stack([table[field].astype(np.float64) for field in _STATUS_FIELDS.values()], axis=2)
+    for ids in servos:
+        if ids.esc is not None:
+            k = ids.esc % _BATCH
+            rows = fresh & (table["index"] == ids.esc - k)
+            yield ids, ServoPart(f"ESC_STATUS[{ids.esc}]", _STATUS_FIELDS, rows, values[:, k])
+
+
+def _esc_telemetry(table: Table, servos: Sequence[ServoIds]) -> Split:
+    first = _ESC_BATCHES[table.name]
+    ours = [ids for ids in servos if ids.esc is not None and 0 <= ids.esc - first < _BATCH]
+    if not ours:
+        return
+    units = zip(_STATUS_FIELDS.values(), _TELEMETRY_UNITS, strict=True)
+    values = np.stack([table[field] * unit for field, unit in units], axis=2)
+    for ids in ours:
+        k = (ids.esc or 0) - first
+        there = (values[:, k] != 0).any(axis=1)  # a row of zeros is an absent ESC
+        yield ids, ServoPart(f"{table.name}[{k}]", _STATUS_FIELDS, there, values[:, k])
+
+
+def _servo_output(table: Table, servos: Sequence[ServoIds]) -> Split:
+    """Yield the commands: ``port`` 0 and 1 are servos 1–16 and 17–32."""
+    for ids in servos:
+        port, k = divmod(ids.servo - 1, OUTPUTS)
+        field = _SERVO_FIELDS[k]
+        yield ids, ServoPart(table.name, {"pulse": field}, table["port"] == port, columns(table, field))
+
+
+def _output_status(table: Table, servos: Sequence[ServoIds]) -> Split:
+    for ids in servos:
+        k = ids.servo - 1
+        if k < _PER_STATUS:
+            values = table["actuator"][:, k : k + 1].astype(np.float64)
+            yield ids, ServoPart(table.name, {"pulse": f"actuator[{k}]"}, None, values)
+
+
+SERVO_SOURCES: Final = (
+    ServoSource(
+        "instrumented",
+        "DEBUG_FLOAT_ARRAY",
+        lambda table, servos: ema_parts(table, servos, "array_id"),
+        lambda table: is_ema(table, "array_id"),
+    ),
+    ServoSource("esc-signed", "ESC_STATUS", _esc_status),
+    ServoSource(
+        "named",
+        "NAMED_VALUE_FLOAT",
+        lambda table, servos: named_parts(table, servos, "name", "value"),
+        lambda table: is_named(table, "name"),
+    ),
+    *(ServoSource("esc-unsigned", name, _esc_telemetry, signed=False) for name in _ESC_BATCHES),
+    ServoSource("pwm", "SERVO_OUTPUT_RAW", _servo_output),
+    ServoSource("pwm", "ACTUATOR_OUTPUT_STATUS", _output_status),
+)
+
+REMEDIES: Final = {
+    "motion": {
+        ANY: "SERVO_OUTPUT_RAW, RAW_IMU and ATTITUDE (SRx_RC_CHAN, SRx_RAW_SENS, SRx_EXTRA1 = 10)",
+        PX4: "SERVO_OUTPUT_RAW, HIGHRES_IMU and ATTITUDE (MAV_x_MODE, MAV_x_RATE)",
+    },
+    "force": {ANY: "RAW_IMU (SRx_RAW_SENS = 10)", PX4: "HIGHRES_IMU (MAV_x_MODE, MAV_x_RATE)"},
+}

@@ -1,0 +1,100 @@
+"""Only the rooms of the formats name messages, and their tables are consistent."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from mavhums.actuator.tiers import TIERS
+from mavhums.log.formats import FORMATS as LOG_FORMATS
+from mavhums.log.mavlink.dialect import load_dialect
+from mavhums.vehicle import formats
+from mavhums.vehicle.facts import REPORTS, SIGNALS
+from mavhums.vehicle.formats import FORMATS, SERVO_SOURCES, messages_of
+
+ROOM = Path(formats.__file__).parents[2]
+KNOWS = (ROOM / "log", ROOM / "vehicle" / "formats")
+
+WORDS = {"airspeed", "info", "parameter", "ESC", "GPS", "IMU", "RPM", "MODE", "POS", "STAT", "EVENT", "PING"}
+"""Messages whose names are also words of the field: facts, kinds of telemetry, parts of a vehicle."""
+
+RECORDS = {
+    "BARO",
+    "XKF1",
+    "NKF1",
+    "AHR2",
+    "CTUN",
+    "ERR",
+    "VIBE",
+    "sensor_baro",
+    "vehicle_command",
+    "battery_status",
+}
+"""Messages of on-board logs that no table here reads."""
+
+
+def messages(form: formats.Format) -> set[str]:
+    return {source.message for source in form.SOURCES} | {source.message for source in form.SERVO_SOURCES}
+
+
+def names_of_messages() -> set[str]:
+    tables = set().union(*map(messages, FORMATS))
+    dialect = {definition.name for definition in load_dialect().definitions.values()}
+    return (tables | dialect | RECORDS) - WORDS
+
+
+NAME = re.compile(rf"(?<![\w.])(?:{'|'.join(sorted(names_of_messages(), key=len, reverse=True))})(?!\w)")
+
+
+def texts(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield the texts of a module that are no docstrings, with their lines."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+            yield node.lineno, node.value
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(ROOM.rglob("*.py")) if not any(map(path.is_relative_to, KNOWS))],
+    ids=lambda path: str(path.relative_to(ROOM)),
+)
+def test_nothing_else_names_a_message(path: Path) -> None:
+    named = [f"line {line}: {NAME.findall(text)}" for line, text in texts(path) if NAME.search(text)]
+    assert not named, f"name the fact instead, and put the message into vehicle/formats: {named}"
+
+
+def test_a_message_would_be_found(tmp_path: Path) -> None:
+    module = tmp_path / "one.py"
+    lines = '"""ATTITUDE is a message."""', 'KINDS = {"RCOU", "attitude"}', 'TOLD = f"of ESC_STATUS[{1}]"'
+    module.write_text("\n".join(lines))
+    assert [line for line, text in texts(module) if NAME.search(text)] == [2, 3]
+
+
+def test_every_format_that_is_read_says_where_it_keeps_facts() -> None:
+    modules = {path.stem for path in KNOWS[1].glob("*.py")} - {"__init__", "base"}
+    modules |= {path.parent.name for path in KNOWS[1].glob("*/__init__.py")}
+    assert {form.NAME for form in FORMATS} == {known.name for known in LOG_FORMATS}
+    assert {form.NAME for form in FORMATS} - {"tlog"} | {"mavlink"} == modules
+
+
+@pytest.mark.parametrize("form", FORMATS, ids=lambda form: form.NAME)
+def test_the_tables_name_known_facts_and_tiers(form: formats.Format) -> None:
+    assert {source.fact for source in form.SOURCES} <= {*SIGNALS, *REPORTS}
+    assert {source.tier for source in form.SERVO_SOURCES} <= {tier.name for tier in TIERS}
+    assert form.REMEDIES.keys() == {"motion", "force"}
+
+
+def test_no_message_is_of_two_formats() -> None:
+    found = [messages(form) for form in FORMATS]
+    assert sum(map(len, found)) == len(set().union(*found))
+
+
+def test_every_fact_has_a_source_and_every_tier_its_messages() -> None:
+    assert [fact for fact in (*SIGNALS, *REPORTS) if not messages_of(fact)] == []
+    assert {tier.name for tier in TIERS} == {source.tier for source in SERVO_SOURCES}
