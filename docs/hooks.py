@@ -1,8 +1,9 @@
 """What the site shows beyond its pages: tables of JSON and profile fields, and links into the repository.
 
-A page names a table, ``<!-- fields: mavhums analyse --json -->``; the table comes from the model's JSON schema
-and the descriptions in ``reference/fields.toml``. A link that leaves ``docs`` works on GitHub as it stands; on
-the site it becomes an address of the repository. What is missing is a warning, and a strict build fails on it.
+A page names a table, ``<!-- fields: mavhums analyse --json -->``; the table comes from the model's JSON
+schema and the descriptions in ``reference/fields.toml``. A link that leaves ``docs`` works on GitHub as it
+stands; on the site it becomes an address of the repository. What is missing is a warning, and a strict build
+fails on it (with ``--quiet`` it would not: mkdocs then counts no warnings).
 """
 
 from __future__ import annotations
