@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mavhums.actuator.profile import ProfileError
     from mavhums.app.analysis import analyse, record
     from mavhums.app.many import analyse_many
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
     from mavhums.core.packed import ArchiveError
     from mavhums.engine.engine import Engine
@@ -83,7 +83,7 @@ __getattr__, __dir__ = lazy_exports(
         "MavhumsError": "core.errors",
         "MissingExtraError": "core.errors",
         "ModelError": "learn.model",
-        "Options": "app.options",
+        "Options": "app.settings",
         "OtherAircraftError": "history.belonging",
         "PrecedentError": "learn.precedents",
         "ProfileError": "actuator.profile",

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.options import AIRCRAFT_TABLE, BASELINE_FROM, JSON, PATH
-from mavhums.cli.output import complain, say, say_json
-from mavhums.cli.progress import steps
+from mavhums.cli.output import complain, say, say_json, steps
 from mavhums.core.errors import MavhumsError
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
-    from mavhums.app.options import History
+    from mavhums.app.settings import History
     from mavhums.history.flights import FlightHistory
     from mavhums.report.trend import ActuatorTrend
 

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from mavhums import __version__
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import LogFile, UnreachedError, at_hand
@@ -55,7 +55,7 @@ class Row(NamedTuple):
 
 def settings_of(options: Options) -> str:
     """Return the hash of everything besides the log that a judgement depends on."""
-    resolved = options.resolved()
+    resolved = Settings.read(options).engine
     told = {
         "version": __version__,
         "airframe": resolved.airframe.model_dump_json() if resolved.airframe else None,
@@ -148,7 +148,7 @@ def _failed(file: LogFile, settings: str, aircraft: str, problem: str, remedy: s
 
 @cache
 def _resolved(options: Options) -> EngineOptions:
-    return options.resolved()
+    return Settings.read(options).engine
 
 
 def _hash_of_file(path: str) -> str:

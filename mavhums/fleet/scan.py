@@ -10,7 +10,7 @@ from itertools import islice
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.installed import reassigned
 from mavhums.fleet.naming import held_named, names_of, remember, renamed, whose_in
@@ -129,7 +129,7 @@ def scanned(
 ) -> tuple[Scanned, dict[str, UnnamedAircraftError]]:
     """Scan listed logs; with ``asks``, leave out those whose aircraft is a guess, and return why, by path."""
     named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
-    given = named.whose()
+    given = Settings.read(named).whose
     options = replace(options, judging=replace(options.judging, history=None))
     settings = settings_of(options.judging)
     kept = Store(store)

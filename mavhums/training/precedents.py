@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
 from mavhums.app.analysis import analyse
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event, Samples
 from mavhums.learn.precedents import Label, Origin, Precedent, PrecedentBase, Provenance

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from mavhums import Engine, analyse
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.cli.main import cli
 from mavhums.health.decision.baseline import Baseline
 from mavhums.history.comparison import compared, packed, unpacked

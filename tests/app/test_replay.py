@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mavhums import Engine
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.baseline import Baseline, Baselines

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from mavhums.app.analysis import analyse
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.history.files import keep_assessment
 from mavhums.report.assessment import Verdict

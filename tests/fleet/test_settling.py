@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.history.comparison import LoneFlight, compared, packed
 from mavhums.history.flights import FlightHistory, Since
 from mavhums_sim import Flight, fly, write_tlog

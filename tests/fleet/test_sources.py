@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.history.aircraft import Whose
 from mavhums_sim import Flight, fly, write_tlog

@@ -77,8 +77,6 @@ class ActuatorFindings:
 class Monitor:
     """Judges one actuator of one vehicle.
 
-    If there are more than a hundred episodes, the evidence has the first fifty and the last fifty.
-
     Parameters
     ----------
     vehicle
@@ -386,16 +384,9 @@ class Monitor:
         self._windows += 1
         if friction is not None:
             self._friction = friction
-        return Window(
-            vehicle=self.vehicle,
-            actuator=self.actuator.name,
-            start_s=end_s - self._window_s,
-            end_s=end_s,
-            moving_fraction=moving,
-            friction_nm=friction,
-            p_emergency=vote.p_emergency if vote else None,
-            condition=self._held.condition,
-        )
+        said, condition = vote.p_emergency if vote else None, self._held.condition
+        start_s, name = end_s - self._window_s, self.actuator.name
+        return Window(self.vehicle, name, start_s, end_s, moving, friction, said, condition)
 
 
 def _intervals(look: WindowEvaluation) -> dict[int, Interval]:

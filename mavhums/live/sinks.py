@@ -1,11 +1,17 @@
-"""Writes a session as JSON Lines, or as one text line per finding for unattended sessions."""
+"""Where a session goes: JSON Lines, text, a Rerun viewer or recording; a thread before what may hang."""
 
 from __future__ import annotations
 
+import logging
+import time
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Final
 
 from mavhums.core.version import __version__
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Window
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.live.outlet import Outlet
+from mavhums.live.session import Sink
 from mavhums.live.watch import Watch, utc
 from mavhums.report.assessment import NOTICE, Assessment
 from mavhums.report.live import (
@@ -21,9 +27,102 @@ from mavhums.report.live import (
     WindowObject,
 )
 
-__all__ = ["JsonLines", "PlainLines"]
+if TYPE_CHECKING:
+    from mavhums.show.live import LiveViewer
+    from mavhums.show.recording import Recorder
+
+__all__ = ["JsonLines", "PlainLines", "RerunSink", "ThreadedSink"]
+
+_LOG = logging.getLogger(__name__)
+_SAMPLES: Final = 100_000
+"""How many samples may wait: about a minute of an aircraft with 16 actuators at 100 Hz, 10 MB."""
 
 Faults = dict[tuple[int, str], str]
+
+
+class ThreadedSink:
+    """Passes everything to a sink in its own thread; drops items that wait too long.
+
+    Parameters
+    ----------
+    sink
+        The sink; from now on only the thread uses it.
+    name
+        Name in messages.
+    release
+        Called in the thread at the end.
+    patience_s
+        Maximum duration of the end.
+    """
+
+    def __init__(
+        self, sink: Sink, name: str, release: Callable[[], object], *, patience_s: float = 1.0
+    ) -> None:
+        self.outlet: Outlet[Callable[[], object]] = Outlet(name, lambda call: call(), room=_SAMPLES)
+        self._sink, self._release, self._patience_s = sink, release, patience_s
+
+    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+        """Pass events to the sink."""
+        samples = sum(event.time_s.size for event in events if isinstance(event, Samples))
+        self.outlet.put(partial(self._sink.consume, events, faults), 1 + samples)
+
+    def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
+        """Pass the state to the sink."""
+        self.outlet.put(partial(self._sink.tick, status, stale))
+
+    def announce(self, alerts: Sequence[AlertObject]) -> None:
+        """Pass the alerts that were sent to the sink."""
+        self.outlet.put(partial(self._sink.announce, alerts))
+
+    def close(self, assessment: Assessment) -> None:
+        """Pass the verdicts to the sink."""
+        self.outlet.put(partial(self._sink.close, assessment))
+
+    def finish(self) -> bool:
+        """Release the sink; return whether it was released within its time."""
+        began_s = time.monotonic()
+        self.outlet.put(self._release)
+        return self.outlet.close(self._patience_s - (time.monotonic() - began_s))
+
+
+class RerunSink:
+    """Passes events to a viewer or a recorder until it fails; the failure is reported once, and ends nothing.
+
+    Parameters
+    ----------
+    drawing
+        An open drawing; its owner closes it.
+    """
+
+    def __init__(self, drawing: LiveViewer | Recorder) -> None:
+        self._drawing = drawing
+        self._failed = False
+
+    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+        """Draw events."""
+        self._try(lambda: self._drawing.consume(events))
+
+    def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
+        """Check whether the viewer still runs."""
+        trouble: str | None = getattr(self._drawing, "trouble", None)  # a recording has none
+        if trouble and not self._failed:
+            self._failed = True
+            _LOG.error("%s", trouble)
+
+    def announce(self, alerts: Sequence[AlertObject]) -> None:
+        """Draw nothing: the change was already drawn."""
+
+    def close(self, assessment: Assessment) -> None:
+        """Draw the verdicts."""
+        self._try(lambda: self._drawing.close(assessment))
+
+    def _try(self, draw: Callable[[], object]) -> None:
+        try:
+            draw()
+        except Exception as error:
+            if not self._failed:
+                self._failed = True
+                _LOG.error("nothing is drawn any more: %s", error, exc_info=_LOG.isEnabledFor(logging.DEBUG))
 
 
 class JsonLines:
@@ -61,9 +160,9 @@ class JsonLines:
         """Write events except samples."""
         now = utc(self._now_us())
         for event in events:
-            told = _object(event, faults, now)
-            if told is not None:
-                self._put(told)
+            line = _object(event, faults, now)
+            if line is not None:
+                self._put(line)
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
         """Write the state."""
@@ -90,8 +189,8 @@ class JsonLines:
             )
         )
 
-    def _put(self, told: LiveObject) -> None:
-        self._write(told.model_dump_json(by_alias=True))
+    def _put(self, line: LiveObject) -> None:
+        self._write(line.model_dump_json(by_alias=True))
 
 
 class PlainLines:

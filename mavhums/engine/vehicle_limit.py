@@ -9,13 +9,13 @@ import numpy as np
 
 from mavhums.log import Table
 
-__all__ = ["MOST", "Crowd"]
+__all__ = ["MOST", "VehicleLimit"]
 
 MOST: Final = 32
 """Vehicles that are judged at most."""
 
 
-class Crowd:
+class VehicleLimit:
     """Admits the first vehicles of a log, in the order of the log, whatever the block size.
 
     Parameters
@@ -28,7 +28,7 @@ class Crowd:
         self._messages = frozenset(messages)
         self._admitted: set[int] = set()
 
-    def heed(self, tables: Mapping[str, Table]) -> None:
+    def observe(self, tables: Mapping[str, Table]) -> None:
         """Admit the senders of the next messages, as long as there is room."""
         if len(self._admitted) == MOST:
             return

@@ -1,4 +1,7 @@
-"""Runs a function on many items in several processes; the results come in the order of the items."""
+"""Runs a function on many items in several processes; the results come in the order of the items.
+
+A process that dies, hangs or outgrows its memory loses the item that it works on, and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -6,40 +9,43 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import resource_tracker
 from threading import Thread, current_thread, main_thread
 from types import FrameType
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
-__all__ = ["Crashed", "in_processes"]
+__all__ = ["Lost", "in_processes"]
 
 _AHEAD: Final = 3  # items in work for each process, so that a slow item idles no other process
-_PRELOADED: Final = ["mavhums.app.many"]
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-class Crashed(NamedTuple):
-    """Stands for the result of an item on which its process died."""
+class Lost(NamedTuple):
+    """Stands for the result of an item on which its process died, or on which it took too long."""
+
+    hung: bool = False
 
 
 def in_processes(
     function: Callable[[Item], Result],
     items: Iterable[Item],
     jobs: int,
+    *,
     prepare: Callable[[], None] | None = None,
-) -> Generator[Result | Crashed]:
+    preload: Sequence[str] = (),
+    item_s: float | None = None,
+) -> Generator[Result | Lost]:
     """Yield the function's result for each item, in order; only a few items are worked on ahead.
 
-    The first item runs alone, because its process may compile the kernels for all others. If a process dies,
-    the items then in work are tried again, one at a time; an item on which the process dies again is the
-    cause. The processes end when the iteration ends, even early, and when this process dies.
+    The first item runs alone, because its process may compile the kernels for all others. An item on which a
+    process dies is tried once more: the cause may have been another program that took all memory. The
+    processes end when the iteration ends, even early, and when this process dies.
 
     Parameters
     ----------
@@ -51,9 +57,15 @@ def in_processes(
         Number of processes.
     prepare
         Called in each process before its first item.
+    preload
+        Modules that the processes share, so that each need not import them again.
+    item_s
+        Longest time for an item, s; None for no limit.
     """
+    from pebble import ProcessExpired
+
     waiting, most = iter(items), 1
-    pool = _Pool(function, jobs, prepare)
+    pool = _Pool(function, jobs, prepare, preload, item_s)
     ahead: deque[tuple[Item, Future[Result]]] = deque()
     try:
         while True:
@@ -62,58 +74,49 @@ def in_processes(
                 return
             item, future = ahead.popleft()
             try:
-                result: Result | Crashed = future.result()
-            except BrokenProcessPool:
-                pool.end()
-                pool = _Pool(function, jobs, prepare)
-                suspects = [item, *(each for each, _ in ahead)]
-                ahead.clear()
-                for suspect in suspects:
-                    yield _tried_alone(function, suspect, prepare)
-            else:
-                yield result
+                try:
+                    yield future.result()
+                except ProcessExpired:
+                    yield pool.submit(item).result()
+            except ProcessExpired:
+                yield Lost()
+            except TimeoutError:
+                yield Lost(hung=True)
             most = jobs * _AHEAD
     finally:
         pool.end()
 
 
-def _tried_alone(
-    function: Callable[[Item], Result], item: Item, prepare: Callable[[], None] | None
-) -> Result | Crashed:
-    pool = _Pool(function, 1, prepare)
-    try:
-        return pool.submit(item).result()
-    except BrokenProcessPool:
-        return Crashed()
-    finally:
-        pool.end()
-
-
-class _Pool(Generic[Item, Result]):
+class _Pool:
     """Processes that run one function."""
 
     def __init__(
-        self, function: Callable[[Item], Result], jobs: int, prepare: Callable[[], None] | None
+        self,
+        function: Callable[[Any], Any],
+        jobs: int,
+        prepare: Callable[[], None] | None,
+        preload: Sequence[str],
+        item_s: float | None,
     ) -> None:
+        from pebble import ProcessPool
+
         forks = "forkserver" in multiprocessing.get_all_start_methods()
         context: Any = multiprocessing.get_context("forkserver" if forks else "spawn")
         if forks:
-            context.set_forkserver_preload(_PRELOADED)
-        self._others = set(multiprocessing.active_children())
-        self._executor = ProcessPoolExecutor(jobs, context, _begin, (function, prepare))
+            context.set_forkserver_preload(list(preload))
+        self._item_s = item_s
+        self._pool = ProcessPool(jobs, initializer=_begin, initargs=(function, prepare), context=context)
 
-    def submit(self, item: Item) -> Future[Result]:
+    def submit(self, item: Any) -> Future[Any]:
         with _interrupts_wait():
-            return self._executor.submit(_run, item)
+            future: Future[Any] = self._pool.schedule(_run, (item,), timeout=self._item_s)
+            return future
 
     def end(self) -> None:
         """End the processes, whatever they are doing."""
         with _interrupts_wait():
-            self._executor.shutdown(wait=False, cancel_futures=True)
-            for process in set(multiprocessing.active_children()) - self._others:
-                process.terminate()
-            self._executor.shutdown(wait=True)
-            del self._executor  # its last act is a callback, in which an interrupt would be lost
+            self._pool.stop()  # type: ignore[no-untyped-call]
+            self._pool.join()
 
 
 @contextmanager
@@ -122,19 +125,19 @@ def _interrupts_wait() -> Generator[None]:
     if current_thread() is not main_thread():  # interrupts are handled by the main thread only
         yield
         return
-    told = False
+    interrupted = False
 
-    def tell(number: int, frame: FrameType | None) -> None:
-        nonlocal told
-        told = True
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
 
-    before = signal.signal(signal.SIGINT, tell)
+    before = signal.signal(signal.SIGINT, note)
     try:
         with _blocked_in_children():
             yield
     finally:
         signal.signal(signal.SIGINT, before)
-        if told:
+        if interrupted:
             signal.raise_signal(signal.SIGINT)
 
 
@@ -157,8 +160,9 @@ _function: Callable[[Any], Any]
 
 def _begin(function: Callable[[Any], Any], prepare: Callable[[], None] | None) -> None:
     """Prepare a new process: Ctrl-C is the caller's to handle, and the process ends with the caller."""
-    global _function  # noqa: PLW0603 — the only way that an executor offers to send data once to a process
+    global _function  # noqa: PLW0603 — the only way that a pool offers to send data once to a process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a handler would wait for the end of a compiled loop
     Thread(target=_end_with_caller, daemon=True).start()
     _function = function
     if prepare is not None:

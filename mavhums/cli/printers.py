@@ -1,4 +1,4 @@
-"""Prints the outcomes of ``mavhums analyse`` as they come, and finds its exit code."""
+"""Prints the outcomes of ``mavhums analyse`` as they come, and finds its exit code; opens recordings."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from mavhums.report.assessment import Assessment
     from mavhums.show.many import Line
 
-__all__ = ["TellsJson", "TellsTables", "Told", "open_recordings", "recordings_of"]
+__all__ = ["JsonPrinter", "OutcomePrinter", "TablePrinter", "open_recordings", "recordings_of"]
 
 
-class Told(ABC):
+class OutcomePrinter(ABC):
     """Prints each outcome; a context, so that the output is complete even after an interruption."""
 
     def __init__(self) -> None:
         self._codes: set[ExitCode] = set()
 
-    def tell(self, outcome: Outcome) -> None:
+    def show(self, outcome: Outcome) -> None:
         """Print an outcome."""
         if outcome.assessment is not None:
             self._codes.add(outcome.assessment.exit_code)
@@ -64,7 +64,7 @@ class Told(ABC):
     def _failed(self, log: Path, error: MavhumsError) -> None: ...
 
 
-class TellsTables(Told):
+class TablePrinter(OutcomePrinter):
     """Prints a table per log; of several, what is not normal under each log's name, and one table at the end.
 
     Parameters
@@ -125,43 +125,45 @@ class TellsTables(Told):
         say(EPILOG)
 
 
-class TellsJson(Told):
-    """Prints one assessment as it is; several, or a failure, as one object."""
+class JsonPrinter(OutcomePrinter):
+    """Prints one assessment as it is; several, or a failure, as one object.
+
+    The object is printed piece by piece: of many logs the assessments would not fit into memory, and after an
+    interruption it is complete with what was judged.
+    """
 
     def __init__(self, *, several: bool) -> None:
         super().__init__()
         self._several = several
-        self._begun = False
+        self._opened = False
         self._failures: list[dict[str, str]] = []
 
     def _judged(self, log: Path, assessment: Assessment) -> None:
         if not self._several:
             say_json(assessment.to_json())
             return
+        separator = ",\n" if self._opened else f"{self._object()[0]}\n"
+        self._opened = True
         content = json.dumps(json.loads(assessment.to_json()), indent=2, ensure_ascii=False)
-        say_json(self._separator() + indent(content, "    "), nl=False)
+        say_json(separator + indent(content, "    "), nl=False)
         sys.stdout.flush()
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
         self._failures.append({"log": str(log), "problem": error.problem, "remedy": error.remedy})
 
     def _end(self) -> None:
-        """End the object; after an interruption it holds what was judged."""
         if not self._several and not self._failures:
             return
-        begin = "\n  ]" if self._begun else self._head() + "]"
-        failures = json.dumps(self._failures, indent=2, ensure_ascii=False).replace("\n", "\n  ")
-        say_json(f'{begin},\n  "failures": {failures}\n}}')
+        head, tail = self._object()
+        say_json(f"\n  {tail}" if self._opened else head + tail)
 
-    def _separator(self) -> str:
-        before = ",\n" if self._begun else self._head() + "\n"
-        self._begun = True
-        return before
-
-    def _head(self) -> str:
+    def _object(self) -> tuple[str, str]:
+        """Return the object of the schema, up to the assessments and from their end on."""
         from mavhums.report.assessment import SCHEMA
 
-        return f'{{\n  "schema": "{SCHEMA}",\n  "assessments": ['
+        content = {"schema": SCHEMA, "assessments": [], "failures": self._failures}
+        head, _, tail = json.dumps(content, indent=2, ensure_ascii=False).partition('"assessments": []')
+        return f'{head}"assessments": [', f"]{tail}"
 
 
 def recordings_of(logs: Sequence[Path], rrd: Path | None) -> dict[Path, Path]:
