@@ -1,5 +1,7 @@
 """Health and usage monitoring of UAV servo actuators from MAVLink telemetry logs.
 
+Examples
+--------
 >>> import mavhums
 >>> assessment = mavhums.analyse("flight.tlog")
 >>> assessment.ranked()[0].actuator, assessment.ranked()[0].condition

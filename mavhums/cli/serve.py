@@ -48,7 +48,7 @@ LEAST_MEMORY_MB = 512
     "public",
     metavar="NAME[:PORT]",
     callback=lambda _, __, name: _public(name),
-    help="Name under which a proxy with TLS serves the page, as docs/page.md shows; it needs a token.",
+    help="Name under which a proxy with TLS serves the page, as docs/guide/page.md shows; it needs a token.",
 )
 @click.option(
     "--live",
