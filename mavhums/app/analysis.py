@@ -17,15 +17,14 @@ from mavhums.core.files import written_whole
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
-from mavhums.history.aircraft import latest
-from mavhums.history.belonging import held_own
-from mavhums.history.comparison import LoneFlight, compared
-from mavhums.history.repeated import with_copies
+from mavhums.flights.aircraft import check_same_aircraft, latest
+from mavhums.flights.compare import LoneFlight, compared
+from mavhums.flights.store import with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
 if TYPE_CHECKING:
-    from mavhums.history.flights import Since
+    from mavhums.flights.aircraft_table import Since
     from mavhums.report.assessment import Assessment
 
 __all__ = [
@@ -285,11 +284,11 @@ def write_report(
 def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = None) -> LoneFlight:
     """Judge a log by itself, whatever baselines the options have; the errors are those of :func:`analyse`.
 
-    :func:`mavhums.history.comparison.compared` compares the result with earlier flights.
+    :func:`mavhums.flights.compare.compared` compares the result with earlier flights.
 
     Examples
     --------
-    >>> from mavhums.history.comparison import compared
+    >>> from mavhums.flights.compare import compared
     >>> flight = analyse_alone("flight.tlog", Options(airframe="paper").resolved())
     >>> compared(flight, {}) == flight.assessment
     True
@@ -322,7 +321,7 @@ def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assess
         If the history is of another aircraft.
     """
     whose, history = settings.whose, settings.history
-    return with_copies(held_own(whose.named(assessment), history, whose.table), history)
+    return with_duplicate_flights(check_same_aircraft(whose.named(assessment), history, whose.table), history)
 
 
 def _judged_with(

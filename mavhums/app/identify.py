@@ -12,9 +12,9 @@ from pathlib import Path
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.history import FlightHistory
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
-from mavhums.history.flights import FlightHistory
 from mavhums.report.assessment import Interval, OwnRecord
 
 __all__ = ["Motor", "identify", "with_motors"]

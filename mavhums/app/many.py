@@ -14,8 +14,8 @@ from mavhums.app.analysis import Failed, Judged, Outputs, compared_with_own, jud
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.process_pool import Lost, in_processes
-from mavhums.history.files import keep_assessment
-from mavhums.history.flights import FlightHistory
+from mavhums.flights.history import FlightHistory
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Assessment
 
 __all__ = ["Batch", "Outcome", "analyse_many"]

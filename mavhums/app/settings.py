@@ -11,20 +11,20 @@ from pathlib import Path
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
+from mavhums.flights.aircraft import AircraftResolver, check_aircraft_rule
+from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
+from mavhums.flights.history import FlightHistory
+from mavhums.flights.store import EarlierFlights, is_store
+from mavhums.flights.stores.folder import FlightFolder
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.history.aircraft import Whose, hold_rule
-from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
-from mavhums.history.flights import FlightHistory, Since
-from mavhums.history.index import IndexedFolder
-from mavhums.history.stores import is_store
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 from mavhums.report.assessment import Decide
 
 __all__ = ["History", "Options", "Settings"]
 
-History = FlightHistory | IndexedFolder
-"""The earlier flights: all of them in memory, or a folder of which only the needed ones are read."""
+History = EarlierFlights
+"""The earlier flights: all of them in memory, or a folder of which only the new ones are read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +130,7 @@ class Settings:
     engine: EngineOptions
     history: History
     since: Since
-    whose: Whose
+    whose: AircraftResolver
 
     @classmethod
     def read(cls, options: Options | Settings | None) -> Settings:
@@ -147,7 +147,7 @@ class Settings:
         if isinstance(options, Settings):
             return options
         given = options or Options()
-        hold_rule(given.aircraft)
+        check_aircraft_rule(given.aircraft)
         airframe, key, table = given.airframe, given.key, given.aircraft_table
         engine = EngineOptions(
             airframe=airframe if isinstance(airframe, Airframe | None) else load_airframe(airframe),
@@ -160,7 +160,7 @@ class Settings:
         )
         if not isinstance(table, AircraftTable):
             table = AircraftTable() if table is None else load_aircraft_table(table)
-        whose = Whose(given.aircraft, table)
+        whose = AircraftResolver(given.aircraft, table)
         return cls(engine=engine, history=_history(given.history), since=given.since or {}, whose=whose)
 
     def with_baselines(self, since: Since | None = None) -> EngineOptions:
@@ -189,11 +189,11 @@ def _models(model: Model | Sequence[Model] | str | Path | None) -> Sequence[Mode
 
 
 def _history(history: History | str | os.PathLike[str] | None) -> History:
-    if isinstance(history, FlightHistory | IndexedFolder):
-        return history
     if history is None:
         return FlightHistory()
+    if not isinstance(history, str | os.PathLike):
+        return history
     if is_store(history):
         problem = f"{history}: is a fleet's store, not a folder of one aircraft's flights"
         raise MavhumsError(problem, f"judge with the command: mavhums analyse LOG --history {history}")
-    return IndexedFolder(history)
+    return FlightFolder(history)

@@ -30,7 +30,7 @@ from mavhums.core.notice import EPILOG
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.fleet import Repair
-    from mavhums.fleet.queries import Worst
+    from mavhums.flights.queries import Worst
 
 __all__ = ["fleet"]
 
@@ -145,7 +145,7 @@ def worst(store: str, most: int, as_json: bool) -> None:
       12 undecided    0 all normal
     """
     from mavhums.fleet import worst as worst_of
-    from mavhums.fleet.queries import exit_code
+    from mavhums.flights.queries import exit_code
 
     rows = worst_of(store, most=most)
     if as_json:
@@ -258,7 +258,7 @@ class _Progress:
 
 def _as_json(row: Worst) -> dict[str, Any]:
     content = {"aircraft": row.aircraft or None, "log": row.path, "start_utc": _utc(row.start_us)}
-    return content | {"verdict": row.verdict.model_dump(mode="json")}
+    return content | {"verdict": row.verdict.model_dump(mode="json", exclude={"own"})}
 
 
 def _words(row: Worst) -> str:

@@ -12,7 +12,7 @@ import click
 
 from mavhums.cli.output import complain, say, steps
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.history.stores import is_store
+from mavhums.flights.store import is_store
 
 if TYPE_CHECKING:
     from mavhums.app.many import Batch, Outcome
@@ -148,7 +148,7 @@ def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, Keep
     UsageError
         If another option is missing.
     """
-    from mavhums.history.aircraft_table import AircraftTable, load_aircraft_table
+    from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
 
     keep, history, dates = (given.pop(name) for name in ("keep", "history", "dates"))
     aircraft, file = options.aircraft, options.aircraft_table
@@ -166,7 +166,7 @@ def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, Keep
     kept = replace(judging, aircraft=f"={aircraft}" if aircraft else None)
     if store is not None and aircraft is not None:
         from mavhums.fleet import past
-        from mavhums.history.aircraft import latest
+        from mavhums.flights.aircraft import latest
 
         now = datetime.now(UTC)
         flown = past(store, aircraft, now)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
-from mavhums.history.aircraft import UnnamedAircraftError
-from mavhums.history.stores import is_store
+from mavhums.flights.aircraft import UnnamedAircraftError
+from mavhums.flights.store import is_store
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Settings
@@ -74,7 +74,7 @@ def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
 
 
 def _lies_there(store: Path, copy: Path) -> bool:
-    from mavhums.fleet.store import Store
+    from mavhums.flights.stores.delta import Store
 
     return bool(Store(store).query("SELECT 1 FROM logs WHERE path = ? LIMIT 1", str(copy)).fetchone())
 

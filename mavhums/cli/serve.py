@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mavhums.app.settings import Options
-    from mavhums.fleet.queries import Worst
+    from mavhums.flights.queries import Worst
     from mavhums.report.assessment import Assessment
     from mavhums.report.trend import TrendReport
 
@@ -48,7 +48,7 @@ LEAST_MEMORY_MB = 512
     "public",
     metavar="NAME[:PORT]",
     callback=lambda _, __, name: _public(name),
-    help="Name under which a proxy with TLS serves the page, as docs/page.md shows; it needs a token.",
+    help="Name under which a proxy with TLS serves the page, as docs/guide/page.md shows; it needs a token.",
 )
 @click.option(
     "--live",
@@ -159,12 +159,12 @@ class _Store:
         return trend(self._folder, aircraft)
 
     def flights(self, aircraft: str) -> Sequence[Assessment]:
-        from mavhums.fleet.flight import flights
+        from mavhums.flights.queries import flights
 
         return flights(self._folder, aircraft)
 
     def flight(self, aircraft: str, sha256: str) -> Assessment:
-        from mavhums.fleet.flight import flight
+        from mavhums.flights.queries import flight
 
         return flight(self._folder, aircraft, sha256)
 
@@ -184,7 +184,7 @@ class _Store:
         folder = f"{self._folder.absolute()}{os.sep}"
         problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
         if "proposed" in answer:
-            from mavhums.history.aircraft import UnnamedAircraftError
+            from mavhums.flights.aircraft import UnnamedAircraftError
 
             raise UnnamedAircraftError(problem, remedy, tuple(answer["proposed"]))
         raise MavhumsError(problem, remedy)

@@ -15,27 +15,26 @@ from mavhums.app.analysis import analyse_alone, compared_with_own
 from mavhums.app.many import Outcome
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.flight import flight
-from mavhums.fleet.naming import names_there, proposed, whose_in
-from mavhums.fleet.queries import past_flights
-from mavhums.fleet.repairs import since_of
-from mavhums.fleet.rows import BOARD_NAME, aircraft_in_store
 from mavhums.fleet.scan import ScanOptions, scanned
-from mavhums.fleet.sources import LogFile, logs_in
-from mavhums.fleet.store import OF_THIS_FORMAT, Store
-from mavhums.history.aircraft import (
+from mavhums.fleet.sources import logs_in
+from mavhums.flights.aircraft import (
     BOARD,
     GIVEN,
     UNKNOWN,
+    AircraftResolver,
     UnnamedAircraftError,
-    Whose,
     aircraft_of,
     board_of,
     latest,
 )
-from mavhums.history.comparison import LoneFlight
-from mavhums.history.flights import FlightHistory, Since
-from mavhums.history.stores import is_store
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.compare import LoneFlight
+from mavhums.flights.history import FlightHistory
+from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
+from mavhums.flights.queries import flight, past_flights
+from mavhums.flights.repairs import since_of
+from mavhums.flights.store import is_store
+from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import FlightCopy
 
@@ -221,14 +220,16 @@ def _with_past(alone: LoneFlight, store: Store, log: Place, settings: Settings) 
     start = alone.assessment.log.start_utc
     aircraft = _aircraft(alone.assessment, store, str(Path(log).absolute()), whose, given.rule)
     if aircraft == UNKNOWN or start is None:
-        return replace(settings, whose=Whose(None, whose.table))
+        return replace(settings, whose=AircraftResolver(None, whose.table))
     rule = given.rule if aircraft.startswith(BOARD_NAME) else f"{GIVEN}{aircraft}"
     before = _past(store, aircraft, datetime.fromisoformat(start))
     since = latest(settings.since, before.since)
-    return replace(settings, history=before.history, since=since, whose=Whose(rule, whose.table))
+    return replace(settings, history=before.history, since=since, whose=AircraftResolver(rule, whose.table))
 
 
-def _aircraft(assessment: Assessment, store: Store, path: str, whose: Whose, rule: str | None) -> str:
+def _aircraft(
+    assessment: Assessment, store: Store, path: str, whose: AircraftResolver, rule: str | None
+) -> str:
     """Return whose flights a log is compared with: by the rule, else by those of its board in the store."""
     row = _judged(store, assessment.log.sha256 or "")
     if rule is None and row is not None and row.aircraft != UNKNOWN:
@@ -294,7 +295,7 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
         assessment = analyse(log, store, options)
     else:
         named = aircraft and not aircraft.startswith(BOARD_NAME)
-        whose = Whose(f"{GIVEN}{aircraft}") if named else Settings.read(options).whose
+        whose = AircraftResolver(f"{GIVEN}{aircraft}") if named else Settings.read(options).whose
         assessment = whose.named(flight(store, aircraft, sha256))
     others = tuple(
         FlightCopy(vehicle=vehicle, log=counted, sha256=None, counts=True) for vehicle, counted in copies

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
-from mavhums.history.belonging import OtherAircraftError
+from mavhums.flights.aircraft import OtherAircraftError
 from mavhums.live.alerts import Alerts
 from mavhums.live.links import Link, ReceiveClock
 from mavhums.live.peers import Peers

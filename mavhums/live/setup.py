@@ -22,9 +22,8 @@ from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
+from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.health.actuator.monitor import Monitor
-from mavhums.history.aircraft import latest
-from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
 from mavhums.live.links import Link, ReceiveClock, TcpLink, UdpLink
@@ -154,7 +153,7 @@ def _of_one_aircraft(settings: Settings) -> Settings:
     history, table = settings.history, settings.whose.table
     for error in history.errors:
         _LOG.warning("%s", error)
-    hold_one_aircraft(history, table)
+    check_one_aircraft(history, table)
     since = latest(settings.since, swaps_of(history, table, datetime.now(UTC)))
     return replace(settings, since=since)
 

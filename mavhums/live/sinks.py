@@ -13,7 +13,7 @@ from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice
 from mavhums.live.outlet import Outlet
 from mavhums.live.session import Sink
 from mavhums.live.watch import Watch, utc
-from mavhums.report.assessment import NOTICE, Assessment
+from mavhums.report.assessment import NOTICE, RECORD, Assessment
 from mavhums.report.live import (
     AirframeObject,
     AlertObject,
@@ -190,7 +190,7 @@ class JsonLines:
         )
 
     def _put(self, line: LiveObject) -> None:
-        self._write(line.model_dump_json(by_alias=True))
+        self._write(line.model_dump_json(by_alias=True, exclude={"assessment": RECORD}))
 
 
 class PlainLines:

@@ -13,7 +13,7 @@ from nicegui import ui
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import ARCHIVES, COMPRESSED
-from mavhums.history.aircraft import UnnamedAircraftError
+from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Session, Sessions
 from mavhums.show.html_environment import environment

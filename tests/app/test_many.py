@@ -19,7 +19,7 @@ from mavhums.app.many import Batch, analyse_many
 from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
 from mavhums.core.process_pool import Lost, in_processes
-from mavhums.history.flights import FlightHistory
+from mavhums.flights.history import FlightHistory
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import moved

@@ -24,8 +24,8 @@ pytest.importorskip("duckdb")
 from mavhums import fleet
 from mavhums.app.settings import Settings
 from mavhums.cli import page_worker
-from mavhums.fleet.store import Store
-from mavhums.fleet.tables import LOGS, Tables
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.delta_tables import LOGS, Tables
 
 FLIGHTS = 11
 DAY_S = 86_400.0

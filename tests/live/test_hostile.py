@@ -129,7 +129,7 @@ def test_an_attack_costs_little(
     for what in ("memory_mb", "cpu", "shutdown_s", "shutdown_cpu_s"):
         record_property(what, getattr(cost, what))
     print(f"{cost.memory_mb:.0f} MB, {cost.cpu:.1%} of a core after it, {cost.shutdown_s:.2f} s to end")
-    assert cost.memory_mb < 512, "MemoryMax of the unit in docs/live.md"
+    assert cost.memory_mb < 512, "MemoryMax of the unit in docs/guide/live.md"
     assert cost.shutdown_cpu_s < 1.5
     assert cost.shutdown_s < 20.0, "2 s on a computer that has nothing else to do"
     if not ATTACKS[name].lasts:
