@@ -39,6 +39,7 @@ from mavhums.health.verdict.actuator import (
     unjudged_vehicle,
     verdict_of_actuator,
 )
+from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
@@ -148,7 +149,7 @@ class Engine:
             told.get(key[0], {})[key] = count
         names = self._mappers.airframes
         looks = [self._look(vehicle, told.get(vehicle, {}), indicators) for vehicle in vehicles or (None,)]
-        verdicts = tuple(verdict for look in looks for verdict in look.verdicts)
+        verdicts = tuple(with_advice(verdict) for look in looks for verdict in look.verdicts)
         voted = {verdict.network.model for verdict in verdicts if verdict.network}
         return Assessment(
             log=LogSummary(

@@ -42,6 +42,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.health.verdict.actuator import BaselineFindings, against_baseline
+from mavhums.health.verdict.advice import with_advice
 from mavhums.report.assessment import Assessment, Evidence, Suspect, Verdict
 
 __all__ = ["LoneFlight", "Records", "against_baselines", "compared", "packed", "unpacked"]
@@ -113,7 +114,9 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
             verdict = against_baselines(alone, record, own, start_utc=start, end_s=log.duration_s)
         return compare_with_own_flights(verdict, flown.get(profile, {}).get(key, ()), record.false_alarms)
 
-    return flight.assessment.model_copy(update={"verdicts": tuple(map(held, flight.assessment.verdicts))})
+    return flight.assessment.model_copy(
+        update={"verdicts": tuple(with_advice(held(verdict)) for verdict in flight.assessment.verdicts)}
+    )
 
 
 def against_baselines(

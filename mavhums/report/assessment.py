@@ -194,7 +194,8 @@ class Verdict(Contract):
     and ``limits`` are those by which it was judged.
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
-    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``network``
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``;
+    ``advice`` is the recommended action, which files of earlier versions lack. ``network``
     is what a network says of its friction; None if none covers the log.
 
     Examples
@@ -223,6 +224,7 @@ class Verdict(Contract):
     own: tuple[OwnRecord, ...] = ()
     reason: str | None = None
     remedy: str | None = None
+    advice: str | None = None
 
     @model_validator(mode="before")
     @classmethod
