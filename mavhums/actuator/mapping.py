@@ -27,7 +27,7 @@ from mavhums.vehicle.formats import SERVO_SOURCES
 __all__ = ["AirframeNamed", "Gate", "Mapped", "Mapper", "Samples", "bounds", "messages_for"]
 
 _SIGNED = [column(key) for key in ("V4", "V5", "V7")]
-_UNCOUNTED = 20
+_UNCOUNTED = 20  # blocks whose origins are kept before they are counted together
 _TRUST = tuple(tier.name for tier in TIERS)
 
 _MARGIN = 3.0
@@ -35,7 +35,7 @@ _MARGIN = 3.0
 actuator's values, more lets damaged telemetry through."""
 _OFFSET = 10.0  # an unwrapped angle has an arbitrary start
 _BACK_DRIVEN = 10.0  # times the stall torque: largest load of air and end stops on the gear
-_LEAST_TRAVEL_DEG = 180.0  # a servo can always turn so far, whatever travel it uses
+_LEAST_TRAVEL_DEG = 180.0  # least bound of an angle: a sensor may be mounted with any zero
 _RPM = 60 / (2 * np.pi)
 _LARGEST = {
     "V1": 720.0,

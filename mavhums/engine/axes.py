@@ -144,8 +144,6 @@ class Axes:
 def motor_verdicts(vehicle: int, followed: VehicleAxes, start_utc: datetime) -> Iterator[Verdict]:
     """Yield the verdicts on a multirotor's motors."""
     findings = followed.motors.findings() if followed.motors else None
-    flight = followed.flight
-    received = followed.grid.received()
     yield from verdicts_of_motors(
-        vehicle, findings, followed.rotors, flight.heard, start_utc, received, flight.autopilots
+        vehicle, findings, followed.rotors, followed.flight, start_utc, followed.grid.received()
     )

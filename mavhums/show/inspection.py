@@ -84,7 +84,8 @@ def _titles(subjects: Sequence[Judgeable]) -> list[str]:
     servos = [one.name for one in subjects if one.subject == "actuator"]
     named = join(servos) if servos and len(servos) <= _NAMED_SUBJECTS else f"{len(servos)} servos"
     axes = [_title(one) for one in subjects if one.subject == "axis"]
-    return [*axes, *([f"wear of {named}"] if servos else [])]
+    motors = [one.name for one in subjects if one.subject == "motor"]
+    return [*axes, *motors, *([f"wear of {named}"] if servos else [])]
 
 
 def _wingless(vehicle: VehicleTelemetry) -> str | None:
@@ -161,6 +162,8 @@ def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
             yield f"{_title(one)}: control effectiveness can be judged{by}"
         elif not one.judgeable:
             refused.setdefault((one.reason or "", one.remedy or ""), []).append(one)
+    if motors := [one for one in vehicle.subjects if one.judgeable and one.subject == "motor"]:
+        yield f"{join(_titles(motors))}: a loss of thrust can be judged"
     if wear := [one for one in vehicle.subjects if one.judgeable and one.subject == "actuator"]:
         yield f"{join(_titles(wear))}: can be judged"
     for (reason, remedy), subjects in refused.items():

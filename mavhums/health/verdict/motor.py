@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from math import ceil, exp
 from types import MappingProxyType
@@ -12,11 +12,12 @@ from mavhums.health.motor.monitor import Loss, MotorFindings, condition_of
 from mavhums.health.motor.thresholds import JUDGED_S, MOST_EXCLUDED, STEP_EXCLUDED
 from mavhums.health.verdict.actuator import since
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect, Verdict
+from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.formats import remedy
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.rotors import Rotors
 
-__all__ = ["MOTORS", "to_inspect", "unjudged_motors", "verdicts_of_motors"]
+__all__ = ["MOTORS", "unjudged_motors", "verdicts_of_motors"]
 
 MOTORS: Final = "motors"
 """Stands for the motor where a verdict is on all of a vehicle's."""
@@ -40,19 +41,13 @@ def unjudged_motors(vehicle: int, reason: str, remedy: str) -> Verdict:
     )
 
 
-def to_inspect(motor: str) -> str:
-    """Return the parts to inspect for a motor's loss of thrust: outputs alone do not tell them apart."""
-    return f"the propeller, motor, ESC and wiring of {motor}"
-
-
 def verdicts_of_motors(
     vehicle: int,
     findings: MotorFindings | None,
     rotors: Rotors | str | None,
-    heard: Collection[str],
+    flight: Flight,
     start_utc: datetime,
     received: Mapping[str, Received] = MappingProxyType({}),
-    autopilots: Collection[int] = (),
 ) -> Iterator[Verdict]:
     """Yield the verdict on the motor that lost thrust, or on each motor of a healthy flight, or one on all.
 
@@ -62,8 +57,10 @@ def verdicts_of_motors(
         What the flight shows; None if the motors are not known.
     rotors
         The motors, or why they are not known.
-    heard
-        Signals with at least one number.
+    flight
+        The flight.
+    start_utc, received
+        Start of the log, and the numbers of samples by message.
     """
     if findings is None:
         known = rotors if isinstance(rotors, str) else None
@@ -78,10 +75,10 @@ def verdicts_of_motors(
             ("the attitude", {"attitude"}),
             ("the body rates", {"rates", "slow_rates"}),
         )
-        if not names & set(heard)
+        if not names & flight.heard
     ]
     if missing:
-        to_record = remedy("motion", received.keys(), set(autopilots))
+        to_record = remedy("motion", received.keys(), flight.autopilots)
         yield unjudged_motors(
             vehicle, f"the log lacks {' and '.join(missing)}", f"record {to_record} at 10 Hz or more"
         )
@@ -90,7 +87,7 @@ def verdicts_of_motors(
         yield unjudged_motors(
             vehicle,
             f"more than one motor seems to have lost thrust ({numbers}), and which did first is not certain",
-            f"do not fly; inspect {to_inspect(f'motors {numbers}')}",
+            f"do not fly; inspect the propellers, motors, ESCs and wiring of motors {numbers}",
         )
     elif findings.loss is not None:
         yield _lost(vehicle, findings, findings.loss, start_utc)
