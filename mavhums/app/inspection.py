@@ -226,7 +226,7 @@ def _judgeable(
     motors = False
     for verdict in _axes(identity, axes):
         judged = {verdict.condition, verdict.worst} != {"undecided"}
-        motors |= judged and verdict.subject == "motor"
+        motors |= verdict.subject == "motor"
         yield _said(verdict, judged=judged)
     if mapper is None:
         surfaces = axes.surfaces if axes else None

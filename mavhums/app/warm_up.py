@@ -14,6 +14,7 @@ from mavhums.core import compiling
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.health.axis.filters import AttitudeResponse, Lag
+from mavhums.health.motor.evidence import COLUMNS, follow, new_state, rules_for
 from mavhums.learn import packaged_models
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.stamping import Piece, Stamper
@@ -54,6 +55,12 @@ def warm_up() -> int:
     rates = np.zeros(_RATE_HZ)
     Lag(1.0).feed(rates)
     AttitudeResponse(1.0).feed(rates)
+    # No flight of 25 s is enough to judge a motor.
+    motors, still = np.zeros((1, 4)), np.zeros(1, dtype=bool)
+    follow(
+        motors, np.zeros((1, 3)), np.ones(1), still, still,
+        np.zeros((4, 3)), rules_for(4), new_state(4), np.zeros((1, COLUMNS)),
+    )  # fmt: skip
     return compiled
 
 

@@ -311,7 +311,7 @@ class Engine:
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
-        if any(verdict.subject == "motor" and verdict.worst != "undecided" for verdict in axes):
+        if any(verdict.subject == "motor" for verdict in axes):
             # That no surface of a copter is judged says nothing beside its motors.
             actuators = [verdict for verdict in actuators if verdict.remedy != PROPELLERS_ONLY]
         return [*actuators, *axes]

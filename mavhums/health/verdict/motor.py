@@ -23,7 +23,7 @@ MOTORS: Final = "motors"
 """Stands for the motor where a verdict is on all of a vehicle's."""
 _PARAMETERS: Final = (
     "nothing in the log tells which motor sits where",
-    "record the parameters, too (a refresh of the ground station's list; a .BIN or .ulg from its start)",
+    "record the parameters, too (refresh the ground station's list, or use the on-board log)",
 )
 _LONGER: Final = "choose a log with a hover of a minute or more, from take-off on"
 

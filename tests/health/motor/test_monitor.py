@@ -1,0 +1,134 @@
+"""Motors that lose thrust in simulated flights, through the whole program."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mavhums
+from mavhums.engine.engine import Engine
+from mavhums.health.decision.events import ConditionChanged
+from mavhums.report.assessment import Verdict
+from mavhums.show.digest import digest, headline
+from mavhums_sim.multirotor.craft import Event, draw_craft, draw_plan
+from mavhums_sim.multirotor.flight import fly
+from mavhums_sim.multirotor.log import Rates, write_tlog
+from tests.conftest import REAL_LOGS
+
+GROUND_S = 12.0
+"""What the log shows before the flight."""
+
+
+def log(path: Path, frame: str, loss: float, *, seed: int = 1, hz: float = 25.0, motor: int = 2) -> Path:
+    rng = np.random.default_rng([seed, 1])
+    event = Event(fault_s=40.0, motor=motor - 1, loss=loss) if loss else Event()
+    flown = fly(draw_craft(rng, frame), draw_plan(rng, 75.0, event=event), seed)
+    write_tlog(flown, path, Rates(outputs=hz, attitude=hz, imu=hz), seed)
+    return path
+
+
+def motors(path: Path) -> list[Verdict]:
+    assessment = mavhums.analyse(path)
+    assert {verdict.subject for verdict in assessment.verdicts} == {"motor"}
+    return list(assessment.verdicts)
+
+
+@pytest.mark.parametrize(
+    ("frame", "within_s"), [("quad x", 0.6), ("quad +", 0.6), ("hexa x", 5.0), ("octa x", 5.0)]
+)
+def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float) -> None:
+    [verdict] = motors(log(tmp_path / "f.tlog", frame, 1.0, seed=3))
+    assert (verdict.actuator, verdict.condition) == ("motor 2", "emergency")
+    assert verdict.since
+    assert verdict.since.flight_time_s == pytest.approx(GROUND_S + 40.0, abs=within_s)
+    assert verdict.evidence[0].end_s - GROUND_S - 40.0 < within_s
+    assert verdict.effectiveness
+    assert verdict.effectiveness.estimate < 0.4
+    assert "motor 2" in (verdict.advice or "")
+
+
+def test_half_of_the_thrust_is_told_with_its_interval(tmp_path: Path) -> None:
+    [verdict] = motors(log(tmp_path / "f.tlog", "quad x", 0.5, seed=4))
+    assert verdict.actuator == "motor 2"
+    assert verdict.condition in ("degraded", "emergency")
+    assert verdict.effectiveness
+    assert verdict.effectiveness.low <= 0.5 <= verdict.effectiveness.high
+
+
+def test_a_healthy_flight_is_told_what_it_excludes(tmp_path: Path) -> None:
+    path = log(tmp_path / "f.tlog", "quad x", 0.0, seed=4)
+    found = motors(path)
+    assert [verdict.actuator for verdict in found] == [f"motor {n}" for n in range(1, 5)]
+    assert {verdict.condition for verdict in found} == {"normal"}
+    assert "no motor lost" in (found[0].reason or "")
+    assessment = mavhums.analyse(path)
+    assert assessment.exit_code.name in ("OK", "READ_WITH_LOSSES")
+    assert headline(assessment) == "Motor 1, motor 2, motor 3 and motor 4 normal"
+    assert len(digest(assessment).open) == 1  # said once for all motors
+
+
+def test_nothing_depends_on_how_the_log_is_cut(tmp_path: Path) -> None:
+    data = log(tmp_path / "f.tlog", "quad +", 0.5, seed=5).read_bytes()
+
+    def told(size: int) -> tuple[list[ConditionChanged], list[Verdict]]:
+        engine = Engine()
+        events = [e for k in range(0, len(data), size) for e in engine.feed(data[k : k + size])]
+        events += engine.finish()
+        return [e for e in events if isinstance(e, ConditionChanged)], list(engine.assessment().verdicts)
+
+    whole = told(len(data))
+    assert whole[0]
+    assert whole[0][0].actuator == "motor 2"
+    assert told(997) == whole
+    assert told(65536) == whole
+
+
+def test_without_parameters_it_says_so(tmp_path: Path) -> None:
+    from pymavlink import mavutil
+
+    path = log(tmp_path / "f.tlog", "quad x", 0.0)
+    source = mavutil.mavlink_connection(str(path))
+    with (tmp_path / "bare.tlog").open("wb") as out:
+        while (message := source.recv_match()) is not None:
+            if message.get_type() != "PARAM_VALUE":
+                out.write(int(message._timestamp * 1e6).to_bytes(8, "big") + message.get_msgbuf())
+    [verdict] = motors(tmp_path / "bare.tlog")
+    assert (verdict.actuator, verdict.condition) == ("motors", "undecided")
+    assert "which motor sits where" in (verdict.reason or "")
+
+
+FLIGHTS = REAL_LOGS.parent / "flights" / "motors"
+
+
+@pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the flights are absent")
+@pytest.mark.parametrize(
+    ("name", "motor"),
+    [
+        ("real_q1_motor_lost.BIN", "motor 2"),
+        ("rfly1_p00.ulg", "motor 1"),
+        ("rfly2_p50.ulg", "motor 1"),
+        ("sitl_quadx_m2.BIN", "motor 2"),
+        ("sitl_quadp_m4.BIN", "motor 4"),
+        ("sitl_hexax_m3.BIN", "motor 3"),
+        ("sitl_hexap_m6.BIN", "motor 6"),
+    ],
+)
+def test_flights_of_others_name_the_motor(name: str, motor: str) -> None:
+    [verdict] = motors(FLIGHTS / name)
+    assert (verdict.actuator, verdict.condition) == (motor, "emergency")
+
+
+@pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the flights are absent")
+def test_several_motors_are_not_one() -> None:
+    [verdict] = motors(FLIGHTS / "real_q2_several_motors.BIN")
+    assert verdict.condition == "undecided"
+    assert "more than one" in (verdict.reason or "")
+
+
+HEALTHY = [*sorted(path.name for path in FLIGHTS.glob("cut*.BIN")), "real_q3_healthy.BIN"]
+
+
+@pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the flights are absent")
+@pytest.mark.parametrize("name", HEALTHY)
+def test_real_flights_without_a_loss_in_flight_raise_no_alarm(name: str) -> None:
+    assert {verdict.condition for verdict in motors(FLIGHTS / name)} <= {"normal", "undecided"}
