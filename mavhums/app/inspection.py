@@ -16,13 +16,13 @@ from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, motor_verdicts
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, without_axes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
-from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
-from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, obstacle, why_not_at_all
+from mavhums.health.verdict.axis import verdict_of_axis
+from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
 from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import (
@@ -253,9 +253,7 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
     received = axes.grid.received()
     why = why_not_at_all(axes.flight, identity.kind, received)
     if why is not None:
-        copter = why.remedy == NO_WINGS and identity.multirotor
-        motors = motor_verdicts(identity.vehicle, axes, _UNDATED)
-        yield from motors if copter else (unjudged_axes(identity.vehicle, *why),)
+        yield from without_axes(identity, axes, why, _UNDATED)
         return
     for axis in AXES:
         findings = axes.monitor.findings(axis)

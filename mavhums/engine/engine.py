@@ -18,7 +18,7 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, motor_verdicts
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, without_axes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
 from mavhums.engine.monitors import Monitors
@@ -40,8 +40,8 @@ from mavhums.health.verdict.actuator import (
     verdict_of_actuator,
 )
 from mavhums.health.verdict.advice import with_advice
-from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
-from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, why_not_at_all
+from mavhums.health.verdict.axis import verdict_of_axis
+from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, why_not_at_all
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
     ALL,
@@ -324,9 +324,7 @@ class Engine:
         why = why_not_at_all(followed.flight, self._who(vehicle).kind, received)
         start_utc = _utc(self._decoder.first_time_us or 0)
         if why is not None:
-            copter = why.remedy == NO_WINGS and self._who(vehicle).multirotor
-            motors = motor_verdicts(vehicle, followed, start_utc)
-            yield from motors if copter else (unjudged_axes(vehicle, *why),)
+            yield from without_axes(self._who(vehicle), followed, why, start_utc)
             return
         baselines = self._monitors.baselines(", ".join(self._mappers.airframes) or None, self._begun())
         for axis in AXES:

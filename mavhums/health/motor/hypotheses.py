@@ -48,14 +48,14 @@ def density(e: Array, noise: Array, extra: Array, mean: Array) -> float:
     det = a * p + b * q + c * r
     quadratic = x * (p * x + q * y + r * z) + y * (q * x + (a * g - c * c) * y + (b * c - a * f) * z)
     quadratic += z * (r * x + (b * c - a * f) * y + (a * d - b * b) * z)
-    return -0.5 * (quadratic / det + np.log(det))
+    return float(-0.5 * (quadratic / det + np.log(det)))
 
 
 @kernel
 def add(a: float, b: float) -> float:
     """Return the logarithm of a sum from the logarithms of its parts."""
     high, low = max(a, b), min(a, b)
-    return high + np.log1p(np.exp(low - high))
+    return float(high + np.log1p(np.exp(low - high)))
 
 
 @kernel
@@ -97,7 +97,7 @@ def of_motor(
             extra[a] = (rules.error[a] * loss * asked[i] * reach) ** 2 + rules.beside[a] ** 2
         shares[j] = density(e, noise, extra, mean)
         total = add(total, shares[j])
-    return total - np.log(LOSSES)
+    return float(total - np.log(LOSSES))
 
 
 @kernel
