@@ -360,7 +360,8 @@ def _line(verdict: Verdict) -> str:
     if verdict.worst != verdict.condition:
         text += f" (worst {verdict.worst})"
     if verdict.effectiveness:
-        text += f", control effectiveness {100 * verdict.effectiveness.estimate:.0f} %"
+        kept = "thrust" if verdict.subject == "motor" else "control effectiveness"
+        text += f", {kept} {100 * verdict.effectiveness.estimate:.0f} %"
     if verdict.friction_nm:
         text += f", friction {verdict.friction_nm.estimate:.3f} N·m"
     if verdict.since:

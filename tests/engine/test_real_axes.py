@@ -18,37 +18,39 @@ from tests.conftest import REAL_LOGS
 pytestmark = pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the real logs are absent")
 
 GROUND = "it never flew forward"
-COPTER = "a quadrotor"
 SUBMARINE = "a submarine"
-MULTIROTOR = "multirotor"
 
 UNJUDGED = {
     "APTRG-wsk-gcs__mav-631b075.tlog": GROUND,
-    "AalborgQSL-Firmware__mav.tlog": COPTER,
-    "Avalanche-MQP-ros__mav.tlog": COPTER,
     "EAICS__flight.tlog": GROUND,
     "EAICS__flight.tlog.raw": GROUND,
-    "Fugaintegrum__2019-08-08-flight1.tlog": COPTER,
-    "LucaGemma-MasterThesis__mav.tlog": COPTER,
-    "PX4-flight-review-rs__ekf_failure.ulg": COPTER,
     "TalhaYS-savasan_iha__mav.tlog": GROUND,
-    "ahmadkhanfar-TLOG__test.tlog": COPTER,
     "ardusub_log_tools__pymavlink_bug.tlog": SUBMARINE,
     "autonomous-soaring__00000001.BIN": GROUND,
     "mavlink-server__00025-2024-04-22_18-49-07.tlog": SUBMARINE,
     "mavrik-control__mav.tlog": GROUND,
     "pydronecan__mav.tlog": GROUND,
-    "onboard/beast_sample.bin": MULTIROTOR,
-    "onboard/dani1.BIN": MULTIROTOR,
-    "onboard/gps_interference.ulg": COPTER,
-    "onboard/hexa_real.bin": MULTIROTOR,
-    "onboard/lrs17.BIN": MULTIROTOR,
     "onboard/mavrik464.BIN": GROUND,
     "onboard/mavrik470.BIN": GROUND,
-    "onboard/sample.ulg": COPTER,
-    "onboard/sample_appended_multiple.ulg": COPTER,
     "onboard/sample_log_small.ulg": GROUND,
 }
+COPTERS = {
+    "AalborgQSL-Firmware__mav.tlog": "undecided",
+    "Avalanche-MQP-ros__mav.tlog": "undecided",
+    "Fugaintegrum__2019-08-08-flight1.tlog": "undecided",
+    "LucaGemma-MasterThesis__mav.tlog": "undecided",
+    "PX4-flight-review-rs__ekf_failure.ulg": "undecided",
+    "ahmadkhanfar-TLOG__test.tlog": "normal",
+    "onboard/beast_sample.bin": "undecided",
+    "onboard/dani1.BIN": "undecided",
+    "onboard/gps_interference.ulg": "undecided",
+    "onboard/hexa_real.bin": "emergency",  # software in the loop: motor 1 stops first
+    "onboard/lrs17.BIN": "undecided",
+    "onboard/sample.ulg": "undecided",
+    "onboard/sample_appended_multiple.ulg": "undecided",
+}
+"""Multirotors, by the condition of their motors."""
+
 HEALTHY = {
     "Jordinaa-supervisor__mav.tlog": {},
     "UAVLogViewer__vtol.tlog": {},  # a tiltrotor that flies forward for a minute
@@ -66,7 +68,7 @@ def axes(path: Path) -> list[Verdict]:
 
 
 def test_no_log_is_forgotten() -> None:
-    known = {*UNJUDGED, *HEALTHY, *NO_VEHICLE, *UNREADABLE, JAMMED}
+    known = {*UNJUDGED, *COPTERS, *HEALTHY, *NO_VEHICLE, *UNREADABLE, JAMMED}
     found = {
         str(path.relative_to(REAL_LOGS))
         for folder in (REAL_LOGS, REAL_LOGS / "sitl", REAL_LOGS / "onboard")
@@ -85,6 +87,16 @@ def test_what_no_fixed_wing_flew_is_told_in_one_line(path: Path, why: str) -> No
     assert str(verdict.reason).startswith(why)
     assert "\n" not in str(verdict.reason)
     assert verdict.remedy
+
+
+@pytest.mark.parametrize(
+    ("path", "condition"), [(REAL_LOGS / name, told) for name, told in COPTERS.items()], ids=[*COPTERS]
+)
+def test_motors_of_multirotors_are_judged_or_the_reason_is_told(path: Path, condition: str) -> None:
+    verdicts = mavhums.analyse(path).verdicts
+    assert {verdict.subject for verdict in verdicts} == {"motor"}
+    assert {verdict.condition for verdict in verdicts} == {condition}
+    assert all(verdict.reason and verdict.remedy for verdict in verdicts if condition == "undecided")
 
 
 @pytest.mark.parametrize(

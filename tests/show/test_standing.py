@@ -157,7 +157,7 @@ def test_a_copter_is_one_line(new_assessment: Assess) -> None:
         remedy=PROPELLERS_ONLY,
     )
     assessment = new_assessment(axes, every)
-    line = "A quadrotor: not judged (mavhums judges fixed wings, and servos with telemetry)"
+    line = "A quadrotor: not judged (mavhums judges fixed wings, multirotors, and servos with telemetry)"
     text = shown(assessment).splitlines()
     assert text[0] == line
     assert text[1].startswith("Log losses")
