@@ -80,10 +80,12 @@ def test_a_propellers_esc_is_named_as_such(run: Run, tmp_path: Path) -> None:
 
 def test_a_multirotor_is_told_that_it_has_no_surfaces(run: Run, tmp_path: Path) -> None:
     vehicle, verdict = both(run, write_log(tmp_path / "x.tlog", sent(QUADROTOR, esc=True)))
-    for text in (vehicle["remedy"], verdict["reason"]):
-        assert "a multirotor has no control surfaces" in text
-        assert "ESC telemetry is that of the propellers" in text
+    assert "a multirotor has no control surfaces" in vehicle["remedy"]
+    assert "ESC telemetry is that of the propellers" in vehicle["remedy"]
     assert not vehicle["judged"]
+    # Its motors are what it is judged by, and this log has no parameters.
+    assert (verdict["subject"], verdict["condition"]) == ("motor", "undecided")
+    assert "which motor sits where" in verdict["reason"]
 
 
 def test_a_fresh_draft_says_what_it_lacks(run: Run, tmp_path: Path) -> None:

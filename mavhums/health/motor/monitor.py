@@ -107,7 +107,7 @@ class MotorMonitor:
             yield from self._rows(int(seconds.index[a]), flat)
 
     def _rows(self, first: int, flat: dict[str, Array]) -> Iterator[ConditionChanged]:
-        gyro = np.isfinite(flat["rates"]).all(axis=1)
+        gyro = np.asarray(np.isfinite(flat["rates"]).all(axis=1))
         rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
         spacing = flat["outputs_spacing"][:, 0]
         known = spacing[np.isfinite(spacing)]

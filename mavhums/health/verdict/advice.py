@@ -31,10 +31,10 @@ def with_advice(verdict: Verdict) -> Verdict:
     """
     if verdict.subject == "motor":
         # Outputs alone do not tell a propeller from its motor or ESC.
-        parts = f"the propeller, motor, ESC and wiring of {verdict.actuator}"
-        advice = _BY_CONDITION[verdict.gravest].format(parts=parts)
+        chain = f"the propeller, motor, ESC and wiring of {verdict.actuator}"
+        advice = _BY_CONDITION[verdict.gravest].format(parts=chain)
         if verdict.gravest == "emergency":
-            advice = f"do not fly; inspect {parts}; replace what failed and test it without propellers"
+            advice = f"do not fly; inspect {chain}; replace what failed and test it without propellers"
         return verdict.model_copy(update={"advice": advice})
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     # Without a suspect the latest evidence names what was found.
