@@ -18,14 +18,25 @@ from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.hypotheses import LOSSES, Rules, density, det, of_motor, of_others, pair, quantiles
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["COLUMNS", "FLOWN", "JUDGED", "Rules", "State", "follow", "new_state", "rules_for"]
+__all__ = [
+    "ALOFT",
+    "COLUMNS",
+    "FLOWN",
+    "JUDGED",
+    "TIPPED",
+    "Rules",
+    "State",
+    "follow",
+    "new_state",
+    "rules_for",
+]
 
 COLUMNS: Final = 7
 """Of the result: motor from 1, or 0; window; log Bayes factor; share lost, its 95 % interval; another motor
 with which it fits much better, from 1, or 0."""
 
 _RING: Final = 1024  # rows; more than the longest window with its reference
-_COUNT, _ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN = range(8)
+_COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED = range(9)
 _QUICK: Final = 2  # windows that demand that the aircraft falls towards the motor
 _SLOW_WINDOW, _SLOW_ODDS = 2, 4  # the first that slow outputs show, and the first with the usual odds
 _FIRST_PAIRED, _LAST_PAIRED = 1, 3  # windows that show two motors at once: such a flight is short
@@ -83,7 +94,7 @@ def new_state(motors: int) -> State:
     """Return the state before the first row."""
     windows = t.WINDOWS.size
     return State(
-        np.zeros(FLOWN + 1, dtype=np.int64),
+        np.zeros(TIPPED + 1, dtype=np.int64),
         np.zeros((_RING, 3)),
         np.zeros((_RING, motors)),
         np.zeros((_RING, 3)),
@@ -127,7 +138,7 @@ def follow(
             good = good and np.isfinite(rates[row, a])
         if good:
             _take(rates[row], upright[row], grounded[row], columns, k, s)
-            if s.counts[_ALOFT] > k[12] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0:
+            if s.counts[ALOFT] > k[12] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0:
                 _test(slow[row], columns, rules, s, found[row])
         else:
             s.counts[_WHOLE] = 0
@@ -159,16 +170,17 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
     c[_WHOLE] += 1
     low = mean < k[4] * hover or mean < 0.08
     c[_DIP] = c[_DIP] + 1 if low else 0
-    if grounded or (c[_DIP] > k[16] and mean < 0.5 * hover) or (c[_ALOFT] == 0 and low):
-        c[_ALOFT], c[_WHOLE] = 0, 0
+    if grounded or (c[_DIP] > k[16] and mean < 0.5 * hover) or (c[ALOFT] == 0 and low):
+        c[ALOFT], c[_WHOLE] = 0, 0
         s.recent[:] = 0.0
         s.now[0:4] = np.nan
         return
     if c[_DIP] > k[16]:
         c[_WHOLE] = 0
-    c[_ALOFT] += 1
+    c[ALOFT] += 1
     c[FLOWN] += 1
     if upright < k[5]:
+        c[TIPPED] += 1
         c[_GRACE] += 1
         if c[_GRACE] > k[14]:
             c[_DEAD] = int(k[15])
@@ -177,8 +189,8 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
         if c[_DEAD] > 0:
             c[_DEAD] -= 1
             c[_WHOLE] = 0
-    if c[_ALOFT] > k[12] / 2 and not low and c[_GRACE] == 0:
-        share = max(1.0 / (c[_ALOFT] - k[12] / 2), 1.0 / k[10])
+    if c[ALOFT] > k[12] / 2 and not low and c[_GRACE] == 0:
+        share = max(1.0 / (c[ALOFT] - k[12] / 2), 1.0 / k[10])
         for a in range(3):
             effort = s.effort[at, a] - s.effort[before, a]
             s.now[a] = effort if not np.isfinite(s.now[a]) else s.now[a] + share * (effort - s.now[a])
@@ -198,9 +210,9 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
     judged = False
     for w in range(rules.windows.size):
         span = rules.windows[w]
-        if (w > 3 and c[_COUNT] % 4) or c[_WHOLE] <= span or c[_ALOFT] <= span + k[11] + k[12] / 2 + 1:
+        if (w > 3 and c[_COUNT] % 4) or c[_WHOLE] <= span or c[ALOFT] <= span + k[11] + k[12] / 2 + 1:
             continue
-        if (w >= _QUICK and c[_ALOFT] <= k[13]) or (slow and w < _SLOW_WINDOW):
+        if (w >= _QUICK and c[ALOFT] <= k[13]) or (slow and w < _SLOW_WINDOW):
             continue
         if not _residual(w, columns, rules, s, e, asked, swing):
             continue

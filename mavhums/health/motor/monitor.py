@@ -62,6 +62,8 @@ class MotorFindings:
         Motors between which the evidence does not tell; empty if there is no doubt.
     flown_s, judged_s
         Seconds in the air, and those that were judged.
+    tipped
+        Whether it leaned beyond what is judged, so that what happened then is not known.
     bound
         By motor, the share of thrust that it has lost at most at any time, with 97.5 % confidence.
     rate_hz
@@ -73,6 +75,7 @@ class MotorFindings:
     several: tuple[int, ...]
     flown_s: float
     judged_s: float
+    tipped: bool
     bound: tuple[float, ...]
     rate_hz: float | None
 
@@ -191,13 +194,17 @@ class MotorMonitor:
         """Return what the flight so far shows."""
         counts = self._spacings.cumsum()
         median = float(np.searchsorted(counts, counts[-1] / 2) + 0.5) / 100 if counts[-1] else None
+        # A log that ends in the air has no touch-down that would have to be left out.
+        aloft = self._state.counts[evidence.ALOFT] > 0
+        bound = np.maximum(self._state.bound, self._state.recent.max(axis=0) if aloft else 0.0)
         return MotorFindings(
             rotors=self.rotors,
             loss=self._loss,
             several=self._several,
             flown_s=float(self._state.counts[evidence.FLOWN]) / RATE_HZ,
             judged_s=float(self._state.counts[evidence.JUDGED]) / RATE_HZ,
-            bound=tuple(self._state.bound.tolist()),
+            tipped=bool(self._state.counts[evidence.TIPPED]),
+            bound=tuple(bound.tolist()),
             rate_hz=None if median is None else 1.0 / median,
         )
 

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Final
 
 from mavhums.health.motor.monitor import Loss, MotorFindings, condition_of
-from mavhums.health.motor.thresholds import JUDGED_S, MOST_EXCLUDED, STEP_EXCLUDED
+from mavhums.health.motor.thresholds import JUDGED_S, MOST_BANK_DEG, MOST_EXCLUDED, STEP_EXCLUDED
 from mavhums.health.verdict.actuator import since
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
@@ -91,6 +91,13 @@ def verdicts_of_motors(
         )
     elif findings.loss is not None:
         yield _lost(vehicle, findings, findings.loss, start_utc)
+    elif findings.tipped:
+        why = (
+            f"it leaned more than {MOST_BANK_DEG:.0f}° before any motor stood out, and nothing is judged then"
+        )
+        yield unjudged_motors(
+            vehicle, why, "read the log by hand: a fall, a flip and a fault look alike there"
+        )
     elif findings.judged_s < JUDGED_S:
         why = f"{findings.judged_s:.0f} s of flight could be judged, {JUDGED_S:.0f} are needed"
         yield unjudged_motors(vehicle, why, _LONGER)
@@ -148,7 +155,7 @@ def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
             worst="normal",
             coverage=_coverage(findings),
             provenance=_origin(findings, number),
-            reason=f"{findings.rotors.frame}: {said}",
+            reason=f"{findings.rotors.frame}: {said}, the last seconds before a landing left out",
             remedy="keep the log: a slower loss shows against later flights only",
         )
 
