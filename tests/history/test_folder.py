@@ -12,8 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
+from mavhums.flights import flight_file as files
 from mavhums.flights.store import with_duplicate_flights
-from mavhums.flights.stores import folder as files
+from mavhums.flights.stores import folder
 from mavhums.flights.stores.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
 from mavhums.report.assessment import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
@@ -149,7 +150,7 @@ def test_a_damaged_checkpoint_is_made_anew(tmp_path: Path, damage: bytes | None)
 
 def test_another_versions_checkpoint_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_wear(tmp_path, flights=5)
-    monkeypatch.setattr(files, "_VERSION", "another")
+    monkeypatch.setattr(folder, "_VERSION", "another")
     FlightFolder(tmp_path)
     monkeypatch.undo()
     assert FlightFolder(tmp_path).baselines("paper", LATER) == read_history(tmp_path).baselines(
