@@ -37,9 +37,9 @@ flights = st.builds(
         day=day,
         name=f"{day}-{value}",
         airframe=airframe,
-        identities=[] if boot_s is None else [identity(boot_s=boot_s, day=day // 3)],
+        identities=[] if boot_s is None else [identity(boot_s=boot_s, day=day)],
     ),
-    day=st.integers(0, 40).map(float),
+    day=st.integers(0, 14).map(float),  # few days, so that several logs are of one flight
     value=st.floats(0.1, 0.4).map(lambda value: round(value, 3)),
     fault=st.sampled_from(["friction", "backlash"]),
     suspect=st.booleans(),
@@ -51,8 +51,8 @@ flights = st.builds(
 
 @given(
     several=st.lists(flights, max_size=60),
-    before=st.integers(0, 50),
-    since=st.dictionaries(st.sampled_from(["elevator", "rudder", None]), st.integers(0, 40)),
+    before=st.integers(0, 20),
+    since=st.dictionaries(st.sampled_from(["elevator", "rudder", None]), st.integers(0, 15)),
     again=st.integers(0, 60),
 )
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
