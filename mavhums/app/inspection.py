@@ -16,7 +16,7 @@ from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, without_axes
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import VehicleLimit
@@ -253,7 +253,7 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
     received = axes.grid.received()
     why = why_not_at_all(axes.flight, identity.kind, received)
     if why is not None:
-        yield from without_axes(identity, axes, why, _UNDATED)
+        yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
         return
     for axis in AXES:
         findings = axes.monitor.findings(axis)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from datetime import datetime
 from typing import Final
 
 import numpy as np
@@ -11,23 +10,18 @@ import numpy as np
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.told import Told
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
-from mavhums.health.verdict.axis import unjudged_axes
-from mavhums.health.verdict.motor import verdicts_of_motors
-from mavhums.health.verdict.obstacles import NO_WINGS, Obstacle
 from mavhums.log import Table
 from mavhums.log.base.tables import text_of
-from mavhums.report.assessment import Verdict
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
-from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
-__all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes", "without_axes"]
+__all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes"]
 
 _FUNCTIONS: Final = ("SERVO", "PWM_", "HIL_ACT", *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
 
@@ -142,16 +136,3 @@ class Axes:
             self._sent.take_autopilots(tables, before=int(now.table.frame[-1]))
             self._sent.take_parameters(now)
             axes.told.hear(second, self._sent.of(vehicle))
-
-
-def without_axes(
-    identity: Identity, followed: VehicleAxes, why: Obstacle, start_utc: datetime
-) -> Iterator[Verdict]:
-    """Yield the verdicts on a vehicle without axes that can be judged: those on a multirotor's motors."""
-    if why.remedy != NO_WINGS or not identity.multirotor:
-        yield unjudged_axes(identity.vehicle, *why)
-        return
-    findings = followed.motors.findings() if followed.motors else None
-    yield from verdicts_of_motors(
-        identity.vehicle, findings, followed.rotors, followed.flight, start_utc, followed.grid.received()
-    )

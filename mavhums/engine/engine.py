@@ -18,10 +18,11 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, without_axes
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
 from mavhums.engine.monitors import Monitors
+from mavhums.engine.motors import beside_motors
 from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
@@ -41,7 +42,7 @@ from mavhums.health.verdict.actuator import (
 )
 from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.axis import verdict_of_axis
-from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, why_not_at_all
+from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
 from mavhums.report.assessment import (
     ALL,
@@ -311,10 +312,7 @@ class Engine:
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
-        if any(verdict.subject == "motor" for verdict in axes):
-            # That no surface of a copter is judged says nothing beside its motors.
-            actuators = [verdict for verdict in actuators if verdict.remedy != PROPELLERS_ONLY]
-        return [*actuators, *axes]
+        return [*beside_motors(actuators, axes), *axes]
 
     def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
         followed = self._axes.vehicle(vehicle)
@@ -322,10 +320,11 @@ class Engine:
             return
         received = self._axes.received(vehicle)
         why = why_not_at_all(followed.flight, self._who(vehicle).kind, received)
-        start_utc = _utc(self._decoder.first_time_us or 0)
         if why is not None:
-            yield from without_axes(self._who(vehicle), followed, why, start_utc)
+            begun = _utc(self._decoder.first_time_us or 0)
+            yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, begun, received)
             return
+        start_utc = _utc(self._decoder.first_time_us or 0)
         baselines = self._monitors.baselines(", ".join(self._mappers.airframes) or None, self._begun())
         for axis in AXES:
             findings = followed.monitor.findings(axis)

@@ -12,17 +12,16 @@ from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import Condition
 from mavhums.engine.events import Notice
 from mavhums.engine.motion import TRIED_AXES, contradiction, refutation, rests_on_outputs
+from mavhums.engine.motors import VehicleMotors
 from mavhums.engine.told import Known, Told
 from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged, Indication
-from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
-from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.states import Followed
 from mavhums.vehicle.surfaces import Demands, Surfaces
 from mavhums.vehicle.usage import Usage
@@ -31,7 +30,6 @@ __all__ = ["AxisEvent", "VehicleAxes"]
 
 AxisEvent = ConditionChanged | Indication | Followed | Notice
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
-_EARLY_S: Final = 20  # kept until the parameters apply, which takes 10 s from where they stand
 _INFER_S: Final = 45
 _RETRY_S: Final = 10
 _LATEST_S: Final = 600
@@ -68,10 +66,8 @@ class VehicleAxes:
         The surfaces, the flight and the monitor, as far as known.
     usage, grid
         Use of the vehicle's outputs; the grid of its signals.
-    rotors
-        The motors of a multirotor; why they are not known; None if it is not known to be one.
     motors
-        The monitor of a multirotor's motors; None while they are not known.
+        The motors of a multirotor.
     """
 
     def __init__(
@@ -83,9 +79,7 @@ class VehicleAxes:
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
-        self.motors: MotorMonitor | None = None
-        self.rotors = self.told.last.rotors
-        self._early: list[Seconds] = []
+        self.motors = VehicleMotors(vehicle)
         self._vehicle, self._angles = vehicle, angles
         self._known = self.told.last
         self._answers: dict[str, str] = {}
@@ -103,25 +97,11 @@ class VehicleAxes:
             yield from self._apply(self.told.at(first))
             yield from self._look(first)
             now, seconds = self._next(seconds)
-            yield from self._of_motors(now)
+            yield from self.motors.feed(now)
             yield from self._follow(now)
         if final:
             yield from self._apply(self.told.last)
             yield from self._look(self._now_s + _RETRY_S)
-
-    def _of_motors(self, seconds: Seconds) -> Iterator[ConditionChanged]:
-        """Judge the motors of a multirotor, from the log's beginning if its parameters come soon after."""
-        rotors = self.rotors
-        # Motors that lose their output in flight, as an override has it, are still the aircraft's.
-        if isinstance(rotors, Rotors) and (self.motors is None or rotors != self.motors.rotors):
-            self.motors = MotorMonitor(self._vehicle, rotors)
-            for earlier in self._early:
-                yield from self.motors.feed(earlier)
-            self._early.clear()
-        if self.motors is not None:
-            yield from self.motors.feed(seconds)
-        elif sum(len(one.index) for one in self._early) < _EARLY_S:
-            self._early.append(seconds)
 
     def _eager(self) -> bool:
         """Return whether the outputs may be inferred for the first time in any second."""
@@ -153,7 +133,7 @@ class VehicleAxes:
         at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
         if at == len(seconds.index):
             return seconds, None
-        return _part(seconds, 0, at), _part(seconds, at, len(seconds.index))
+        return seconds.part(0, at), seconds.part(at, len(seconds.index))
 
     def _follow(self, seconds: Seconds) -> Iterator[AxisEvent]:
         for rows in self.flight.feed(seconds):
@@ -173,7 +153,7 @@ class VehicleAxes:
         if known is self._known:
             return
         named = known.airframe is not self._known.airframe
-        self._known, self.rotors = known, known.rotors
+        self._known, self.motors.rotors = known, known.rotors
         if named:
             self._answers.clear()
             self._tries = 0
@@ -343,7 +323,3 @@ def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:
         known = np.isfinite(angles[:, 1]) & rows.flying[::_SHOWN_EVERY]
         if known.any():
             yield Followed(vehicle, axis, time_s[known], angles[known])
-
-
-def _part(seconds: Seconds, a: int, b: int) -> Seconds:
-    return Seconds(seconds.index[a:b], {name: values[a:b] for name, values in seconds.signals.items()})

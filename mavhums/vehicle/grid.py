@@ -162,6 +162,10 @@ class Seconds:
         self.index = index
         self.signals = signals
 
+    def part(self, a: int, b: int) -> Seconds:
+        """Return the seconds from place ``a`` to before place ``b``."""
+        return Seconds(self.index[a:b], {name: values[a:b] for name, values in self.signals.items()})
+
 
 class Grid:
     """Resamples one vehicle's signals on the grid.

@@ -1,0 +1,89 @@
+"""Connects the motors of a multirotor to their monitor and their verdicts, for one vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
+from typing import Final
+
+from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.motor.monitor import MotorMonitor
+from mavhums.health.verdict.axis import unjudged_axes
+from mavhums.health.verdict.motor import verdicts_of_motors
+from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
+from mavhums.report.assessment import Verdict
+from mavhums.vehicle.flight import Flight
+from mavhums.vehicle.grid import Received, Seconds
+from mavhums.vehicle.identity import Identity
+from mavhums.vehicle.rotors import Rotors
+
+__all__ = ["VehicleMotors", "beside_motors"]
+
+_EARLY_S: Final = 20
+"""Seconds kept until the parameters apply: they apply from where they stand in the log, and a log that
+begins in the air, or a link that sends them on request, has them some seconds late."""
+
+
+class VehicleMotors:
+    """The motors of one vehicle: none is judged until the parameters tell where they sit.
+
+    Parameters
+    ----------
+    vehicle
+        System id.
+
+    Attributes
+    ----------
+    rotors
+        The motors; why they are not known; None if the vehicle is not known to be a multirotor.
+    """
+
+    def __init__(self, vehicle: int) -> None:
+        self._vehicle = vehicle
+        self.rotors: Rotors | str | None = None
+        self._monitor: MotorMonitor | None = None
+        self._early: list[Seconds] = []
+        self._began_s: int | None = None
+
+    def feed(self, seconds: Seconds) -> Iterator[ConditionChanged]:
+        """Take settled seconds; yield the changes of condition."""
+        rotors = self.rotors
+        # Motors that lose their output in flight, as an override has it, are still the aircraft's.
+        if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
+            self._monitor = MotorMonitor(self._vehicle, rotors)
+            for earlier in self._early:
+                yield from self._monitor.feed(earlier)
+            self._early.clear()
+        if self._monitor is not None:
+            yield from self._monitor.feed(seconds)
+            return
+        if self._began_s is None:
+            self._began_s = int(seconds.index[0])
+        kept = int((seconds.index < self._began_s + _EARLY_S).sum())  # however the log is cut into blocks
+        if kept:
+            self._early.append(seconds.part(0, kept))
+
+    def verdicts(
+        self,
+        identity: Identity,
+        flight: Flight,
+        why: Obstacle,
+        start_utc: datetime,
+        received: Mapping[str, Received],
+    ) -> Iterator[Verdict]:
+        """Yield the verdicts on a vehicle whose axes are not judged; only a multirotor's motors are.
+
+        ``why`` tells why its axes are not judged.
+        """
+        if why.remedy != NO_WINGS or not identity.multirotor:
+            yield unjudged_axes(identity.vehicle, *why)
+            return
+        findings = self._monitor.findings() if self._monitor else None
+        yield from verdicts_of_motors(identity.vehicle, findings, self.rotors, flight, start_utc, received)
+
+
+def beside_motors(actuators: Sequence[Verdict], others: Sequence[Verdict]) -> Sequence[Verdict]:
+    """Return the verdicts on actuators without those that only tell a copter that it has no surfaces."""
+    if any(verdict.subject == "motor" for verdict in others):
+        return [verdict for verdict in actuators if verdict.remedy != PROPELLERS_ONLY]
+    return actuators
