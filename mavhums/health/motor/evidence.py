@@ -15,7 +15,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.health.motor import thresholds as t
-from mavhums.health.motor.hypotheses import LOSSES, Rules, density, det, of_motor, of_others, pair, quantiles
+from mavhums.health.motor.hypotheses import LOSSES, Rules, det, of_motor, of_others, pair, quantiles
 from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = [
@@ -303,13 +303,12 @@ def _weigh(
 ) -> bool:
     """Weigh the hypotheses on one window; return whether some motor is suspected."""
     k, motors = rules.scalars, columns.shape[0]
-    zero = np.zeros(3)
-    # No hypothesis can beat nothing by more than this.
-    most = -density(e, noise, zero, zero) - 0.5 * np.log(det(noise))
-    if most < need:
-        s.held[w, 0] = 0
-        return False
     other = of_others(w, e, noise, rules)
+    # No hypothesis can beat the other causes by more than this: mostly nothing need be weighed.
+    most = -0.5 * np.log(det(noise)) - other
+    if most < min(0.5 * need, k[6]):
+        s.held[w, 0], s.paired[w] = 0, 0
+        return False
     best, second, which = -1e300, -1e300, -1
     shares = np.empty(LOSSES)
     posterior = np.empty(LOSSES)
@@ -328,8 +327,10 @@ def _weigh(
         size = np.hypot(columns[which, 0], columns[which, 1])
         towards = -(swing[0] * columns[which, 0] + swing[1] * columns[which, 1]) / size
         falls = towards >= k[3]
-    if _FIRST_PAIRED <= w <= _LAST_PAIRED and most > k[6]:
-        one, two = pair(best, other, e, asked, noise, columns, rules)
+    if _FIRST_PAIRED <= w <= _LAST_PAIRED:
+        one, two = (0, 0)
+        if most > k[6] and most > best - other + k[17]:
+            one, two = pair(best, other, e, asked, noise, columns, rules)
         s.paired[w] = s.paired[w] + 1 if one else 0
         if s.paired[w] >= rules.held[w]:
             found[0], found[1], found[2], found[6] = one, float(w), odds, two
