@@ -22,7 +22,7 @@ from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
 from mavhums.engine.monitors import Monitors
-from mavhums.engine.motors import beside_motors
+from mavhums.engine.motors import beside_motors, without_thrust_left
 from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
@@ -197,6 +197,7 @@ class Engine:
             if followed is not None and self._vehicle_limit.admits(vehicle):
                 whose = f"vehicle {vehicle}: " if len(vehicles) > 1 else ""
                 yield from (f"{whose}{said}" for said in notices(followed.told.last, followed.surfaces))
+                yield from (f"{whose}{said}" for said in without_thrust_left(followed))
                 draft = self._mappers.drafts.get(vehicle)
                 if draft is not None:
                     yield f"{whose}{draft.notice}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
-from typing import Final
+from typing import Final, Protocol
 
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
@@ -16,12 +16,23 @@ from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.usage import Usage
 
-__all__ = ["VehicleMotors", "beside_motors"]
+__all__ = ["VehicleMotors", "beside_motors", "without_thrust_left"]
 
 _EARLY_S: Final = 20
 """Seconds kept until the parameters apply: they apply from where they stand in the log, and a log that
 begins in the air, or a link that sends them on request, has them some seconds late."""
+
+_SATURATED_S: Final = 1.0
+"""At full output in sum: shorter is a gust or a hard stop, as any flight has them."""
+
+
+class _Followed(Protocol):
+    """A vehicle as far as its motors' use is concerned."""
+
+    motors: VehicleMotors
+    usage: Usage
 
 
 class VehicleMotors:
@@ -34,21 +45,26 @@ class VehicleMotors:
 
     Attributes
     ----------
-    rotors
-        The motors; why they are not known; None if the vehicle is not known to be a multirotor.
+    told
+        The motors by the parameters; why they are not known; None if it is not known to be a multirotor.
     """
 
     def __init__(self, vehicle: int) -> None:
         self._vehicle = vehicle
-        self.rotors: Rotors | str | None = None
+        self.told: Rotors | str | None = None
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
         self._began_s: int | None = None
 
+    @property
+    def rotors(self) -> Rotors | str | None:
+        """The motors that are judged; why they are not known; None if it is not known to be a multirotor."""
+        # A motor that loses its output in flight, as an override has it, is still the aircraft's.
+        return self._monitor.rotors if self._monitor else self.told
+
     def feed(self, seconds: Seconds) -> Iterator[ConditionChanged]:
         """Take settled seconds; yield the changes of condition."""
-        rotors = self.rotors
-        # Motors that lose their output in flight, as an override has it, are still the aircraft's.
+        rotors = self.told
         if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
             self._monitor = MotorMonitor(self._vehicle, rotors)
             for earlier in self._early:
@@ -80,6 +96,22 @@ class VehicleMotors:
             return
         findings = self._monitor.findings() if self._monitor else None
         yield from verdicts_of_motors(identity.vehicle, findings, self.rotors, flight, start_utc, received)
+
+
+def without_thrust_left(followed: _Followed) -> Iterator[str]:
+    """Yield one sentence on the motors that were asked for all they have: none was left to steer with."""
+    rotors, outputs = followed.motors.rotors, followed.usage.outputs
+    if not isinstance(rotors, Rotors):
+        return
+    full = {
+        f"motor {number}": outputs[servo].at_stops_s(round(rotors.idle), round(rotors.full))[1]
+        for number, servo in enumerate(rotors.servos, 1)
+        if servo in outputs
+    }
+    short = {name: time_s for name, time_s in full.items() if time_s >= _SATURATED_S}
+    if short:
+        told = ", ".join(f"{name} for {time_s:.0f} s" for name, time_s in short.items())
+        yield f"no thrust was left: {told} at full output"
 
 
 def beside_motors(actuators: Sequence[Verdict], others: Sequence[Verdict]) -> Sequence[Verdict]:

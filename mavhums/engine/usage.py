@@ -13,6 +13,7 @@ from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.surfaces import Surfaces
 from mavhums.vehicle.usage import OutputUse
 
@@ -25,6 +26,7 @@ class _Known(NamedTuple):
     name: str
     by: str
     range_us: tuple[int, int, int] | None
+    bearing_deg: float | None = None
 
 
 def vehicle_usage(
@@ -44,7 +46,7 @@ def vehicle_usage(
         The vehicle's profile, which takes precedence over the parameters where these do not contradict it;
         None without one.
     """
-    known = dict(_known(parameters, airframe, axes.surfaces))
+    known = {**dict(_known(parameters, airframe, axes.surfaces)), **dict(_motors(axes.motors.rotors))}
     used = axes.usage.outputs
     armed_s = axes.usage.armed_s
     return VehicleUsage(
@@ -77,6 +79,15 @@ def _known(
             yield actuator.servo, _Known(actuator.name, "profile", (low, zero, high))
 
 
+def _motors(rotors: Rotors | str | None) -> Iterator[tuple[int, _Known]]:
+    """Yield what is known of the outputs of a multirotor's motors."""
+    if isinstance(rotors, Rotors):
+        idle, full = round(rotors.idle), round(rotors.full)
+        for number, (servo, bearing) in enumerate(zip(rotors.servos, rotors.bearings_deg, strict=True), 1):
+            if servo <= OUTPUTS:
+                yield servo, _Known(f"motor {number}", "parameters", (idle, idle, full), bearing)
+
+
 def _output(servo: int, use: OutputUse | None, known: _Known | None) -> OutputUsage:
     span_us = range_us = at_low_s = at_high_s = None
     if known is not None and known.range_us is not None:
@@ -101,4 +112,5 @@ def _output(servo: int, use: OutputUse | None, known: _Known | None) -> OutputUs
         at_low_s=at_low_s,
         at_high_s=at_high_s,
         mean_us=None if mean_us is None else round(mean_us, 1),
+        bearing_deg=known.bearing_deg if known else None,
     )

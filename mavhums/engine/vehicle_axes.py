@@ -153,7 +153,7 @@ class VehicleAxes:
         if known is self._known:
             return
         named = known.airframe is not self._known.airframe
-        self._known, self.motors.rotors = known, known.rotors
+        self._known, self.motors.told = known, known.rotors
         if named:
             self._answers.clear()
             self._tries = 0

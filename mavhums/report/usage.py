@@ -14,7 +14,8 @@ class OutputUsage(Contract):
 
     ``commanded`` tells whether it ever moved. Shares are of the calibrated range; they are null where neither
     the log's parameters nor a profile tell that range. The times at the stops and the mean count while the
-    vehicle is armed, or where its state is not told.
+    vehicle is armed, or where its state is not told. ``bearing_deg`` tells where the motor of a multirotor
+    sits, clockwise from the nose; it is null for an output that drives none.
     """
 
     servo: int
@@ -32,6 +33,7 @@ class OutputUsage(Contract):
     at_low_s: float | None = Field(ge=0)
     at_high_s: float | None = Field(ge=0)
     mean_us: float | None
+    bearing_deg: float | None = None
 
 
 class VehicleUsage(Contract):

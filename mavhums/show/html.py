@@ -132,7 +132,7 @@ def _answer(one: Subject) -> _Answer:
     verdict, value = one.verdict, ""
     since = verdict.since if SEVERITY[verdict.gravest] > SEVERITY["normal"] else None
     if one.control_left:
-        value = f"control left: {one.control_left}"
+        value = f"{'thrust' if verdict.subject == 'motor' else 'control'} left: {one.control_left}"
     elif one.friction:
         value = f"friction {one.friction} N·m"
     return _Answer(

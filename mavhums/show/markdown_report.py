@@ -106,7 +106,9 @@ def _table(subjects: Sequence[Subject]) -> str:
     """Return a row for each subject; what no row tells has no column."""
     kinds = {one.verdict.subject for one in subjects}
     rows = [_cells(one) for one in subjects]
-    head = ("actuator" if kinds == {"actuator"} else "subject", *_COLUMNS)
+    head: tuple[str, ...] = ("actuator" if kinds == {"actuator"} else "subject", *_COLUMNS)
+    if kinds == {"motor"}:
+        head = ("motor", _COLUMNS[0], "thrust left", *_COLUMNS[2:])
     shown = [k for k in range(len(head)) if k < 2 or any(row[k] != "—" for row in rows)]
     return _rows([line[k] for k in shown] for line in (head, ("---",) * len(head), *rows))
 

@@ -9,7 +9,7 @@ from mavhums.core.text import printable
 from mavhums.health.self_baseline.motor import STALL_SHARES
 from mavhums.report.assessment import Assessment
 from mavhums.report.usage import OutputUsage, VehicleUsage
-from mavhums.show.words import clock, join, name, percent
+from mavhums.show.words import clock, join, name, percent, place_of
 
 __all__ = ["ServoTable", "reserve", "usage"]
 
@@ -60,6 +60,8 @@ def usage(used: VehicleUsage, *, several: bool) -> ServoTable:
     times = [armed, *([f"forward flight {clock(used.forward_s)}"] if used.forward_s else [])]
     vehicle = f" of vehicle {used.vehicle}" if several else ""
     title = f"Usage{vehicle}: {'; '.join(filter(None, (who, ', '.join(times))))}"
+    if motors := [output for output in used.outputs if output.bearing_deg is not None]:
+        return _of_motors(title, motors)
     named = [output for output in used.outputs if output.name]
     shown: Iterable[OutputUsage] = named or used.outputs
     moved, idle = [_row(o) for o in shown if o.commanded], [_name(o) for o in named if not o.commanded]
@@ -73,6 +75,27 @@ def usage(used: VehicleUsage, *, several: bool) -> ServoTable:
     head = ("output", "span", "total travel", "reversals", "at its stops", "mean (trim)")
     never = [(surface, "never commanded", *["—"] * (len(head) - 2)) for surface in idle]
     return ServoTable(title, head, [*moved, *never], lines)
+
+
+def _of_motors(title: str, motors: Iterable[OutputUsage]) -> ServoTable:
+    """Return the use of a multirotor's motors, as shares of the range between idle and full output."""
+    rows: list[tuple[str, ...]] = []
+    for output in motors:
+        low, _, high = output.range_us or (0, 0, 0)
+        values = (output.mean_us, output.greatest_us)
+        known = output.commanded and high > low
+        mean, highest = (
+            percent(min(max((us - low) / (high - low), 0.0), 1.0)) if known and us is not None else "—"
+            for us in values
+        )
+        full = percent(output.at_high_s / output.held_s) if output.at_high_s and output.held_s else "0 %"
+        rows.append((_name(output), place_of(output.bearing_deg or 0.0), mean, highest, full))
+    head = ("motor", "place", "mean output", "highest", "time at full output")
+    lines = [
+        f"{motor}, {place}: mean output {mean}, highest {highest}, at full output {full} of the time"
+        for motor, place, mean, highest, full in rows
+    ]
+    return ServoTable(title, head, rows, lines)
 
 
 def _name(output: OutputUsage) -> str:

@@ -97,7 +97,9 @@ _GAP = 2
 
 def _table(subjects: Sequence[Subject], width: int) -> Table:
     kinds = {one.verdict.subject for one in subjects}
-    titles = ("axis" if kinds == {"axis"} else "actuator", *_COLUMNS[1:])
+    first = kinds.pop() if len(kinds) == 1 else "actuator"
+    left = "thrust left" if first == "motor" else _COLUMNS[2]
+    titles = (first, _COLUMNS[1], left, *_COLUMNS[3:])
     rows = [_row(one) for one in subjects]
     widths = [
         max(len(title), *(len(row[column]) for row in rows)) + _GAP for column, title in enumerate(titles)

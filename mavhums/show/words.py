@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import cos, radians, sin
 from typing import Final
 
 from mavhums.core.conditions import Condition
@@ -29,6 +30,7 @@ __all__ = [
     "losses",
     "name",
     "percent",
+    "place_of",
     "printable",
     "whose",
 ]
@@ -99,6 +101,23 @@ def clock(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}h{minutes:02d}m{rest:02d}s" if hours else f"{minutes}m{rest:02d}s"
+
+
+def place_of(bearing_deg: float) -> str:
+    """Return where a motor sits, by its bearing clockwise from the nose.
+
+    Examples
+    --------
+    >>> place_of(45), place_of(-150), place_of(180), place_of(22.5)
+    ('front right', 'rear left', 'rear', 'front right (22° from the nose)')
+    """
+    ahead, side = round(cos(radians(bearing_deg)), 6), round(sin(radians(bearing_deg)), 6)
+    along, across = (("front", "rear"), ("right", "left"))
+    words = [pair[part < 0] for part, pair in ((ahead, along), (side, across)) if part]
+    place = " ".join(words)
+    # Of an octa two sit in each quarter.
+    even = abs(bearing_deg) % 45 == 0 or abs(bearing_deg) % 30 == 0
+    return place if even else f"{place} ({abs(bearing_deg):.0f}° from the nose)"
 
 
 def friction(interval: Interval) -> str:

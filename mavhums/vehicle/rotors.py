@@ -69,6 +69,8 @@ class Rotors:
     columns
         What a unit of each motor's thrust adds to the effort about roll, pitch and yaw, shape (motors, 3):
         of the mixer's factors, scaled to at most 1, each by the sum of their squares.
+    bearings_deg
+        Where each motor sits, clockwise from the nose, -180 to 180.
     idle, full
         Pulses at no thrust and at full thrust, µs.
     curve
@@ -78,6 +80,7 @@ class Rotors:
     frame: str
     servos: tuple[int, ...]
     columns: Array
+    bearings_deg: tuple[float, ...]
     idle: float
     full: float
     curve: float | None
@@ -158,7 +161,8 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
         return "the range of its motors' outputs (MOT_PWM_MIN, MOT_PWM_MAX) is not plausible"
     name = f"{_SIZES[int(kind)]} {_TYPES[int(type_)]}"
     servos = tuple(found[k] for k in range(len(places)))
-    return Rotors(name, servos, _columns(_factors(places)), idle, full, values.get("MOT_THST_EXPO", 0.65))
+    bearings, curve = tuple(float(angle) for angle, _ in places), values.get("MOT_THST_EXPO", 0.65)
+    return Rotors(name, servos, _columns(_factors(places)), bearings, idle, full, curve)
 
 
 def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
@@ -182,8 +186,9 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
         return "frames with such an arrangement of rotors are not judged"
     if len(servos) < len(factors):
         return "the parameters assign no output to some of its motors (PWM_MAIN_FUNCn)"
-    curve = values.get("THR_MDL_FAC", 0.0)
-    return Rotors(size, servos, _columns(factors), 1000.0, 2000.0, curve if curve > 0.0 else None)
+    bearings = tuple(np.degrees(np.arctan2(-factors[:, 0], factors[:, 1])).round(1).tolist())
+    curve = values.get("THR_MDL_FAC", 0.0) or None
+    return Rotors(size, servos, _columns(factors), bearings, 1000.0, 2000.0, curve)
 
 
 def _px4_servos(values: Mapping[str, float], count: int) -> tuple[int, ...]:

@@ -100,6 +100,7 @@ def test_its_log_holds_the_commands_and_the_frame(tmp_path: Path) -> None:
     counts: Counter[str] = Counter()
     while (message := log.recv_match()) is not None:
         counts[message.get_type()] += 1
+    log.close()
     assert counts["SERVO_OUTPUT_RAW"] == pytest.approx(25 * 42, abs=2)
     assert log.params["FRAME_CLASS"] == 2.0
     # Idle on the ground; in the air the curve of the parameters gives the commanded thrust back.
