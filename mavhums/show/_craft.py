@@ -1,8 +1,8 @@
-"""A 3-D model of the airframe, with moving surfaces in the colour of their actuator's condition."""
+"""A 3-D model of the airframe, with its surfaces or motors in the colour of their condition."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -14,12 +14,13 @@ from mavhums.core.quantities import KEYS
 from mavhums.show._places import V_TAIL, Place, kind, places
 from mavhums.show._stream import send
 
-__all__ = ["Craft", "Surface", "craft_path"]
+__all__ = ["Craft", "Motor", "Surface", "craft_path"]
 
 _GREY, _DARK = (126, 130, 138), (88, 92, 100)
 _STEP_S: Final = 0.04
 _THICK: Final = 0.014
 _LABELLED: Final = 8
+_ARM: Final = 0.7
 _V1, _V3 = KEYS.index("V1"), KEYS.index("V3")
 
 
@@ -73,18 +74,45 @@ class Surface:
         send(self._stream, self._path, time_s, rr.Boxes3D.columns(colors=list(colours)))
 
 
+class Motor:
+    """One motor of a multirotor: an arm, and a disc in the colour of its condition."""
+
+    def __init__(self, stream: rr.RecordingStream, path: str, name: str, bearing_deg: float, radius: float):
+        self._stream, self._path = stream, path
+        turn = -np.radians(bearing_deg)  # the scene's third axis is up
+        ahead, left = float(np.cos(turn)), float(np.sin(turn))
+        turned = rr.RotationAxisAngle((0, 0, 1), radians=float(turn))
+        arm = rr.Boxes3D(
+            centers=[(ahead * _ARM / 2, left * _ARM / 2, 0)], half_sizes=[(_ARM / 2, 0.025, 0.02)],
+            rotation_axis_angles=[turned], colors=[_GREY], fill_mode="solid",
+        )  # fmt: skip
+        disc = rr.Ellipsoids3D(
+            centers=[(ahead * _ARM, left * _ARM, 0.06)], half_sizes=[(radius, radius, _THICK)],
+            colors=[_GREY], fill_mode="solid", labels=[name], show_labels=True,
+        )  # fmt: skip
+        stream.log(path.rsplit("/", 1)[0], arm, static=True)
+        stream.log(path, disc, static=True)
+
+    def move(self, time_s: Array, values: Array) -> None:
+        """Do nothing: what a motor is asked for is not drawn as a movement."""
+
+    def colour(self, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
+        """Set the colours of the motor's conditions, each from a flight time on."""
+        send(self._stream, self._path, time_s, rr.Ellipsoids3D.columns(colors=list(colours)))
+
+
 class Craft:
     """The 3-D airframe of one vehicle.
 
     Attributes
     ----------
     surfaces
-        Surfaces by the actuator's name.
+        Surfaces by the actuator's name, motors by theirs.
     """
 
     def __init__(self, stream: rr.RecordingStream, vehicle: int | None) -> None:
         self.root = craft_path(vehicle)
-        self.surfaces: dict[str, Surface] = {}
+        self.surfaces: dict[str, Surface | Motor] = {}
         self._stream = stream
 
     def fit(self, actuators: Sequence[Actuator]) -> None:
@@ -111,6 +139,20 @@ class Craft:
             )
             named = len(actuators) <= _LABELLED
             self.surfaces[actuator.name] = Surface(self._stream, path, actuator, place, named=named)
+
+    def fit_motors(self, bearings_deg: Mapping[str, float]) -> None:
+        """Draw a multirotor with motors by their names and where they sit, clockwise from the nose."""
+        body = f"{self.root}/body"
+        for name, centre, half, colour in (
+            ("hub", (0, 0, 0), (0.2, 0.2, 0.05), _GREY),
+            ("nose", (0.26, 0, 0), (0.06, 0.04, 0.03), _DARK),
+        ):
+            box = rr.Boxes3D(centers=[centre], half_sizes=[half], colors=[colour], fill_mode="solid")
+            self._stream.log(f"{body}/{name}", box, static=True)
+        radius = min(0.8 * _ARM * float(np.sin(np.pi / len(bearings_deg))), 0.4)
+        for name, bearing in bearings_deg.items():
+            path = rr.new_entity_path([*self.root.strip("/").split("/"), "body", "at", name, "disc"])
+            self.surfaces[name] = Motor(self._stream, path, name, bearing, radius)
 
     def attitude(self, time_s: Array, roll_pitch_yaw_rad: Array) -> None:
         """Rotate the airframe; the heading is separate, so that a view can follow it."""

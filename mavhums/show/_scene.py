@@ -27,7 +27,7 @@ from mavhums.engine.events import (
 )
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.report.assessment import Assessment, Verdict
-from mavhums.show._craft import Surface, craft_path
+from mavhums.show._craft import Motor, Surface, craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track, path_part
 from mavhums.show._vehicle import Vehicle
@@ -110,6 +110,7 @@ class Scene:
         """Write remaining data and the report, and return the layout of the whole flight."""
         for verdict in assessment.verdicts:
             self._track(verdict.vehicle, verdict.actuator)
+        self._fit_motors(assessment)
         for track in self._tracks.values():
             track.now(assessment.log.duration_s)
         for verdict in assessment.verdicts:
@@ -124,6 +125,17 @@ class Scene:
         report = rr.TextDocument(markdown(assessment), media_type=rr.MediaType.MARKDOWN)
         self._stream.log("/report", report, static=True)
         return layout(list(self._lanes(assessment)), self._surroundings())
+
+    def _fit_motors(self, assessment: Assessment) -> None:
+        """Draw multirotors; which output drives which motor is known at the end."""
+        for used in assessment.usage:
+            motors = {o.name: o.bearing_deg for o in used.outputs if o.name and o.bearing_deg is not None}
+            craft = self._vehicle(used.vehicle).craft if motors else None
+            if craft is not None and not craft.surfaces:
+                craft.fit_motors(motors)
+                for name, motor in craft.surfaces.items():
+                    if (used.vehicle, name) in self._tracks:
+                        self._tracks[used.vehicle, name].surface = motor
 
     def _lanes(self, assessment: Assessment) -> Iterator[Lane]:
         """Yield the lanes, worst first and axes before servos; none for what nothing reports on.
@@ -235,7 +247,7 @@ class Scene:
             craft.fit(known[0].actuators)
         track.surface = craft.surfaces.get(track.actuator)
 
-    def _moved(self, verdict: Verdict) -> Iterator[Surface]:
+    def _moved(self, verdict: Verdict) -> Iterator[Surface | Motor]:
         """Yield the surfaces of an axis that no telemetry of their own tells of."""
         known = self._airframes.get(verdict.vehicle) or self._airframes.get(None)
         servos = {int(servo) for text in verdict.surfaces for servo in re.findall(r"servo (\d+)", text)}

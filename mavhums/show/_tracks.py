@@ -17,7 +17,7 @@ from mavhums.health.actuator.detector import Detector
 from mavhums.report.assessment import Verdict
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.show._classes import Classes
-from mavhums.show._craft import Surface
+from mavhums.show._craft import Motor, Surface
 from mavhums.show._signals import Signals
 from mavhums.show._stream import Times, send
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
@@ -113,8 +113,8 @@ class Track:
         self.root = actuator_path(vehicle, actuator)
         while self.root in taken:
             self.root += "_"
-        self.surface: Surface | None = None
-        self.moved: list[Surface] = []
+        self.surface: Surface | Motor | None = None
+        self.moved: list[Surface | Motor] = []
         self.detectors: Mapping[str, Detector] = {}
         self.axis_limits = AxisLimits()
         self.angles: str | None = None
@@ -320,7 +320,7 @@ class Track:
         if states:
             time = [time_s for time_s, _ in states]
             self._send("", time, rr.StateChange.columns(state=[state for _, state in states]))
-            for surface in filter(None, (self.surface, *self.moved)):
+            for surface in (*self.moved, *((self.surface,) if self.surface else ())):
                 surface.colour(time, [_STATES[state] for _, state in states])
 
     def _flush_limits(self) -> None:

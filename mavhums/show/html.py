@@ -13,7 +13,7 @@ from mavhums.core.version import __version__
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.show.digest import Subject, advice, digest
-from mavhums.show.html_craft import Part, outline
+from mavhums.show.html_craft import FIXED_WING, Part, multirotor, outline
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
@@ -55,6 +55,7 @@ class _Aircraft(NamedTuple):
 
     title: str
     parts: list[Part]
+    body: Sequence[str]
 
 
 class Brief(NamedTuple):
@@ -184,9 +185,14 @@ def _why(one: Subject) -> Iterator[str]:
 def _aircraft(assessment: Assessment) -> Iterator[_Aircraft]:
     vehicles = dict.fromkeys(verdict.vehicle for verdict in assessment.verdicts)
     for vehicle in list(vehicles)[:_VEHICLES]:
-        parts = outline(verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle)
+        own = [verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle]
+        outputs = [output for used in assessment.usage if used.vehicle == vehicle for output in used.outputs]
+        parts, body = multirotor(own, outputs)
+        if not parts:
+            parts, body = outline(own), FIXED_WING
         if parts:
-            yield _Aircraft(f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above", parts)
+            title = f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above"
+            yield _Aircraft(title, parts, body)
 
 
 def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:

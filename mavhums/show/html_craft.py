@@ -1,22 +1,36 @@
-"""The aircraft's outline from above, with its surfaces in the colour of their condition."""
+"""The aircraft's outline from above, with its surfaces or motors in the colour of their condition."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from math import cos, radians
+from math import cos, pi, radians, sin
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.report.assessment import ALL, Verdict
+from mavhums.report.usage import OutputUsage
 from mavhums.show._places import V_TAIL, Place, kind, places
 
-__all__ = ["Part", "outline"]
+__all__ = ["FIXED_WING", "Part", "multirotor", "outline"]
 
 _SCALE: Final = 150.0
 _MIDDLE: Final = (160.0, 130.0)
 _FIN: Final = 0.05
 _MOST: Final = 32
+_HUB: Final = (160.0, 156.0)
+_ARM: Final = 105.0
+_DISC: Final = {4: 42.0, 6: 38.0}
+_SMALL_DISC: Final = 30.0  # eight of them do not overlap
+_CORNERS: Final = 24
+FIXED_WING: Final = (
+    "160,14 170,34 171,220 166,276 154,276 149,220 150,34",
+    "10,110 149,104 149,154 10,152",
+    "310,110 171,104 171,154 310,152",
+    "100,238 154,232 154,260 100,260",
+    "220,238 166,232 166,260 220,260",
+)
+"""Fuselage, wings and tailplane, each by its corners."""
 _SIDE: Final = re.compile("left|right|port|starboard|[_ -][lr]$")
 
 
@@ -54,6 +68,37 @@ def outline(verdicts: Iterable[Verdict]) -> list[Part]:
         _part(name, *found[name], place, both=kinds.count(what) == 1 and not _SIDE.search(name.lower()))
         for name, what, place in zip(shown, kinds, places(shown), strict=True)
     ]
+
+
+def multirotor(
+    verdicts: Iterable[Verdict], outputs: Iterable[OutputUsage]
+) -> tuple[list[Part], tuple[str, ...]]:
+    """Return a multirotor's motors, and its body; both are empty where no output is known to drive a motor.
+
+    A motor without a verdict of its own, beside one that failed, is undecided.
+    """
+    motors = [(output.name or "", output.bearing_deg) for output in outputs if output.bearing_deg is not None]
+    if not motors:
+        return [], ()
+    found = {verdict.actuator: verdict.gravest for verdict in verdicts if verdict.subject == "motor"}
+    radius = _DISC.get(len(motors), _SMALL_DISC)
+    x0, y0 = _HUB
+    parts, arms = [], []
+    for name, bearing in motors:
+        turn = radians(bearing)
+        x, y = x0 + _ARM * sin(turn), y0 - _ARM * cos(turn)
+        wide, long = 4 * cos(turn), 4 * sin(turn)
+        corners = ((x0 - wide, y0 - long), (x0 + wide, y0 + long), (x + wide, y + long), (x - wide, y - long))
+        arms.append(" ".join(f"{a:.1f},{b:.1f}" for a, b in corners))
+        points = (_polygon(x, y, radius),)
+        parts.append(Part(name, found.get(name, "undecided"), "", points, round(x, 1), round(y, 1)))
+    nose = f"{x0},{y0 - 40} {x0 + 8},{y0 - 26} {x0 - 8},{y0 - 26}"
+    return parts, (*arms, _polygon(x0, y0, 24.0), nose)
+
+
+def _polygon(x: float, y: float, radius: float) -> str:
+    turns = [2 * pi * k / _CORNERS for k in range(_CORNERS)]
+    return " ".join(f"{x + radius * cos(turn):.1f},{y + radius * sin(turn):.1f}" for turn in turns)
 
 
 def _weight(condition: Condition) -> int:

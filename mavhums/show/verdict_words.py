@@ -122,8 +122,8 @@ def certainty(verdict: Verdict) -> str:
     sure = []
     if verdict.effectiveness and not (control_left(verdict) or "").startswith("not reliable"):
         left = effectiveness(verdict.effectiveness)
-        what = "thrust" if verdict.subject == "motor" else "control effectiveness"
-        sure.append(f"{left} of the reference's {what} with its 95 % interval")
+        what = "its thrust" if verdict.subject == "motor" else "the reference's control effectiveness"
+        sure.append(f"{left} of {what} with its 95 % interval")
     if verdict.friction_nm:
         sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
     if sentence := network_sentence(verdict):
