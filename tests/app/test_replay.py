@@ -14,7 +14,7 @@ from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.compare import LoneFlight, compared, packed, unpacked
+from mavhums.flights.compare import Comparison, LoneFlight, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.report.assessment import DECIDE, Assessment, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog
@@ -28,7 +28,7 @@ KINDS = ("healthy", "wear", "jam", "backlash", "silent", "several", "short")
 
 def in_flight(path: Path, options: EngineOptions, baselines: Baselines) -> Assessment:
     """Judge as a link is judged: the drift test fed while it flies."""
-    engine = Engine(replace(options, baselines=baselines))
+    engine = Comparison(Engine(options), baselines, None, options.false_alarms)
     engine.feed(path.read_bytes())
     engine.finish()
     return engine.assessment(str(path), None)
