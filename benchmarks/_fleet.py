@@ -17,7 +17,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import ConditionChanged, Window
-from mavhums.flights.compare import ActuatorComparison
+from mavhums.flights.actuator_comparison import ActuatorComparison
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums_sim import EmaParameters, Flight, FlightRecord
