@@ -194,8 +194,9 @@ def analyse(
         return _judged_with(path, settings, [consume], progress)
     if str(path) == "-":
         raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
-    from mavhums.show import Recorder
+    from mavhums.show.recording import Recorder, check_viewer
 
+    check_viewer()
     identity = f"{Path(path).name}-{_sha256(path, settings.engine)[:16]}"
     with Recorder(recording, recording_id=identity, position=position) as recorder:
         consumers = [recorder.consume, *([consume] if consume else [])]

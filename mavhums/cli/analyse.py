@@ -63,7 +63,7 @@ __all__ = ["analyse", "report"]
 )
 @click.option("--no-position", is_flag=True, help="Leave out of the recording where the aircraft was.")
 @JOBS
-@click.option("--verbose", is_flag=True, help="Show every reason and finding, and the servos' use.")
+@click.option("--verbose", is_flag=True, help="Show every reason and finding, and servo usage.")
 @click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
 @gathered
 def analyse(

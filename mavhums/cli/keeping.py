@@ -12,7 +12,6 @@ import click
 
 from mavhums.cli.output import complain, say, steps
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.flights.store import is_store
 
 if TYPE_CHECKING:
     from mavhums.app.many import Batch, Outcome
@@ -24,6 +23,8 @@ __all__ = ["Keeper", "check_baseline_dates", "divided", "judged_in_store", "live
 
 def divided(history: Path | str | None) -> tuple[Path | None, Path | str | None]:
     """Return the folder of flights or the store of a fleet that a history is; one of the two is None."""
+    from mavhums.flights.store import is_store  # not before: --help loads nothing heavy
+
     if history is None or not is_store(history):
         return None if history is None else Path(history), None
     return None, history

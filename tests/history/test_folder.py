@@ -12,8 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
+from mavhums.flights import flight_file as files
 from mavhums.flights.store import with_duplicate_flights
-from mavhums.flights.stores import folder as files
+from mavhums.flights.stores import folder
 from mavhums.flights.stores.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
 from mavhums.report.assessment import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
@@ -36,9 +37,9 @@ flights = st.builds(
         day=day,
         name=f"{day}-{value}",
         airframe=airframe,
-        identities=[] if boot_s is None else [identity(boot_s=boot_s, day=day // 3)],
+        identities=[] if boot_s is None else [identity(boot_s=boot_s, day=day)],
     ),
-    day=st.integers(0, 40).map(float),
+    day=st.integers(0, 14).map(float),  # few days, so that several logs are of one flight
     value=st.floats(0.1, 0.4).map(lambda value: round(value, 3)),
     fault=st.sampled_from(["friction", "backlash"]),
     suspect=st.booleans(),
@@ -50,8 +51,8 @@ flights = st.builds(
 
 @given(
     several=st.lists(flights, max_size=60),
-    before=st.integers(0, 50),
-    since=st.dictionaries(st.sampled_from(["elevator", "rudder", None]), st.integers(0, 40)),
+    before=st.integers(0, 20),
+    since=st.dictionaries(st.sampled_from(["elevator", "rudder", None]), st.integers(0, 15)),
     again=st.integers(0, 60),
 )
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -149,7 +150,7 @@ def test_a_damaged_checkpoint_is_made_anew(tmp_path: Path, damage: bytes | None)
 
 def test_another_versions_checkpoint_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_wear(tmp_path, flights=5)
-    monkeypatch.setattr(files, "_VERSION", "another")
+    monkeypatch.setattr(folder, "_VERSION", "another")
     FlightFolder(tmp_path)
     monkeypatch.undo()
     assert FlightFolder(tmp_path).baselines("paper", LATER) == read_history(tmp_path).baselines(

@@ -80,7 +80,7 @@ def test_the_recording_is_kept_at_the_end(
         assert fleet.scan([recording], store, options) == (0, 0, 1)
     else:
         (file,) = (tmp_path / place).glob("live-*.json")
-        told = list(json.loads(file.read_text())["verdicts"])
+        told = list(json.loads(file.read_text())["assessment"]["verdicts"])
     assert len(told) == 4
     again = run("analyse", recording, "--json", *(("--aircraft", "=D-A") if named else ()))
     assert code == again.code

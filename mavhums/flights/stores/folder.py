@@ -8,7 +8,6 @@ a file beside the flights, so that one more flight costs the same after few flig
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,23 +17,22 @@ from datetime import datetime
 from operator import attrgetter
 from pathlib import Path
 from stat import S_ISDIR
-from typing import Any, Final, Literal, NamedTuple, Self
+from typing import Final, NamedTuple
 
-from pydantic import Field, TypeAdapter, ValidationError
-from pydantic_core import from_json
+from pydantic import TypeAdapter, ValidationError
 
 from mavhums.core.collecting import no_collection
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
-from mavhums.core.models import Frozen
 from mavhums.core.version import __version__
 from mavhums.flights.aircraft import Owner
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import Checkpoint
+from mavhums.flights.flight_file import Ignored, KeptFlight, read_flights, reason_of
 from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.report.assessment import READABLE, RECORD, SCHEMA, Assessment, OwnRecord
+from mavhums.report.assessment import RECORD, Assessment
 
 __all__ = ["CHECKPOINT", "FlightFolder", "keep_assessment", "read_history"]
 
@@ -45,39 +43,6 @@ _VERSION: Final = f"1 of mavhums {__version__}"
 
 _Stamp = tuple[int, int]
 """Time of modification in nanoseconds, and size in bytes."""
-
-
-class _Record(Frozen):
-    """What a flight leaves of an actuator for the comparison with its other flights."""
-
-    vehicle: int
-    actuator: str
-    own: tuple[OwnRecord, ...]
-
-
-class _KeptFlight(Frozen):
-    """A kept flight; a file of the version before has the record within the assessment."""
-
-    schema_: Literal["mavhums.flight/1"] = Field(default="mavhums.flight/1", alias="schema")
-    assessment: Assessment
-    record: tuple[_Record, ...] = ()
-
-    @classmethod
-    def of(cls, assessment: Assessment) -> Self:
-        records = (
-            _Record(vehicle=verdict.vehicle or 0, actuator=verdict.actuator, own=verdict.own)
-            for verdict in assessment.verdicts
-            if verdict.own
-        )
-        return cls(assessment=assessment, record=tuple(records))
-
-    def whole(self) -> Assessment:
-        own = {(each.vehicle, each.actuator): each.own for each in self.record}
-        verdicts = tuple(
-            verdict.model_copy(update={"own": own.get((verdict.vehicle or 0, verdict.actuator), verdict.own)})
-            for verdict in self.assessment.verdicts
-        )
-        return self.assessment.model_copy(update={"verdicts": verdicts})
 
 
 class _Kept(NamedTuple):
@@ -93,13 +58,8 @@ class _Kept(NamedTuple):
 
 
 _KEPT: Final = TypeAdapter(_Kept)
-_KEPT_FLIGHT: Final = "mavhums.flight/1"
-_FAMILIES: Final = tuple(each.split("/", maxsplit=1)[0] + "/" for each in (SCHEMA, _KEPT_FLIGHT))
-_LARGEST_FILE = 256 << 20
-_LARGEST_VALUE = 1e12
 _MAY_HOLD = re.compile(r"[^.].*\.json", re.IGNORECASE | re.DOTALL)
 _name = attrgetter("name")
-_AGAIN = "analyse its log again"
 
 
 def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> Path:
@@ -119,10 +79,10 @@ def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> P
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        problem = f"{folder}: cannot be used as a folder of flights: {_words(error)}"
+        problem = f"{folder}: cannot be used as a folder of flights: {reason_of(error)}"
         raise MavhumsError(problem, "name another with --history") from error
     with written_whole(path) as temporary:
-        kept = _KeptFlight.of(assessment)
+        kept = KeptFlight.of(assessment)
         text = kept.model_dump_json(by_alias=True, indent=2, exclude={"assessment": RECORD})
         temporary.write_text(text + "\n", encoding="utf-8")
     return path
@@ -150,7 +110,7 @@ def read_history(
     """
     folder = Path(folder)
     paths = [Path(entry) for entry in _assessment_files(folder)]
-    outcomes = (outcome for path in _counted(paths, progress) for outcome in _read_file(path))
+    outcomes = (outcome for path in _counted(paths, progress) for outcome in read_flights(path))
     history = _history(folder, outcomes)
     notices = list(history.notices)
     paths_of = {flight.log: flight.assessment.log.path or "a live link" for flight in history.flights}
@@ -162,7 +122,7 @@ def read_history(
     return replace(history, notices=tuple(notices))
 
 
-def _history(folder: Path, outcomes: Iterable[PastFlight | MavhumsError]) -> FlightHistory:
+def _history(folder: Path, outcomes: Iterable[PastFlight | MavhumsError | Ignored]) -> FlightHistory:
     flights: list[PastFlight] = []
     errors: list[MavhumsError] = []
     notices: list[str] = []
@@ -170,7 +130,7 @@ def _history(folder: Path, outcomes: Iterable[PastFlight | MavhumsError]) -> Fli
         for outcome in outcomes:
             if isinstance(outcome, PastFlight):
                 flights.append(outcome)
-            elif isinstance(outcome, UndatedError | _ForeignError):  # left alone, without a loss
+            elif isinstance(outcome, UndatedError | Ignored):  # left alone, without a loss
                 notices.append(outcome.problem)
             else:
                 errors.append(outcome)
@@ -206,7 +166,7 @@ class FlightFolder:
     ) -> None:
         self._folder, self._progress = Path(folder), progress
         self._files: dict[str, _Stamp] = {}
-        self._read: dict[str, tuple[_Stamp, list[PastFlight | MavhumsError]]] = {}
+        self._read: dict[str, tuple[_Stamp, list[PastFlight | MavhumsError | Ignored]]] = {}
         self._kept = _Kept(_VERSION, (), (), (), (), (), None)
         self._checkpoint: Checkpoint | None = None
         self._look()
@@ -324,7 +284,7 @@ class FlightFolder:
         """Read files, each once as long as it does not change: many late flights may come in one run."""
         unread = [name for name in names if self._read.get(name, (None,))[0] != self._files[name]]
         for path in _counted([self._folder / name for name in unread], self._progress):
-            self._read[path.name] = (self._files[path.name], [*_read_file(path)])
+            self._read[path.name] = (self._files[path.name], [*read_flights(path)])
         return _history(self._folder, (each for name in names for each in self._read[name][1]))
 
 
@@ -341,10 +301,6 @@ def _counted(paths: Sequence[Path], progress: Callable[[int, int], None] | None)
             yield path
 
 
-class _ForeignError(MavhumsError):
-    """A JSON file that is not an assessment."""
-
-
 def _assessment_files(folder: Path) -> list[os.DirEntry[str]]:
     """Return the files of a folder that may hold assessments, by name.
 
@@ -358,74 +314,4 @@ def _assessment_files(folder: Path) -> list[os.DirEntry[str]]:
             return sorted((entry for entry in entries if _MAY_HOLD.fullmatch(entry.name)), key=_name)
     except OSError as error:
         remedy = f"analyse a first flight into it: mavhums analyse LOG --history {folder} --keep"
-        raise MavhumsError(f"{folder}: {_words(error)}", remedy) from error
-
-
-def _read_file(path: Path) -> Iterator[PastFlight | MavhumsError]:
-    """Yield each assessment of a file, or the error in it."""
-    try:
-        written = path.stat().st_mtime
-        items = _items(path)
-    except OSError as error:
-        yield MavhumsError(f"{path}: {_words(error)}", "make it readable, or take it out of the folder")
-        return
-    except MavhumsError as error:
-        yield error
-        return
-    for where, item in items:
-        try:
-            kept = isinstance(item, dict) and item.get("schema") == _KEPT_FLIGHT
-            assessment = _KeptFlight.model_validate(item).whole() if kept else Assessment.model_validate(item)
-            _hold_plausible(assessment, path)
-            yield PastFlight.of(assessment, path, written)
-        except ValidationError as error:
-            mistake = error.errors(include_input=False, include_url=False)[0]
-            place = ".".join(str(part) for part in (*where, *mistake["loc"]))
-            yield MavhumsError(f"{path}: {place[:120]}: {mistake['msg'][:120]}", _AGAIN)
-        except MavhumsError as error:
-            yield error
-
-
-def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
-    """Return the unvalidated assessments or kept flights in a file, each with its location in the JSON."""
-    content = _json(path)
-    schema = content.get("schema") if isinstance(content, dict) else None
-    if not isinstance(schema, str) or not schema.startswith(_FAMILIES):
-        raise _ForeignError(f"{path}: is not an assessment, and was left alone")
-    if schema not in (_KEPT_FLIGHT, *READABLE):
-        expected = _KEPT_FLIGHT if schema.startswith(_FAMILIES[1]) else SCHEMA
-        raise MavhumsError(
-            f"{path}: is of the schema {schema[:60]!r}, not {expected}", f"update mavhums, or {_AGAIN}"
-        )
-    several = content.get("assessments")
-    if isinstance(several, list):
-        return [(("assessments", place), item) for place, item in enumerate(several)]
-    return [((), content)]
-
-
-def _json(path: Path) -> Any:
-    if not path.is_file() or path.stat().st_size > _LARGEST_FILE:
-        raise MavhumsError(f"{path}: not a regular file of an assessment's size", "take it out of the folder")
-    data = path.read_bytes()
-    try:
-        return from_json(data.decode(json.detect_encoding(data)), allow_inf_nan=False)
-    except ValueError as error:
-        problem = f"{path}: is not a complete JSON file: {str(error)[:100]}"
-        raise MavhumsError(problem, f"if it was an assessment, {_AGAIN}; else take it out") from error
-
-
-def _hold_plausible(assessment: Assessment, path: Path) -> None:
-    """Reject implausibly large numbers before they enter statistics."""
-    for verdict in assessment.verdicts:
-        for shown in verdict.indicators:
-            value = shown.value
-            numbers = (value.estimate, value.low, value.high, shown.scatter, shown.limit, shown.emergency)
-            largest = max(abs(number) for number in (*numbers, shown.windows) if number is not None)
-            if largest > _LARGEST_VALUE or not 0 <= (verdict.vehicle or 0) <= 255:
-                raise MavhumsError(
-                    f"{path}: {verdict.actuator[:60]}: contains values outside the accepted range", _AGAIN
-                )
-
-
-def _words(error: OSError) -> str:
-    return (error.strerror or str(error)).lower()
+        raise MavhumsError(f"{folder}: {reason_of(error)}", remedy) from error
