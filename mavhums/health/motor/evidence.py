@@ -15,7 +15,16 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.health.motor import thresholds as t
-from mavhums.health.motor.hypotheses import LOSSES, Rules, det, of_motor, of_others, pair, quantiles
+from mavhums.health.motor.hypotheses import (
+    LOSSES,
+    Rules,
+    det,
+    is_payload,
+    of_motor,
+    of_others,
+    pair,
+    quantiles,
+)
 from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = [
@@ -36,10 +45,11 @@ COLUMNS: Final = 7
 with which it fits much better, from 1, or 0."""
 
 _RING: Final = 1024  # rows; more than the longest window with its reference
-_COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED = range(9)
+_COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED, _RELEARN = range(10)
 _QUICK: Final = 2  # windows that demand that the aircraft falls towards the motor
 _SLOW_WINDOW, _SLOW_ODDS = 2, 4  # the first that slow outputs show, and the first with the usual odds
 _FIRST_PAIRED, _LAST_PAIRED = 1, 3  # windows that show two motors at once: such a flight is short
+_PAYLOAD: Final = 5  # window in which a payload or the air is recognised
 _BOUND: Final = 3  # window that bounds what is lost
 _LATER: Final = 5 * RATE_HZ  # rows in the air that must follow: at touch-down the effort winds up
 
@@ -61,6 +71,8 @@ class State(NamedTuple):
     paired: Integers
     recent: Array
     bound: Array
+    turned: Array
+    payload: Array
 
 
 def rules_for(motors: int) -> Rules:
@@ -71,6 +83,7 @@ def rules_for(motors: int) -> Rules:
         t.PAIR_ODDS, t.NOISE_WORTH, t.NOISE_FLOOR, t.NOISE_MOST,
         t.REFERENCE_S * RATE_HZ, t.REFERENCE_GAP_S * RATE_HZ, t.AIRBORNE_S * RATE_HZ, t.SETTLED_S * RATE_HZ,
         t.BANK_GRACE_S * RATE_HZ, t.UPRIGHT_S * RATE_HZ, t.LANDED_S * RATE_HZ, t.PAIR_BESIDE_ONE,
+        t.PAYLOAD_ODDS, t.PAYLOAD_BESIDE_MOTOR, t.TURN, t.YAW_DAMPING_SD,
     ]  # fmt: skip
     return Rules(
         t.WINDOWS,
@@ -94,7 +107,7 @@ def new_state(motors: int) -> State:
     """Return the state before the first row."""
     windows = t.WINDOWS.size
     return State(
-        np.zeros(TIPPED + 1, dtype=np.int64),
+        np.zeros(_RELEARN + 1, dtype=np.int64),
         np.zeros((_RING, 3)),
         np.zeros((_RING, motors)),
         np.zeros((_RING, 3)),
@@ -108,6 +121,8 @@ def new_state(motors: int) -> State:
         np.zeros(windows, dtype=np.int64),
         np.zeros((2, motors)),
         np.zeros(motors),
+        np.zeros(_RING),
+        np.zeros(2),
     )
 
 
@@ -162,8 +177,11 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
         effort = 0.0
         for i in range(motors):
             effort += s.now[4 + i] * columns[i, a]
+        if a < 2:
+            effort -= s.payload[a]
         s.effort[at, a] = s.effort[before, a] + effort
         s.rates[at, a] = rates[a]
+    s.turned[at] = s.turned[before] + rates[2]
     hover = s.now[3]
     if not np.isfinite(hover):
         hover = max(mean, 0.1)
@@ -174,6 +192,7 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
         c[ALOFT], c[_WHOLE] = 0, 0
         s.recent[:] = 0.0
         s.now[0:4] = np.nan
+        s.payload[:] = 0.0
         return
     if c[_DIP] > k[16]:
         c[_WHOLE] = 0
@@ -193,7 +212,9 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
         share = max(1.0 / (c[ALOFT] - k[12] / 2), 1.0 / k[10])
         for a in range(3):
             effort = s.effort[at, a] - s.effort[before, a]
-            s.now[a] = effort if not np.isfinite(s.now[a]) else s.now[a] + share * (effort - s.now[a])
+            # The effort of a turn is no trim.
+            part = share / (1.0 + (rates[2] / k[20]) ** 2) if a == 2 else share
+            s.now[a] = effort if not np.isfinite(s.now[a]) else s.now[a] + part * (effort - s.now[a])
         s.now[3] = mean if not np.isfinite(s.now[3]) else s.now[3] + share * (mean - s.now[3])
     for a in range(3):
         s.trim[at, a] = s.now[a]
@@ -217,6 +238,8 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
         if not _residual(w, columns, rules, s, e, asked, swing):
             continue
         _noise_of(w, rules, s, noise)
+        at, begin = c[_COUNT] % _RING, (c[_COUNT] - span) % _RING
+        noise[2, 2] += (k[21] * (s.turned[at] - s.turned[begin]) / span) ** 2
         need = rules.odds[w] + (rules.slow_odds if slow and w < _SLOW_ODDS else 0.0)
         suspected = _weigh(w, need, e, asked, swing, noise, columns, rules, s, found)
         if w == _BOUND:
@@ -247,14 +270,13 @@ def _residual(w: int, columns: Array, rules: Rules, s: State, e: Array, asked: A
         asked[i] = (s.thrust[at, i] - s.thrust[begin, i]) / span / hover
     for a in range(3):
         beyond = ((s.effort[at, a] - s.effort[begin, a]) / span - s.trim[trim, a]) / hover
+        if a == 2:
+            beyond -= k[2] * (s.turned[at] - s.turned[begin]) / span
         if not np.isfinite(beyond):
             return False
         swing[a] = s.rates[at, a] - s.rates[begin, a]
         speed = swing[a] * 20.0 / span / hover
         low, high = speed / rules.high_gain[a], speed / rules.low_gain[a]
-        if a == 2:
-            held = k[2] * s.rates[at, 2]
-            low, high = min(low, high) + min(held, 0.0), max(low, high) + max(held, 0.0)
         low, high = min(low, high), max(low, high)
         e[a] = beyond - high if beyond > high else beyond - low if beyond < low else 0.0
     return True
@@ -306,6 +328,13 @@ def _weigh(
     other = of_others(w, e, noise, rules)
     # No hypothesis can beat the other causes by more than this: mostly nothing need be weighed.
     most = -0.5 * np.log(det(noise)) - other
+    explained = w == _PAYLOAD and s.counts[_RELEARN] <= s.counts[_COUNT]
+    if explained and is_payload(other, e, asked, noise, columns, rules):
+        # Else it stays beside the trim for its memory, and a later turn adds the yaw of a motor.
+        hover = s.hover[(s.counts[_COUNT] - rules.windows[w] - int(k[11])) % _RING]
+        s.payload[:] += e[:2] * hover
+        # The window must have left what it explains before it may explain more.
+        s.counts[_RELEARN] = s.counts[_COUNT] + rules.windows[w]
     if most < min(0.5 * need, k[6]):
         s.held[w, 0], s.paired[w] = 0, 0
         return False

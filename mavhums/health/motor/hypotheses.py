@@ -12,7 +12,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.kernels import kernel
 
-__all__ = ["LOSSES", "Rules", "density", "det", "of_motor", "of_others", "pair", "quantiles"]
+__all__ = ["LOSSES", "Rules", "density", "det", "is_payload", "of_motor", "of_others", "pair", "quantiles"]
 
 LOSSES: Final = 20
 """Steps of the share that a motor may have lost."""
@@ -98,6 +98,22 @@ def of_motor(
         shares[j] = density(e, noise, extra, mean)
         total = add(total, shares[j])
     return float(total - np.log(LOSSES))
+
+
+@kernel
+def is_payload(other: float, e: Array, asked: Array, noise: Array, columns: Array, rules: Rules) -> bool:
+    """Return whether a payload or the air explains what is seen, and neither noise nor any motor does.
+
+    ``other`` is the log evidence of :func:`of_others`.
+    """
+    k, zero = rules.scalars, np.zeros(3)
+    if other - density(e, noise, zero, zero) < k[18]:
+        return False
+    shares = np.empty(LOSSES)
+    for i in range(columns.shape[0]):
+        if other - of_motor(i, e, asked, noise, columns, rules, shares) < k[19]:
+            return False
+    return True
 
 
 @kernel

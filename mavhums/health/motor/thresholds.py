@@ -37,6 +37,11 @@ PAIR_ODDS: Final = 7.0
 PAIR_BESIDE_ONE: Final = 6.0
 """The same against one motor alone."""
 
+PAYLOAD_ODDS: Final = 5.0
+"""Log Bayes factor by which a payload or the air must beat noise, in the window of 8 s, to be learned."""
+PAYLOAD_BESIDE_MOTOR: Final = 3.0
+"""The same against each motor: less learns a motor's loss as a payload."""
+
 HELD_S: Final[Array] = np.array([0.1, 0.1, 0.2, 0.2, 0.5, 1.5, 5.0])
 """How long this must hold, by window: one sample alone takes the rebound for a fault."""
 
@@ -76,8 +81,11 @@ MODEL_ERROR: Final[Array] = np.array([0.15, 0.15, 0.4])
 LEAST_GAIN: Final[Array] = np.array([60.0, 60.0, 7.0])
 MOST_GAIN: Final[Array] = np.array([500.0, 500.0, 50.0])
 """Angular acceleration by a unit of effort, rad/s²: what lies between is explained by motion."""
-YAW_DAMPING: Final = 0.15
-"""Effort that holds a yaw rate, per rad/s."""
+YAW_DAMPING: Final = 0.08
+YAW_DAMPING_SD: Final = 0.04
+"""Effort that holds a yaw rate, per rad/s, and its standard deviation between aircraft."""
+TURN: Final = 0.1
+"""Yaw rate, rad/s, at which half as much effort about yaw is learned as trim: that of a turn is none."""
 
 FALLS: Final = 0.2
 """Rate, rad/s, at which the aircraft must fall towards the motor in windows below 1 s."""
