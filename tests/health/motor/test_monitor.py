@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 
 import mavhums
+from mavhums.core.arrays import Array
 from mavhums.engine.engine import Engine
+from mavhums.engine.motors import VehicleMotors
 from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.report.assessment import Verdict
 from mavhums.show.digest import digest, headline
-from mavhums_sim.multirotor.craft import Event, draw_craft, draw_plan
-from mavhums_sim.multirotor.flight import fly
-from mavhums_sim.multirotor.log import Rates, write_tlog
+from mavhums.vehicle.facts import OUTPUTS, Signal
+from mavhums.vehicle.grid import Grid, Seconds
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.rotors import Rotors, rotors_of
+from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
+from mavhums_sim.multirotor.flight import Flown, fly
+from mavhums_sim.multirotor.log import PARAMETERS, Rates, pulses, sampled, write_tlog
 from tests.conftest import REAL_LOGS
 
 GROUND_S = 12.0
@@ -83,6 +90,65 @@ def test_nothing_depends_on_how_the_log_is_cut(tmp_path: Path) -> None:
     assert told(65536) == whole
 
 
+def settled(flown: Flown, hz: float, seed: int) -> Seconds:
+    """Return what a log tells of a flight, on the grid."""
+    rng = np.random.default_rng([seed, 6])
+
+    def signal(name: str, rate_hz: float, values: Array) -> Signal:
+        time_s, rows = sampled(rng, flown, rate_hz)
+        time_us = np.rint(time_s * 1e6).astype(np.int64)
+        return Signal(1, name, name, time_us, time_us, values[rows])
+
+    outputs = np.full((flown.time_s.size, OUTPUTS), np.nan)
+    outputs[:, : flown.command.shape[1]] = pulses(flown.command)
+    signals = [
+        signal("outputs", hz, outputs),
+        signal("rates", max(hz, 10.0), np.round(flown.rates, 3)),
+        signal("attitude", hz, flown.attitude),
+    ]
+    seconds = Grid(0).feed(signals, final=True)
+    assert seconds is not None
+    return seconds
+
+
+def rotors(frame: str) -> Rotors:
+    kind, type_ = FRAMES[frame].parameters
+    known = rotors_of(Parameters(1, False, {**PARAMETERS, "FRAME_CLASS": kind, "FRAME_TYPE": type_}))
+    assert isinstance(known, Rotors)
+    return known
+
+
+@pytest.mark.parametrize(("seed", "hz"), [(7000989, 4.0), (7001277, 50.0)])
+def test_a_shifted_payload_beside_a_turn_is_no_motor(seed: int, hz: float) -> None:
+    """The payload shifts the effort about roll and pitch, and a turn seconds before or after that about yaw."""
+    rng = np.random.default_rng([seed, 1])
+    craft = draw_craft(rng, "octa x")
+    shift = rng.uniform(-0.15, 0.15, 2)
+    event = Event(payload_s=rng.uniform(40, 180), mass=rng.uniform(0.85, 1.25), shift=tuple(shift))
+    flown = fly(craft, draw_plan(rng, 240.0, event=event, lands=rng.random() < 0.4), seed)
+    monitor = MotorMonitor(1, rotors("octa x"))
+    assert [*monitor.feed(settled(flown, hz, seed))] == []
+    assert monitor.findings().loss is None
+
+
+def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() -> None:
+    rng = np.random.default_rng([8, 1])
+    plan = draw_plan(rng, 60.0, event=Event(fault_s=50.0, motor=1, loss=1.0))
+    seconds = settled(fly(draw_craft(rng, "quad x"), plan, 8), 25.0, 8)
+    late = 40  # by then only some of the first seconds are kept
+
+    def told(size: int) -> list[ConditionChanged]:
+        motors, found = VehicleMotors(1), []
+        for first, last in ((0, late), (late, len(seconds.index))):
+            for k in range(first, last, size):
+                found += motors.feed(seconds.part(k, min(k + size, last)))
+            motors.told = rotors("quad x")
+        return found
+
+    assert [change.actuator for change in told(1000)] == ["motor 2"]
+    assert told(1) == told(7) == told(1000)
+
+
 def test_without_parameters_it_says_so(tmp_path: Path) -> None:
     from pymavlink import mavutil
 
@@ -92,6 +158,7 @@ def test_without_parameters_it_says_so(tmp_path: Path) -> None:
         while (message := source.recv_match()) is not None:
             if message.get_type() != "PARAM_VALUE":
                 out.write(int(message._timestamp * 1e6).to_bytes(8, "big") + message.get_msgbuf())
+    source.close()
     [verdict] = motors(tmp_path / "bare.tlog")
     assert (verdict.actuator, verdict.condition) == ("motors", "undecided")
     assert "which motor sits where" in (verdict.reason or "")

@@ -1,0 +1,93 @@
+"""A multirotor in report, recording and tables: each motor where it sits, in the colour of its condition."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from mavhums.engine.events import ConditionChanged
+from mavhums.report.assessment import Assessment, Coverage, Interval, Verdict
+from mavhums.report.usage import OutputUsage, VehicleUsage
+from mavhums.show.digest import headline
+from mavhums.show.html import page
+from mavhums.show.html_craft import multirotor
+from mavhums.show.html_curves import Gathered
+from mavhums.show.markdown_report import markdown
+from mavhums.show.servo_tables import usage
+from mavhums.show.words import place_of
+
+PLACES = {"motor 1": 45.0, "motor 2": -135.0, "motor 3": -45.0, "motor 4": 135.0}
+
+
+def output(servo: int, name: str, bearing: float) -> OutputUsage:
+    return OutputUsage(
+        servo=servo, name=name, named_by="parameters", commanded=True, range_us=(1150, 1150, 1950),
+        least_us=1150, greatest_us=1950, span=1.0, travelled_us=800, travelled=1.0, reversals=0,
+        held_s=60.0, at_low_s=0.0, at_high_s=6.0, mean_us=1550.0, bearing_deg=bearing,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def assessment(new_assessment: Callable[..., Assessment]) -> Assessment:
+    lost = Verdict(
+        subject="motor", vehicle=1, actuator="motor 3", condition="emergency", worst="emergency",
+        effectiveness=Interval(estimate=0.1, low=0.0, high=0.2),
+        coverage=Coverage(moving_fraction=0.8, windows=60, decidable=50),
+    )  # fmt: skip
+    outputs = tuple(output(servo, *place) for servo, place in enumerate(PLACES.items(), 1))
+    used = VehicleUsage(
+        vehicle=1, kind="quadrotor", firmware="ArduPilot", armed_s=60.0, forward_s=0.0, outputs=outputs
+    )
+    return new_assessment(lost).model_copy(update={"usage": (used,)})
+
+
+def test_each_motor_is_drawn_where_it_sits(assessment: Assessment) -> None:
+    parts, body = multirotor(assessment.verdicts, assessment.usage[0].outputs)
+    assert [part.name for part in parts] == list(PLACES)
+    assert [part.condition for part in parts] == ["undecided", "undecided", "emergency", "undecided"]
+    middle_x, middle_y = 160.0, 156.0
+    for part in parts:
+        assert (part.x > middle_x) == (PLACES[part.name] > 0), "right of the nose is right"
+        assert (part.y < middle_y) == (abs(PLACES[part.name]) < 90), "the nose is up"
+    assert len(body) == len(parts) + 2
+    assert multirotor(assessment.verdicts, ()) == ([], ())
+
+
+def test_report_and_tables_speak_of_motors(assessment: Assessment) -> None:
+    text = page(assessment, Gathered())
+    drawn = re.findall(r'<g class="(\w+)"><title>(motor \d): \w+</title>', text)
+    assert ("emergency", "motor 3") in drawn
+    assert "thrust left: 10 % (0–20)" in text
+    assert "thrust left" in markdown(assessment)
+    assert "control left" not in markdown(assessment)
+    assert headline(assessment) == "motor 3: EMERGENCY"
+    [table] = [usage(used, several=False) for used in assessment.usage]
+    assert table.rows[2] == ("motor 3 (servo 3)", "front left", "50 %", "100 %", "10 %")
+    assert table.lines[0].startswith("motor 1 (servo 1), front right: mean output 50 %")
+    assert not re.search("trim|surface|stops", " ".join(table.lines))
+
+
+def test_an_octas_places_are_told_apart() -> None:
+    told = [place_of(angle) for angle in (22.5, 67.5, 112.5, 157.5, -22.5, -67.5, -112.5, -157.5)]
+    assert len(set(told)) == 8
+
+
+def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment, tmp_path: Path) -> None:
+    chunk = pytest.importorskip("rerun.chunk")
+    from mavhums.show.recording import Recorder
+
+    why = "emergency: motor 3 of quad X lost 90 % of its thrust"
+    alarm = ConditionChanged(1, "motor 3", 20.0, 19.5, "undecided", "emergency", why)
+    with Recorder(tmp_path / "c.rrd", recording_id="c") as recorder:
+        recorder.consume([alarm])
+        recorder.close(assessment)
+    found = {}
+    for part in chunk.RrdReader(tmp_path / "c.rrd").stream():
+        if part.entity_path.endswith("/disc"):
+            found.setdefault(part.entity_path.split("/")[-2].replace("\\", ""), []).append(part.is_static)
+    assert sorted(found) == sorted(PLACES)
+    assert False in found["motor 3"], "its colour changes with time"
+    assert found["motor 1"] == [True]
