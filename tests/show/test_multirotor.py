@@ -84,7 +84,7 @@ def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment,
     with Recorder(tmp_path / "c.rrd", recording_id="c") as recorder:
         recorder.consume([alarm])
         recorder.close(assessment)
-    found = {}
+    found: dict[str, list[bool]] = {}
     for part in chunk.RrdReader(tmp_path / "c.rrd").stream():
         if part.entity_path.endswith("/disc"):
             found.setdefault(part.entity_path.split("/")[-2].replace("\\", ""), []).append(part.is_static)

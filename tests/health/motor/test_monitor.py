@@ -120,7 +120,7 @@ def rotors(frame: str) -> Rotors:
 
 @pytest.mark.parametrize(("seed", "hz"), [(7000989, 4.0), (7001277, 50.0)])
 def test_a_shifted_payload_beside_a_turn_is_no_motor(seed: int, hz: float) -> None:
-    """The payload shifts the effort about roll and pitch, and a turn seconds before or after that about yaw."""
+    """The payload shifts the effort about roll and pitch, and a turn, seconds apart, that about yaw."""
     rng = np.random.default_rng([seed, 1])
     craft = draw_craft(rng, "octa x")
     shift = rng.uniform(-0.15, 0.15, 2)
@@ -138,7 +138,8 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
     late = 40  # by then only some of the first seconds are kept
 
     def told(size: int) -> list[ConditionChanged]:
-        motors, found = VehicleMotors(1), []
+        motors = VehicleMotors(1)
+        found: list[ConditionChanged] = []
         for first, last in ((0, late), (late, len(seconds.index))):
             for k in range(first, last, size):
                 found += motors.feed(seconds.part(k, min(k + size, last)))
