@@ -34,6 +34,7 @@ from mavhums.health.decision.events import (
 )
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.motor.past import compare_motors
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.health.verdict.actuator import against_baseline
@@ -206,7 +207,7 @@ def _with_findings(
             return compare_with_earlier_flights(
                 verdict, own, start_utc=start, end_s=end_s, false_alarms=flight.false_alarms
             )
-        if not verdict.coverage.windows:
+        if verdict.subject == "motor" or not verdict.coverage.windows:
             return verdict
         if key in comparisons:
             shown = comparisons[key].findings(flight.records[key])
@@ -214,8 +215,14 @@ def _with_findings(
         flights = flown.get(flight.profiles.get(key, ""), {}).get(key, ())
         return compare_with_own_flights(verdict, flights, flight.false_alarms)
 
-    verdicts = ((verdict, found(verdict)) for verdict in flight.assessment.verdicts)
-    advised = tuple(alone if now is alone else with_advice(now) for alone, now in verdicts)
+    verdicts = compare_motors(
+        [found(verdict) for verdict in flight.assessment.verdicts],
+        lambda verdict: of_subject(known, (verdict.vehicle or 0, verdict.actuator)),
+        start_utc=start,
+        end_s=end_s,
+    )
+    both = zip(flight.assessment.verdicts, verdicts, strict=True)
+    advised = tuple(alone if now is alone else with_advice(now) for alone, now in both)
     return flight.assessment.model_copy(update={"verdicts": advised})
 
 

@@ -18,6 +18,7 @@ from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.hypotheses import (
     LOSSES,
     Rules,
+    bound_losses,
     det,
     is_payload,
     of_motor,
@@ -40,9 +41,9 @@ __all__ = [
     "rules_for",
 ]
 
-COLUMNS: Final = 7
+COLUMNS: Final = 8
 """Of the result: motor from 1, or 0; window; log Bayes factor; share lost, its 95 % interval; another motor
-with which it fits much better, from 1, or 0."""
+with which it fits much better, from 1, or 0; whether it flew upright, for longer than its take-off."""
 
 _RING: Final = 1024  # rows; more than the longest window with its reference
 _COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED, _RELEARN = range(10)
@@ -83,7 +84,7 @@ def rules_for(motors: int) -> Rules:
         t.PAIR_ODDS, t.NOISE_WORTH, t.NOISE_FLOOR, t.NOISE_MOST,
         t.REFERENCE_S * RATE_HZ, t.REFERENCE_GAP_S * RATE_HZ, t.AIRBORNE_S * RATE_HZ, t.SETTLED_S * RATE_HZ,
         t.BANK_GRACE_S * RATE_HZ, t.UPRIGHT_S * RATE_HZ, t.LANDED_S * RATE_HZ, t.PAIR_BESIDE_ONE,
-        t.PAYLOAD_ODDS, t.PAYLOAD_BESIDE_MOTOR, t.TURN, t.YAW_DAMPING_SD,
+        t.PAYLOAD_ODDS, t.PAYLOAD_BESIDE_MOTOR, t.TURN, t.YAW_DAMPING_SD, t.QUIET_TURN,
     ]  # fmt: skip
     return Rules(
         t.WINDOWS,
@@ -153,6 +154,8 @@ def follow(
             good = good and np.isfinite(rates[row, a])
         if good:
             _take(rates[row], upright[row], grounded[row], columns, k, s)
+            settled = s.counts[ALOFT] > k[13] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0
+            found[row, 7] = 1.0 if settled and upright[row] > 0.866 else 0.0
             if s.counts[ALOFT] > k[12] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0:
                 _test(slow[row], columns, rules, s, found[row])
         else:
@@ -239,12 +242,14 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
             continue
         _noise_of(w, rules, s, noise)
         at, begin = c[_COUNT] % _RING, (c[_COUNT] - span) % _RING
-        noise[2, 2] += (k[21] * (s.turned[at] - s.turned[begin]) / span) ** 2
+        turn = (s.turned[at] - s.turned[begin]) / span
+        noise[2, 2] += (k[21] * turn) ** 2
         need = rules.odds[w] + (rules.slow_odds if slow and w < _SLOW_ODDS else 0.0)
         suspected = _weigh(w, need, e, asked, swing, noise, columns, rules, s, found)
         if w == _BOUND:
             judged = True
-            _bound(e, asked, noise, columns, rules, s)
+            if abs(turn) < k[22] and abs(swing[2]) < k[22]:
+                bound_losses(e, asked, noise, columns, rules, s.recent[0])
         if not suspected:
             _learn(w, e, k, s)
     if not judged:
@@ -379,20 +384,3 @@ def _weigh(
     found[0], found[1], found[2] = which + 1.0, float(w), odds
     found[3], found[4], found[5] = mean, low, high
     return True
-
-
-@kernel
-def _bound(e: Array, asked: Array, noise: Array, columns: Array, rules: Rules, s: State) -> None:
-    """Keep the largest share that each motor may have lost in any window, with 97.5 % confidence."""
-    a = np.empty((3, 3))
-    a[:] = noise
-    for n in range(3):
-        a[n, n] += rules.air[0, n] ** 2
-    inverse = np.linalg.inv(a)
-    for i in range(columns.shape[0]):
-        if asked[i] < 0.3:
-            continue
-        c = columns[i] * asked[i]
-        information = c @ inverse @ c
-        loss = (c @ inverse @ e) / information
-        s.recent[0, i] = max(s.recent[0, i], loss + 1.96 / np.sqrt(information))

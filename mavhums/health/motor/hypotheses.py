@@ -12,7 +12,18 @@ import numpy as np
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.kernels import kernel
 
-__all__ = ["LOSSES", "Rules", "density", "det", "is_payload", "of_motor", "of_others", "pair", "quantiles"]
+__all__ = [
+    "LOSSES",
+    "Rules",
+    "bound_losses",
+    "density",
+    "det",
+    "is_payload",
+    "of_motor",
+    "of_others",
+    "pair",
+    "quantiles",
+]
 
 LOSSES: Final = 20
 """Steps of the share that a motor may have lost."""
@@ -156,3 +167,20 @@ def pair(
             if total > most:
                 most, first, second = total, j + 1, i + 1
     return first, second
+
+
+@kernel
+def bound_losses(e: Array, asked: Array, noise: Array, columns: Array, rules: Rules, recent: Array) -> None:
+    """Keep in ``recent`` the largest share that each motor may have lost, with 97.5 % confidence."""
+    a = np.empty((3, 3))
+    a[:] = noise
+    for n in range(3):
+        a[n, n] += rules.air[0, n] ** 2
+    inverse = np.linalg.inv(a)
+    for i in range(columns.shape[0]):
+        if asked[i] < 0.3:
+            continue
+        c = columns[i] * asked[i]
+        information = c @ inverse @ c
+        loss = (c @ inverse @ e) / information
+        recent[i] = max(recent[i], loss + 1.96 / np.sqrt(information))

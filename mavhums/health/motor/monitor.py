@@ -14,7 +14,8 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor import evidence
 from mavhums.health.motor.thresholds import EMERGENCY_LOSS, SLOW_HZ, WINDOWS_S
-from mavhums.report.assessment import Interval
+from mavhums.health.motor.trims import Trims
+from mavhums.report.assessment import Indicator, Interval
 from mavhums.vehicle.facts import ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors
@@ -66,8 +67,8 @@ class MotorFindings:
         Whether it leaned beyond what is judged, so that what happened then is not known.
     bound
         By motor, the share of thrust that it has lost at most at any time, with 97.5 % confidence.
-    rate_hz
-        Of the outputs; None if not known.
+    trims
+        By motor, what later flights are compared with.
     """
 
     rotors: Rotors
@@ -77,7 +78,7 @@ class MotorFindings:
     judged_s: float
     tipped: bool
     bound: tuple[float, ...]
-    rate_hz: float | None
+    trims: tuple[tuple[Indicator, ...], ...]
 
 
 class MotorMonitor:
@@ -95,9 +96,9 @@ class MotorMonitor:
         self._vehicle, self.rotors = vehicle, rotors
         self._rules = evidence.rules_for(len(rotors.servos))
         self._state = evidence.new_state(len(rotors.servos))
+        self._trims = Trims(rotors.columns)
         self._loss: Loss | None = None
         self._several: tuple[int, ...] = ()
-        self._spacings = np.zeros(200, dtype=np.int64)  # of the outputs, in steps of 0.01 s
         self._reported: Condition = "undecided"
 
     def feed(self, seconds: Seconds) -> Iterator[ConditionChanged]:
@@ -113,14 +114,11 @@ class MotorMonitor:
         gyro = np.asarray(np.isfinite(flat["rates"]).all(axis=1))
         rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
         spacing = flat["outputs_spacing"][:, 0]
-        known = spacing[np.isfinite(spacing)]
-        self._spacings += np.bincount(
-            np.clip(known * 100, 0, self._spacings.size - 1).astype(np.int64), minlength=self._spacings.size
-        )
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
         found = np.zeros((len(rates), evidence.COLUMNS))
+        thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
         evidence.follow(
-            self.rotors.thrusts(all_outputs(flat), flat["mixer"]),
+            thrusts,
             rates,
             upright,
             np.asarray(flat["landed"][:, 0] == ON_GROUND),
@@ -130,6 +128,7 @@ class MotorMonitor:
             self._state,
             found,
         )
+        self._trims.add(thrusts, np.asarray(found[:, 7] > 0.0))
         for row in np.flatnonzero(found[:, 0]).tolist():
             yield from self._alarm(first + row / RATE_HZ, float(spacing[row]), found[row])
 
@@ -192,8 +191,6 @@ class MotorMonitor:
 
     def findings(self) -> MotorFindings:
         """Return what the flight so far shows."""
-        counts = self._spacings.cumsum()
-        median = float(np.searchsorted(counts, counts[-1] / 2) + 0.5) / 100 if counts[-1] else None
         # A log that ends in the air has no touch-down that would have to be left out.
         aloft = self._state.counts[evidence.ALOFT] > 0
         bound = np.maximum(self._state.bound, self._state.recent.max(axis=0) if aloft else 0.0)
@@ -205,7 +202,7 @@ class MotorMonitor:
             judged_s=float(self._state.counts[evidence.JUDGED]) / RATE_HZ,
             tipped=bool(self._state.counts[evidence.TIPPED]),
             bound=tuple(bound.tolist()),
-            rate_hz=None if median is None else 1.0 / median,
+            trims=tuple(self._trims.of_motor(motor) for motor in range(len(self.rotors.servos))),
         )
 
 

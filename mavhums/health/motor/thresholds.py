@@ -87,6 +87,9 @@ YAW_DAMPING_SD: Final = 0.04
 TURN: Final = 0.1
 """Yaw rate, rad/s, at which half as much effort about yaw is learned as trim: that of a turn is none."""
 
+QUIET_TURN: Final = 0.3
+"""Yaw rate, rad/s, or its change, above which a window bounds no loss: yaw is the witness, and it is busy."""
+
 FALLS: Final = 0.2
 """Rate, rad/s, at which the aircraft must fall towards the motor in windows below 1 s."""
 

@@ -8,6 +8,7 @@ from math import ceil, exp
 from types import MappingProxyType
 from typing import Final
 
+from mavhums.core.conditions import Condition
 from mavhums.health.motor.monitor import Loss, MotorFindings, condition_of
 from mavhums.health.motor.thresholds import JUDGED_S, MOST_BANK_DEG, MOST_EXCLUDED, STEP_EXCLUDED
 from mavhums.health.verdict.actuator import since
@@ -139,24 +140,32 @@ def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime
 
 
 def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
-    """Yield what a flight without a fault excludes, the same for each motor."""
+    """Yield what a flight without a fault excludes, the same for each motor.
+
+    A flight that excludes too little can still be held against earlier ones.
+    """
     excluded = ceil(max(findings.bound) / STEP_EXCLUDED) * STEP_EXCLUDED
-    if excluded > MOST_EXCLUDED:
-        why = f"no motor stands out, but a loss of {100 * MOST_EXCLUDED:.0f} % would not have been certain"
-        yield unjudged_motors(vehicle, why, "choose a calmer flight, or record the outputs at 25 Hz or more")
-        return
-    said = f"no motor lost {100 * excluded:.0f} % or more of its thrust for over 2 s, with 95 % confidence"
+    condition: Condition = "normal" if excluded <= MOST_EXCLUDED else "undecided"
+    reason = (
+        f"{findings.rotors.frame}: no motor lost {100 * excluded:.0f} % or more of its thrust for over 2 s, "
+        "with 95 % confidence, turns and the last seconds before a landing left out"
+    )
+    remedy = "keep the log: a slower loss shows against later flights only"
+    if condition == "undecided":
+        reason = f"no motor stands out, but a loss of {100 * MOST_EXCLUDED:.0f} % would not have been certain"
+        remedy = "choose a calmer flight, or record the outputs at 25 Hz or more"
     for number in range(1, len(findings.bound) + 1):
         yield Verdict(
             subject="motor",
             vehicle=vehicle,
             actuator=f"motor {number}",
-            condition="normal",
-            worst="normal",
+            condition=condition,
+            worst=condition,
             coverage=_coverage(findings),
             provenance=_origin(findings, number),
-            reason=f"{findings.rotors.frame}: {said}, the last seconds before a landing left out",
-            remedy="keep the log: a slower loss shows against later flights only",
+            indicators=findings.trims[number - 1],
+            reason=reason,
+            remedy=remedy,
         )
 
 

@@ -1,0 +1,143 @@
+"""Compares a multirotor's motors with the same aircraft's earlier flights: a pure function of stored numbers.
+
+A flight alone cannot show a motor or a propeller that was worn from the start: its trim is all there is. One
+that changed against the earlier flights is told, with its causes: a worn propeller or motor, or a weight that
+sits elsewhere, unless yaw tells them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Final, NamedTuple
+
+from scipy.special import stdtr, stdtrit
+
+from mavhums.core.conditions import SEVERITY
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL
+from mavhums.health.motor.trims import BETWEEN_FLIGHTS, TRIM, TRIM_YAW
+from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
+
+__all__ = ["compare_motors"]
+
+_SCATTER_PER_MOTOR: Final = 0.011
+"""Scatter of a motor's trim between flights, by the number of motors: of the efforts' in :mod:`.trims`, along
+the columns of quads, hexas and octas."""
+_SCATTER_WORTH: Final = 6.0  # flights
+_LEAST_CHANGE: Final = 0.15
+"""Least change of a motor's thrust that is told: a battery moved by a centimetre makes 0.1."""
+_YAW_TELLS: Final = 3.0  # standard deviations between flights
+_MOST_CONFIDENCE: Final = 0.99
+
+
+class _Change(NamedTuple):
+    """A motor's trim beside that of earlier flights."""
+
+    verdict: Verdict
+    value: float
+    ratio: float
+    freedom: float
+    flights: int
+    yaw: float
+
+
+def compare_motors(
+    verdicts: Sequence[Verdict],
+    baselines: Callable[[Verdict], Mapping[str, Baseline]],
+    *,
+    start_utc: datetime,
+    end_s: float,
+) -> list[Verdict]:
+    """Return all verdicts of a flight, those on motors after the comparison with earlier flights.
+
+    Parameters
+    ----------
+    verdicts
+        Of all vehicles and kinds.
+    baselines
+        Returns the baselines of a motor's indicators, by fault.
+    start_utc, end_s
+        Start of flight time, and the end of the log in flight time.
+    """
+    compared = list(verdicts)
+    for vehicle in {verdict.vehicle for verdict in verdicts if verdict.subject == "motor"}:
+        places = [k for k, v in enumerate(compared) if v.subject == "motor" and v.vehicle == vehicle]
+        changes: dict[int, _Change] = {}
+        for k in places:
+            known = baselines(compared[k])
+            compared[k] = _beside(compared[k], known)
+            change = _change(compared[k], known, len(places))
+            if change is not None:
+                changes[k] = change
+        if not changes:
+            continue
+        # A motor that carries more unloads the opposite one: the largest is the cause.
+        most = max(changes, key=lambda k: changes[k].value)
+        one = changes[most]
+        if one.value >= _LEAST_CHANGE and one.ratio > float(
+            stdtrit(one.freedom, 1.0 - MOST_FLIGHT_TAIL / len(places))
+        ):
+            compared[most] = _judged(one, start_utc, end_s)
+    return compared
+
+
+def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) -> _Change | None:
+    shown = {one.fault: one.value.estimate for one in verdict.indicators}
+    if TRIM not in shown or not {TRIM, TRIM_YAW} <= baselines.keys():
+        return None
+    trim, yaw = baselines[TRIM], baselines[TRIM_YAW]
+    beside = 1.0 + 1.0 / trim.flights
+    own = trim.flights - 1.0
+    usual = (_SCATTER_PER_MOTOR * motors) ** 2
+    variance = (_SCATTER_WORTH * usual + own * trim.spread**2) / (_SCATTER_WORTH + own) * beside
+    value = shown[TRIM] - trim.mean
+    turned = (shown[TRIM_YAW] - yaw.mean) / (float(BETWEEN_FLIGHTS[2]) * beside**0.5)
+    return _Change(verdict, value, value / variance**0.5, _SCATTER_WORTH + own, trim.flights, turned)
+
+
+def _beside(verdict: Verdict, baselines: Mapping[str, Baseline]) -> Verdict:
+    def shown(one: Indicator) -> Indicator:
+        if one.fault not in baselines:
+            return one
+        known = baselines[one.fault]
+        expected = Interval(**{name: float(f"{number:.5g}") for name, number in known.prediction()})
+        return one.model_copy(update={"baseline": expected, "baseline_flights": known.flights})
+
+    if not baselines or not verdict.indicators:
+        return verdict
+    return verdict.model_copy(update={"indicators": tuple(shown(one) for one in verdict.indicators)})
+
+
+def _judged(one: _Change, start_utc: datetime, end_s: float) -> Verdict:
+    verdict = one.verdict
+    if SEVERITY[verdict.condition] > SEVERITY["normal"]:
+        return verdict  # what the flight itself shows is told with its onset
+    cause = "a worn propeller or motor"
+    if one.yaw < _YAW_TELLS:
+        cause += ", or a weight that sits elsewhere (yaw does not tell which)"
+    rule = (
+        f"degraded: is asked for {100 * one.value:.0f} % more thrust beside the others than in "
+        f"{one.flights} earlier flights, from the start on: {cause}"
+    )
+    confidence = min(float(stdtr(one.freedom, one.ratio)), _MOST_CONFIDENCE)
+    return verdict.model_copy(
+        update={
+            "condition": "degraded",
+            "worst": "degraded",
+            "reason": None,
+            "remedy": None,
+            "since": Since(flight_time_s=0.0, utc=start_utc.astimezone(UTC).isoformat()),
+            "suspects": (Suspect(fault="thrust", confidence=round(confidence, 4)),),
+            "evidence": (
+                Evidence(
+                    kind="thrust",
+                    start_s=0.0,
+                    end_s=end_s,
+                    value=round(one.value, 4),
+                    limit=_LEAST_CHANGE,
+                    rule=rule,
+                ),
+            ),
+        }
+    )
