@@ -1,5 +1,6 @@
 """Motors that lose thrust in simulated flights, through the whole program."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import Flown, fly
 from mavhums_sim.multirotor.log import PARAMETERS, Rates, pulses, sampled, write_tlog
-from tests.conftest import REAL_LOGS
+from tests.conftest import REAL_LOGS, Run
 
 GROUND_S = 12.0
 """What the log shows before the flight."""
@@ -200,3 +201,13 @@ HEALTHY = [*sorted(path.name for path in FLIGHTS.glob("cut*.BIN")), "real_q3_hea
 @pytest.mark.parametrize("name", HEALTHY)
 def test_real_flights_without_a_loss_in_flight_raise_no_alarm(name: str) -> None:
     assert {verdict.condition for verdict in motors(FLIGHTS / name)} <= {"normal", "undecided"}
+
+
+@pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the flights are absent")
+def test_a_cut_propeller_shows_against_flights_with_whole_ones(run: Run, tmp_path: Path) -> None:
+    for name in ("cut00_hover1", "cut00_hover2", "cut00_line1"):
+        run("analyse", FLIGHTS / f"{name}.BIN", "--history", tmp_path, "--keep")
+    for name, motor in (("cut25_hover1", "motor 1"), ("cut25_line1", "motor 1"), ("cut10_hover1", "motor 4")):
+        found = json.loads(run("analyse", FLIGHTS / f"{name}.BIN", "--history", tmp_path, "--json").out)
+        worn = [verdict["actuator"] for verdict in found["verdicts"] if verdict["condition"] == "degraded"]
+        assert worn == [motor], name
