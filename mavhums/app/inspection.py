@@ -22,6 +22,7 @@ from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
 from mavhums.health.verdict.axis import verdict_of_axis
+from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
 from mavhums.report.assessment import ALL, Verdict
@@ -226,8 +227,12 @@ def _judgeable(
     motors = False
     for verdict in _axes(identity, axes):
         judged = {verdict.condition, verdict.worst} != {"undecided"}
-        motors |= verdict.subject == "motor"
-        yield _said(verdict, judged=judged)
+        if verdict.subject != "motor":
+            yield _said(verdict, judged=judged)
+        elif not motors:
+            motors = True
+            # What can be judged is the same of each motor, whichever failed.
+            yield _said(verdict.model_copy(update={"actuator": MOTORS}), judged=judged)
     if mapper is None:
         surfaces = axes.surfaces if axes else None
         for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):

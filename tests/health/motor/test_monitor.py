@@ -53,6 +53,10 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
     assert verdict.effectiveness
     assert verdict.effectiveness.estimate < 0.4
     assert "motor 2" in (verdict.advice or "")
+    [vehicle] = mavhums.inspect(tmp_path / "f.tlog").vehicles
+    assert [(one.name, one.judgeable) for one in vehicle.subjects if one.subject == "motor"] == [
+        ("motors", True)
+    ]
 
 
 def test_half_of_the_thrust_is_told_with_its_interval(tmp_path: Path) -> None:
