@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mavhums
+from mavhums.app.inspection import inspect_log
 from mavhums.core.arrays import Array
 from mavhums.engine.engine import Engine
 from mavhums.engine.motors import VehicleMotors
@@ -53,7 +54,7 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
     assert verdict.effectiveness
     assert verdict.effectiveness.estimate < 0.4
     assert "motor 2" in (verdict.advice or "")
-    [vehicle] = mavhums.inspect(tmp_path / "f.tlog").vehicles
+    [vehicle] = inspect_log(tmp_path / "f.tlog").vehicles
     assert [(one.name, one.judgeable) for one in vehicle.subjects if one.subject == "motor"] == [
         ("motors", True)
     ]
