@@ -46,6 +46,15 @@ _FRAMES: Final[Mapping[tuple[int, int], tuple[tuple[float, int], ...]]] = {
 }  # fmt: skip
 """Place, degrees clockwise from the nose, and direction of each motor, by FRAME_CLASS and FRAME_TYPE."""
 
+_PAIRED: Final = "motors in pairs, one above the other, so which of a pair failed is not certain: they"
+_UNJUDGED: Final = {
+    4: f"an octa-quad has {_PAIRED}",
+    5: f"a Y6 has {_PAIRED}",
+    7: "a tricopter turns by a servo, so its yaw tells of no motor: its motors",
+    12: f"a dodeca-hexa has {_PAIRED}",
+}
+"""Why frames are not judged, by FRAME_CLASS."""
+
 _MOTORS: Final = {33 + k: k for k in range(8)}  # SERVOn_FUNCTION
 _PX4_FIRST_MOTOR: Final = 101  # PWM_MAIN_FUNCn
 _PX4_KINDS: Final = {2: _QUAD, 13: _HEXA, 14: _OCTA}  # MAV_TYPE
@@ -144,7 +153,8 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
         return "the log lacks FRAME_CLASS or FRAME_TYPE, so which motor sits where is not known"
     places = _FRAMES.get((int(kind), int(type_)))
     if places is None:
-        return f"frames of FRAME_CLASS {kind:.0f} and FRAME_TYPE {type_:.0f} are not judged"
+        why = _UNJUDGED.get(int(kind), f"frames of FRAME_CLASS {kind:.0f} and FRAME_TYPE {type_:.0f}")
+        return f"{why} are not judged"
     functions = {n: values.get(f"SERVO{n}_FUNCTION") for n in range(1, ALL_OUTPUTS + 1)}
     found = {_MOTORS[int(f)]: n for n, f in functions.items() if f is not None and int(f) in _MOTORS}
     if all(function is None for function in functions.values()):

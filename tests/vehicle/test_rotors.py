@@ -69,7 +69,12 @@ def test_functions_name_the_outputs() -> None:
 def test_what_is_no_multirotor_or_not_known() -> None:
     assert of({"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}) is None  # a rover or a boat
     assert of({}) is None
-    assert "FRAME_CLASS 7" in str(of({**PARAMETERS, "FRAME_CLASS": 7.0, "FRAME_TYPE": 1.0}))
+    for kind, why in (
+        (5.0, "which of a pair"),
+        (7.0, "a tricopter turns by a servo"),
+        (13.0, "FRAME_CLASS 13"),
+    ):
+        assert why in str(of({**PARAMETERS, "FRAME_CLASS": kind, "FRAME_TYPE": 1.0}))
 
 
 def test_px4_tells_the_places_or_an_airframe() -> None:
