@@ -46,7 +46,7 @@ COLUMNS: Final = 8
 with which it fits much better, from 1, or 0; whether it flew upright, for longer than its take-off."""
 
 _RING: Final = 1024  # rows; more than the longest window with its reference
-_COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED, _RELEARN = range(10)
+_COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED, _EXPLAINED = range(10)
 _QUICK: Final = 2  # windows that demand that the aircraft falls towards the motor
 _SLOW_WINDOW, _SLOW_ODDS = 2, 4  # the first that slow outputs show, and the first with the usual odds
 _FIRST_PAIRED, _LAST_PAIRED = 1, 3  # windows that show two motors at once: such a flight is short
@@ -108,7 +108,7 @@ def new_state(motors: int) -> State:
     """Return the state before the first row."""
     windows = t.WINDOWS.size
     return State(
-        np.zeros(_RELEARN + 1, dtype=np.int64),
+        np.array([0] * _EXPLAINED + [-_RING], dtype=np.int64),
         np.zeros((_RING, 3)),
         np.zeros((_RING, motors)),
         np.zeros((_RING, 3)),
@@ -238,7 +238,8 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
             continue
         if (w >= _QUICK and c[ALOFT] <= k[13]) or (slow and w < _SLOW_WINDOW):
             continue
-        if not _residual(w, columns, rules, s, e, asked, swing):
+        # A window that begins before what a payload explains holds both.
+        if c[_COUNT] - c[_EXPLAINED] < span or not _residual(w, columns, rules, s, e, asked, swing):
             continue
         _noise_of(w, rules, s, noise)
         at, begin = c[_COUNT] % _RING, (c[_COUNT] - span) % _RING
@@ -333,13 +334,12 @@ def _weigh(
     other = of_others(w, e, noise, rules)
     # No hypothesis can beat the other causes by more than this: mostly nothing need be weighed.
     most = -0.5 * np.log(det(noise)) - other
-    explained = w == _PAYLOAD and s.counts[_RELEARN] <= s.counts[_COUNT]
-    if explained and is_payload(other, e, asked, noise, columns, rules):
+    if w == _PAYLOAD and is_payload(other, e, asked, noise, columns, rules):
         # Else it stays beside the trim for its memory, and a later turn adds the yaw of a motor.
         hover = s.hover[(s.counts[_COUNT] - rules.windows[w] - int(k[11])) % _RING]
         s.payload[:] += e[:2] * hover
-        # The window must have left what it explains before it may explain more.
-        s.counts[_RELEARN] = s.counts[_COUNT] + rules.windows[w]
+        s.counts[_EXPLAINED] = s.counts[_COUNT]
+        return False
     if most < min(0.5 * need, k[6]):
         s.held[w, 0], s.paired[w] = 0, 0
         return False

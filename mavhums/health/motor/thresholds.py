@@ -81,8 +81,8 @@ MODEL_ERROR: Final[Array] = np.array([0.15, 0.15, 0.4])
 LEAST_GAIN: Final[Array] = np.array([60.0, 60.0, 7.0])
 MOST_GAIN: Final[Array] = np.array([500.0, 500.0, 50.0])
 """Angular acceleration by a unit of effort, rad/s²: what lies between is explained by motion."""
-YAW_DAMPING: Final = 0.08
-YAW_DAMPING_SD: Final = 0.04
+YAW_DAMPING: Final = 0.1
+YAW_DAMPING_SD: Final = 0.05
 """Effort that holds a yaw rate, per rad/s, and its standard deviation between aircraft."""
 TURN: Final = 0.1
 """Yaw rate, rad/s, at which half as much effort about yaw is learned as trim: that of a turn is none."""
