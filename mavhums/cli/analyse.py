@@ -33,7 +33,7 @@ from mavhums.cli.output import reading, say
 from mavhums.cli.printers import JsonPrinter, OutcomePrinter, TablePrinter, open_recordings, recordings_of
 from mavhums.cli.tools import announce_compiling
 from mavhums.cli.trend import indexed_history
-from mavhums.core.notice import EPILOG
+from mavhums.core.about import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Options

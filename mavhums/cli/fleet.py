@@ -24,8 +24,8 @@ from mavhums.cli.options import (
     gathered,
 )
 from mavhums.cli.output import say, say_json
+from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode
-from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Options

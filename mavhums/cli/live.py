@@ -31,7 +31,7 @@ from mavhums.cli.options import (
     gathered,
 )
 from mavhums.cli.signals import Stop
-from mavhums.core.notice import EPILOG
+from mavhums.core.about import EPILOG
 
 if TYPE_CHECKING:
     from rich.console import Console

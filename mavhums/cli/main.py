@@ -19,9 +19,9 @@ from mavhums.cli.serve import serve
 from mavhums.cli.signals import end_on_signals, interrupts_end_silently
 from mavhums.cli.tools import announce_compiling, export, model, profile, warm_up
 from mavhums.cli.trend import trend
-from mavhums.core.collecting import collect_seldom
+from mavhums.core.about import __version__
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.core.version import __version__
+from mavhums.core.startup import collect_seldom
 
 __all__ = ["main"]
 

@@ -15,8 +15,8 @@ import click
 
 from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, MODEL, PATH, gathered
 from mavhums.cli.output import say
+from mavhums.core.about import EPILOG
 from mavhums.core.errors import MavhumsError
-from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

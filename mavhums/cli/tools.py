@@ -10,7 +10,7 @@ import click
 
 from mavhums.cli.options import AIRFRAME, LOG, MODEL, PATH
 from mavhums.cli.output import reading, say, say_json
-from mavhums.core import compiling
+from mavhums.core import startup
 from mavhums.core.errors import MavhumsError
 
 __all__ = ["announce_compiling", "export", "model", "profile", "warm_up"]
@@ -194,4 +194,4 @@ def announce_compiling() -> None:
         if sys.stderr.isatty():
             click.echo(f"\r  {count} loops", nl=False, err=True)
 
-    compiling.on_compile(tell)
+    startup.on_compile(tell)

@@ -11,8 +11,8 @@ import click
 
 from mavhums.cli.options import AIRCRAFT_TABLE, BASELINE_FROM, JSON, PATH
 from mavhums.cli.output import complain, say, say_json, steps
+from mavhums.core.about import EPILOG
 from mavhums.core.errors import MavhumsError
-from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.app.settings import History

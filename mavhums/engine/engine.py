@@ -48,7 +48,7 @@ from mavhums.report.assessment import (
     Verdict,
 )
 from mavhums.report.flight import FlightIdentity
-from mavhums.report.usage import VehicleUsage
+from mavhums.report.sections import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.counts import ESC_TEMPERATURE_MESSAGES, EscTemperatures

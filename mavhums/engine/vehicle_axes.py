@@ -16,7 +16,7 @@ from mavhums.engine.told import Known, Told
 from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged, Indication
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds

@@ -10,8 +10,8 @@ from typing import Final
 
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options, Settings
+from mavhums.core.about import __version__
 from mavhums.core.errors import MavhumsError
-from mavhums.core.version import __version__
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of

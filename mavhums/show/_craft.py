@@ -11,8 +11,8 @@ import rerun as rr
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
-from mavhums.show._places import V_TAIL, Place, kind, places
 from mavhums.show._stream import send
+from mavhums.show.outline import V_TAIL, Place, kind, places
 
 __all__ = ["Craft", "Surface", "craft_path"]
 

@@ -8,15 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.version import __version__
 from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.show.digest import Subject, advice, digest
-from mavhums.show.html_craft import Part, outline
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
+from mavhums.show.outline import Part, outline
 from mavhums.show.servo_tables import ServoTable
 from mavhums.show.verdict_words import certainty, implausible
 from mavhums.show.words import clock, finding, join, name, percent

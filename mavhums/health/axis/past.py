@@ -23,7 +23,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.random_effects import satterthwaite
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 
 LOSSES: Final = ("effectiveness", "manoeuvre")
 """Faults whose indicators fall as the fault grows."""

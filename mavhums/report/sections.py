@@ -1,0 +1,157 @@
+"""Sections of an assessment: what a network says, the use of servos, the limits of the axes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from mavhums.core.conditions import Condition
+from mavhums.core.models import Contract
+
+__all__ = [
+    "DECIDE",
+    "AxisLimits",
+    "Decide",
+    "ModelSummary",
+    "NetworkAnswer",
+    "OutputUsage",
+    "VehicleUsage",
+    "with_network",
+]
+
+Decide = Literal["physics", "network", "both"]
+"""Who decides an actuator's friction; with ``both`` the physics, and a network's disagreement is told."""
+DECIDE: tuple[Decide, ...] = get_args(Decide)
+
+
+class ModelSummary(Contract):
+    """A network whose votes are among the evidence."""
+
+    name: str
+    hash: str
+
+
+class NetworkAnswer(Contract):
+    """What a network says of an actuator's flight, beside the physics or in its place.
+
+    ``windows`` is the number of ten-second windows that it answered, ``first_emergency_s`` the middle of the
+    first one in which it finds an emergency more likely than not, ``share_of_samples`` the share of the
+    samples in motion within its training range that it calls an emergency, ``p_emergency`` its probability in
+    the last window, and ``condition`` the gravest that twenty windows in a row agreed on. ``decides`` tells
+    who decided the verdict: ``physics``, ``network``, or ``both``, where the physics decides and what the
+    network says otherwise is told. A file of version 0.1 tells ``p_emergency`` alone.
+    """
+
+    model: ModelSummary
+    inputs: tuple[str, ...] = ()
+    windows: int | None = Field(default=None, ge=0)
+    first_emergency_s: float | None = None
+    share_of_samples: float | None = Field(default=None, ge=0, le=1)
+    p_emergency: float | None = Field(default=None, ge=0, le=1)
+    condition: Condition = "undecided"
+    decides: Decide = "physics"
+
+
+def with_network(data: Any) -> Any:
+    """Return the data of a verdict; one of version 0.1 has its single number as the answer of a network.
+
+    That number is the probability of an emergency in the last window.
+    """
+    if not isinstance(data, dict) or not {"p_emergency", "model"} & data.keys():
+        return data
+    kept = {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
+    if data.get("model") is not None and data.get("p_emergency") is not None:
+        kept["network"] = {"model": data["model"], "p_emergency": data["p_emergency"]}
+    return kept
+
+
+class OutputUsage(Contract):
+    """How far and how often one servo output was commanded.
+
+    ``commanded`` tells whether it ever moved. Shares are of the calibrated range; they are null where neither
+    the log's parameters nor a profile tell that range. The times at the stops and the mean count while the
+    vehicle is armed, or where its state is not told.
+    """
+
+    servo: int
+    name: str | None
+    named_by: str | None
+    commanded: bool
+    range_us: tuple[int, int, int] | None
+    least_us: int | None
+    greatest_us: int | None
+    span: float | None = Field(ge=0)
+    travelled_us: int = Field(ge=0)
+    travelled: float | None = Field(ge=0)
+    reversals: int = Field(ge=0)
+    held_s: float = Field(ge=0)
+    at_low_s: float | None = Field(ge=0)
+    at_high_s: float | None = Field(ge=0)
+    mean_us: float | None
+
+
+class VehicleUsage(Contract):
+    """What a log tells of the use of one vehicle.
+
+    ``armed_s`` is null where the log does not tell whether it is armed, ``forward_s`` counts the seconds in
+    forward flight as a fixed wing.
+    """
+
+    vehicle: int
+    kind: str | None
+    firmware: str | None
+    armed_s: float | None = Field(ge=0)
+    forward_s: float = Field(ge=0)
+    outputs: tuple[OutputUsage, ...]
+
+
+_Share = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]
+_Deviations = Annotated[float, Field(ge=3, le=1000, allow_inf_nan=False)]
+
+
+class AxisLimits(Contract):
+    """Limits of the axes: control effectiveness, lag, trim and tracking."""
+
+    effectiveness_degraded: _Share = Field(
+        default=0.8,
+        description="Share of the reference's control effectiveness below which a certain loss is degraded. "
+        "One of two equal surfaces that keeps 60 % of its effect leaves this share.",
+    )
+    effectiveness_emergency: _Share = Field(
+        default=0.65,
+        description="Share of the reference's control effectiveness up to which a certain loss is an "
+        "emergency. One of two equal surfaces that no longer moves leaves 45 to 65 %, and the next failure "
+        "may take the rest.",
+    )
+    lag_s: Annotated[float, Field(ge=0.1, le=5, allow_inf_nan=False)] = Field(
+        default=0.3,
+        description="Additional lag from which a servo is slow, s. It is the shortest that the test "
+        "tells from the scatter of healthy flights, 0.1 s.",
+    )
+    trim_deviations: _Deviations = Field(
+        default=6.5,
+        description="Roll rate that no demand explains over three seconds, in standard deviations of the "
+        "reference, from which a surface stands deflected. A quarter above the highest of healthy flights.",
+    )
+    trim_shift: _Share = Field(
+        default=0.1,
+        description="Change of the roll trim from the earlier flights, as a share of the full demand. "
+        "Healthy flights of one aircraft scatter by 0.01 to 0.02.",
+    )
+    roll_tracking_deviations: _Deviations = Field(
+        default=8.0,
+        description="Distance of the roll angle from its demand, in standard deviations of the flight's "
+        "beginning. A quarter above the highest value of healthy flights.",
+    )
+    pitch_tracking_deviations: _Deviations = Field(
+        default=7.5,
+        description="Distance of the pitch angle from its demand, in standard deviations of the flight's "
+        "beginning. A quarter above the highest value of healthy flights.",
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> AxisLimits:
+        if self.effectiveness_emergency >= self.effectiveness_degraded:
+            raise ValueError("effectiveness_emergency must lie below effectiveness_degraded")
+        return self
