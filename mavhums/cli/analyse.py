@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mavhums.cli.keeping import check_baseline_dates, divided, judged_in_store
+from mavhums.cli.keeping import check_baseline_dates, divided, indexed_history, judged_in_store
 from mavhums.cli.options import (
     AIRCRAFT,
     AIRCRAFT_TABLE,
@@ -29,10 +29,8 @@ from mavhums.cli.options import (
     PATH,
     gathered,
 )
-from mavhums.cli.output import reading, say
+from mavhums.cli.output import announce_compiling, reading, say
 from mavhums.cli.printers import JsonPrinter, OutcomePrinter, TablePrinter, open_recordings, recordings_of
-from mavhums.cli.tools import announce_compiling
-from mavhums.cli.trend import indexed_history
 from mavhums.core.about import EPILOG
 
 if TYPE_CHECKING:

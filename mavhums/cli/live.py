@@ -5,13 +5,15 @@ from __future__ import annotations
 import gc
 import logging
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, cast
+from types import FrameType, TracebackType
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import click
 
@@ -30,7 +32,6 @@ from mavhums.cli.options import (
     PATH,
     gathered,
 )
-from mavhums.cli.signals import Stop
 from mavhums.core.about import EPILOG
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from mavhums.live.sinks import ThreadedSink
     from mavhums.report.assessment import Assessment
 
-__all__ = ["live"]
+__all__ = ["Stop", "live"]
 
 _LOG = logging.getLogger(__name__)
 _PATIENCE_S, _RECORDING_S = 0.5, 10.0  # for readers that stall, and for finishing a recording
@@ -270,3 +271,45 @@ def _log(level: str, err: Spool, console: Console | None) -> None:
     logger = logging.getLogger("mavhums")
     logger.handlers = [handler]
     logger.setLevel(level.upper())
+
+
+class Stop:
+    """Returns whether to stop: after a time, at Ctrl-C, SIGTERM or SIGHUP; a second signal aborts.
+
+    Until ``begun``, there is nothing to end in order, and a signal ends the program at once. SIGHUP stays
+    ignored if the program was started with it ignored (``nohup``).
+
+    Parameters
+    ----------
+    duration
+        Seconds; None for no limit.
+    """
+
+    def __init__(self, duration: float | None) -> None:
+        self.begun = False
+        self._stopped = False
+        self._end = None if duration is None else time.monotonic() + duration
+        self._before: dict[int, Any] = {}
+
+    def __call__(self) -> bool:
+        """Return whether to stop."""
+        return self._stopped or (self._end is not None and time.monotonic() >= self._end)
+
+    def __enter__(self) -> Self:
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            left_alone = name == "SIGHUP" and number and signal.getsignal(number) is signal.SIG_IGN
+            if number is not None and not left_alone:
+                self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self._stopped or not self.begun:
+            signal.default_int_handler(number, frame)
+        self._stopped = True
