@@ -36,7 +36,7 @@ from mavhums.flights.repairs import since_of
 from mavhums.flights.store import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
 from mavhums.report.assessment import Assessment
-from mavhums.report.flight import FlightCopy
+from mavhums.report.sections import FlightCopy
 
 __all__ = ["Past", "against", "analyse", "keep", "past", "record"]
 

@@ -24,7 +24,7 @@ from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.report.assessment import Assessment
-from mavhums.report.flight import CLOCKS_APART_S
+from mavhums.report.sections import CLOCKS_APART_S
 
 __all__ = ["Checkpoint", "Superseded", "TooLateError"]
 

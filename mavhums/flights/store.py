@@ -15,7 +15,7 @@ from mavhums.flights.history import PastFlight, UndatedError, superseded
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.report.assessment import Assessment
-from mavhums.report.flight import FlightCopy
+from mavhums.report.sections import FlightCopy
 
 __all__ = ["EarlierFlights", "is_store", "with_duplicate_flights"]
 

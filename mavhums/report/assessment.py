@@ -19,11 +19,12 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.losses import Losses
-from mavhums.report.flight import FlightCopy, FlightIdentity
 from mavhums.report.sections import (
     DECIDE,
     AxisLimits,
     Decide,
+    FlightCopy,
+    FlightIdentity,
     ModelSummary,
     NetworkAnswer,
     VehicleUsage,

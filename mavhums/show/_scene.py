@@ -27,10 +27,9 @@ from mavhums.engine.events import (
 )
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.report.assessment import Assessment, Verdict
-from mavhums.show._craft import Surface, craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track, path_part
-from mavhums.show._vehicle import Vehicle
+from mavhums.show._vehicle import Surface, Vehicle, craft_path
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.digest import digest
 from mavhums.show.markdown_report import live_markdown, markdown

@@ -16,9 +16,9 @@ from mavhums.engine.events import Classified, ConditionChanged, Followed, Indica
 from mavhums.health.actuator.detector import Detector
 from mavhums.report.assessment import Verdict
 from mavhums.report.sections import AxisLimits
-from mavhums.show._craft import Surface
 from mavhums.show._signals import Classes, Signals
 from mavhums.show._stream import Times, send
+from mavhums.show._vehicle import Surface
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
 
 __all__ = ["STALE_S", "Track", "actuator_path", "path_part"]

@@ -20,7 +20,7 @@ from mavhums.flights.store import with_duplicate_flights
 from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.report.assessment import Assessment, Coverage
-from mavhums.report.flight import FlightIdentity
+from mavhums.report.sections import FlightIdentity
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
