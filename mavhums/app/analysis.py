@@ -18,7 +18,7 @@ from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
 from mavhums.flights.compare import Comparison, LoneFlight, compared
-from mavhums.flights.store import with_duplicate_flights
+from mavhums.flights.stores import with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 

@@ -14,7 +14,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import AircraftResolver, check_aircraft_rule
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
 from mavhums.flights.history import FlightHistory
-from mavhums.flights.store import EarlierFlights, is_store
+from mavhums.flights.stores import EarlierFlights, is_store
 from mavhums.flights.stores.folder import FlightFolder
 from mavhums.health.decision.baseline import BaselineSource
 from mavhums.health.decision.thresholds import FALSE_ALARMS

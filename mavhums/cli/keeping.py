@@ -33,7 +33,7 @@ _SHOWN_NOTICES = 5
 
 def divided(history: Path | str | None) -> tuple[Path | None, Path | str | None]:
     """Return the folder of flights or the store of a fleet that a history is; one of the two is None."""
-    from mavhums.flights.store import is_store  # not before: --help loads nothing heavy
+    from mavhums.flights.stores import is_store  # not before: --help loads nothing heavy
 
     if history is None or not is_store(history):
         return None if history is None else Path(history), None

@@ -33,7 +33,7 @@ from mavhums.flights.history import FlightHistory
 from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
 from mavhums.flights.queries import flight, past_flights
 from mavhums.flights.repairs import since_of
-from mavhums.flights.store import is_store
+from mavhums.flights.stores import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
 from mavhums.report.assessment import Assessment
 from mavhums.report.sections import FlightCopy
