@@ -99,7 +99,7 @@ def export_quantities(
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     output = Path(output)
     writer_for(output)
-    asked = _Asked(path, _models(model)) if classify else None
+    asked = _SampleClassifier(path, _models(model)) if classify else None
     decoder, fleet, rows = _write(path, output, given, asked, progress)
     if not fleet.airframes:
         if str(path) == "-" or asked is not None:
@@ -110,7 +110,7 @@ def export_quantities(
     return {output: rows}
 
 
-class _Asked:
+class _SampleClassifier:
     """The networks that a log's samples are shown to, and what came of it.
 
     Parameters
@@ -165,7 +165,7 @@ def _write(
     path: str | os.PathLike[str],
     output: Path,
     airframe: Airframe | None,
-    asked: _Asked | None,
+    asked: _SampleClassifier | None,
     progress: Progress,
 ) -> tuple[Decoder, VehicleMappers, int]:
     """Write the table of a log by a profile; return decoder, vehicles and rows written; no rows, no file."""

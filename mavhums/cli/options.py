@@ -101,7 +101,7 @@ FALSE_ALARMS = click.option(
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 
 
-class _Place(click.ParamType["Path | str"]):
+class _PlaceParameter(click.ParamType["Path | str"]):
     """A path, or the address of an object store, which stays a text."""
 
     name = "path"
@@ -110,7 +110,7 @@ class _Place(click.ParamType["Path | str"]):
         return str(value) if "://" in str(value) else Path(str(value))
 
 
-PLACE = _Place()
+PLACE = _PlaceParameter()
 HISTORY = click.option(
     "--history",
     type=PLACE,

@@ -15,7 +15,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of
-from mavhums.flights.compare import LoneFlight, packed
+from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import PastFlight, UndatedError
 from mavhums.flights.naming import aircraft_in_store
 from mavhums.flights.stores.delta import LogFile, Row
@@ -84,7 +84,7 @@ def judge(file: LogFile, options: Options, settings: str, whose: AircraftResolve
     )
 
 
-def _named(flight: LoneFlight, file: LogFile) -> LoneFlight:
+def _named(flight: StandaloneAssessment, file: LogFile) -> StandaloneAssessment:
     """Return a flight under the path of its log, wherever its copy lay."""
     log = flight.assessment.log.model_copy(update={"path": file.path})
     return flight._replace(assessment=flight.assessment.model_copy(update={"log": log}))

@@ -14,10 +14,10 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.events import Attitude, FlightMode, Position
 from mavhums.show._stream import send
 from mavhums.show._thin import Thinner
-from mavhums.show.outline import V_TAIL, Place, kind, places
+from mavhums.show.outline import V_TAIL, Hinge, kind, places
 from mavhums.show.words import BLUE
 
-__all__ = ["Craft", "Surface", "Vehicle", "craft_path"]
+__all__ = ["Craft", "Surface", "VehicleScene", "craft_path"]
 
 _GREY, _DARK = (126, 130, 138), (88, 92, 100)
 _STEP_S: Final = 0.04
@@ -35,7 +35,7 @@ class Surface:
     """One control surface, or another part that a servo moves."""
 
     def __init__(
-        self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: Place, *, named: bool
+        self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: Hinge, *, named: bool
     ):
         self._stream, self._path = stream, path
         self._tick = -1.0
@@ -138,7 +138,7 @@ _CAPACITY: Final = 8192
 _PATH_EVERY_S: Final = 5.0
 
 
-class Vehicle:
+class VehicleScene:
     """Draws a vehicle's attitude, position and flight mode.
 
     Attributes

@@ -16,7 +16,7 @@ from mavhums.show.digest import Subject, advice, digest
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
-from mavhums.show.outline import Part, outline
+from mavhums.show.outline import DrawnSurface, outline
 from mavhums.show.servo_tables import ServoTable
 from mavhums.show.verdict_words import certainty, implausible
 from mavhums.show.words import clock, finding, join, name, percent
@@ -54,7 +54,7 @@ class _Aircraft(NamedTuple):
     """The outline of one vehicle."""
 
     title: str
-    parts: list[Part]
+    parts: list[DrawnSurface]
 
 
 class Brief(NamedTuple):

@@ -10,10 +10,10 @@ from typing import Final, NamedTuple
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.report.assessment import ALL, Verdict
 
-__all__ = ["V_TAIL", "Part", "Place", "kind", "outline", "places"]
+__all__ = ["V_TAIL", "DrawnSurface", "Hinge", "kind", "outline", "places"]
 
 
-class Place(NamedTuple):
+class Hinge(NamedTuple):
     """Hinge position of a surface: x forward, y left, z up; the half-span is 1.
 
     Attributes
@@ -36,16 +36,16 @@ class Place(NamedTuple):
 
 
 V_TAIL: Final = "ruddervator|v.?tail"
-_PLACES: Final[tuple[tuple[str, Place], ...]] = (
-    (V_TAIL, Place(-0.86, 0.04, (0.06, 0.4), 0.12, 38.0)),
-    ("rudder", Place(-0.86, 0.03, (0.05, 0.36), 0.13, 90.0)),
-    ("elevator|stabil", Place(-0.86, 0.03, (0.04, 0.38), 0.12)),
-    ("canard", Place(0.5, 0.02, (0.08, 0.34), 0.1)),
-    ("spoiler|brake", Place(0.02, 0.05, (0.3, 0.62), 0.1)),
-    ("flaperon|elevon|aileron", Place(-0.16, 0.03, (0.5, 0.98), 0.14)),
-    ("flap", Place(-0.16, 0.03, (0.1, 0.48), 0.14)),
+_PLACES: Final[tuple[tuple[str, Hinge], ...]] = (
+    (V_TAIL, Hinge(-0.86, 0.04, (0.06, 0.4), 0.12, 38.0)),
+    ("rudder", Hinge(-0.86, 0.03, (0.05, 0.36), 0.13, 90.0)),
+    ("elevator|stabil", Hinge(-0.86, 0.03, (0.04, 0.38), 0.12)),
+    ("canard", Hinge(0.5, 0.02, (0.08, 0.34), 0.1)),
+    ("spoiler|brake", Hinge(0.02, 0.05, (0.3, 0.62), 0.1)),
+    ("flaperon|elevon|aileron", Hinge(-0.16, 0.03, (0.5, 0.98), 0.14)),
+    ("flap", Hinge(-0.16, 0.03, (0.1, 0.48), 0.14)),
 )
-_ELSEWHERE: Final = Place(0.1, -0.3, (-0.6, 0.6), 0.1)
+_ELSEWHERE: Final = Hinge(0.1, -0.3, (-0.6, 0.6), 0.1)
 _WHOLE: Final = ("elevator|stabil", "canard")
 _SIDED: Final = (V_TAIL, "spoiler|brake", "flaperon|elevon|aileron", "flap")
 _LEFT, _RIGHT = (
@@ -59,7 +59,7 @@ def kind(text: str) -> str:
     return next((kind for kind, _ in _PLACES if re.search(kind, text.lower())), "")
 
 
-def places(texts: Sequence[str]) -> list[Place]:
+def places(texts: Sequence[str]) -> list[Hinge]:
     """Assign a hinge position to each text that names a surface; like ones share the span."""
     slots: list[tuple[str, int]] = []
     sideless: list[str] = []
@@ -76,7 +76,7 @@ def places(texts: Sequence[str]) -> list[Place]:
     ]
 
 
-def _slot(what: str, side: int, number: int, of: int) -> Place:
+def _slot(what: str, side: int, number: int, of: int) -> Hinge:
     """Return the part of a hinge position for one of several actuators that share it."""
     place = dict(_PLACES).get(what, _ELSEWHERE)
     begin, end = place.span
@@ -95,7 +95,7 @@ _MOST: Final = 32
 _SIDE: Final = re.compile("left|right|port|starboard|[_ -][lr]$")
 
 
-class Part(NamedTuple):
+class DrawnSurface(NamedTuple):
     """A surface on the drawing: its name, its condition, the corners of each side, and where its sign is.
 
     ``by`` is the axis whose condition it is, where the surface has none of its own.
@@ -109,7 +109,7 @@ class Part(NamedTuple):
     y: float
 
 
-def outline(verdicts: Iterable[Verdict]) -> list[Part]:
+def outline(verdicts: Iterable[Verdict]) -> list[DrawnSurface]:
     """Return the surfaces of one aircraft.
 
     A surface that is an actuator of its own has that actuator's condition, or its axis's where that is
@@ -136,7 +136,7 @@ def _weight(condition: Condition) -> int:
     return -1 if condition in ("unmonitored", "undecided") else URGENCY[condition]
 
 
-def _part(name: str, condition: Condition, by: str, place: Place, *, both: bool) -> Part:
+def _part(name: str, condition: Condition, by: str, place: Hinge, *, both: bool) -> DrawnSurface:
     """Return the drawing of a surface; one output that moves ``both`` sides is drawn on both."""
     corners = _corners(place, fin="rudder" in kind(name) and kind(name) != V_TAIL)
     drawn = [(_MIDDLE[0] - _SCALE * y, _MIDDLE[1] - _SCALE * x) for x, y in corners]
@@ -144,10 +144,10 @@ def _part(name: str, condition: Condition, by: str, place: Place, *, both: bool)
     mirrored = [(2 * _MIDDLE[0] - x, y) for x, y in drawn]
     sides = [drawn, mirrored] if both and place.span[0] > 0 and place.roll == 0 else [drawn]
     points = tuple(" ".join(f"{x:.1f},{y:.1f}" for x, y in side) for side in sides)
-    return Part(name, condition, by, points, round(middle[0], 1), round(middle[1], 1))
+    return DrawnSurface(name, condition, by, points, round(middle[0], 1), round(middle[1], 1))
 
 
-def _corners(place: Place, *, fin: bool) -> Sequence[tuple[float, float]]:
+def _corners(place: Hinge, *, fin: bool) -> Sequence[tuple[float, float]]:
     """Return the corners seen from above: x forward, y left."""
     begin, end = place.span
     back = place.x - place.chord

@@ -17,7 +17,7 @@ from mavhums.learn import (
     check_command,
     train_network,
 )
-from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, TAKEOFF, Flown, fly_condition
+from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, TAKEOFF, CyclogramSamples, fly_condition
 from mavhums.study.experiment import Bound, Effort, Experiment, run_experiment, samples, takeoff_bound
 from mavhums.study.published import BEST_12, BEST_SELECTED, CONDITIONS, SELECTED, TEST_NM, TRAINING_NM
 from mavhums.study.tables import (
@@ -180,7 +180,7 @@ def _figure_1(cyclogram: str, effort: Effort, *, seed: int) -> FigureOne:
     return FigureOne(tuple(stages), result.network.keys, 100 * float(right.mean()))
 
 
-def _leaks(training: dict[str, list[Flown]]) -> tuple[CommandLeak, CommandLeak]:
+def _leaks(training: dict[str, list[CyclogramSamples]]) -> tuple[CommandLeak, CommandLeak]:
     """Check the study's own data, and classes flown with different cyclograms, for a command leak."""
     other = next(name for name in training if name != MAIN)
     mixed = [training[MAIN][0], training[other][1]]

@@ -17,7 +17,7 @@ from mavhums.study.published import (
     TABLE_4,
     TABLE_5,
     TRAINING_NM,
-    Row,
+    PublishedNetwork,
 )
 
 __all__ = ["markdown_table", "report"]
@@ -204,7 +204,7 @@ def _tables_4_and_5(findings: Findings) -> str:
     return "\n\n".join(parts)
 
 
-def _best(experiment: Experiment, published: tuple[Row, ...]) -> str:
+def _best(experiment: Experiment, published: tuple[PublishedNetwork, ...]) -> str:
     best = experiment.best_five
     columns: dict[str, list[object]] = {}
     if published:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS, QUANTITIES
-from mavhums.study.cyclograms import MAIN, Flown, fly_condition
+from mavhums.study.cyclograms import MAIN, CyclogramSamples, fly_condition
 from mavhums.study.experiment import Effort, Experiment, emergency
 from mavhums.study.findings import Findings, Progress, find
 from mavhums.study.published import FIGURES_16_TO_19
@@ -24,7 +24,7 @@ from mavhums.study.report import report
 __all__ = ["Folder", "write_study"]
 
 
-def _quantities_figure(flown: Flown) -> Figure:
+def _quantities_figure(flown: CyclogramSamples) -> Figure:
     """Draw V1–V12 over the cyclogram (figures 3 to 14)."""
     figure = Figure(figsize=(13, 11), layout="constrained")
     for place, (axes, quantity) in enumerate(zip(figure.subplots(4, 3).flat, QUANTITIES, strict=True)):
@@ -35,7 +35,7 @@ def _quantities_figure(flown: Flown) -> Figure:
     return figure
 
 
-def _output_figure(experiment: Experiment, flights: Sequence[Flown]) -> Figure:
+def _output_figure(experiment: Experiment, flights: Sequence[CyclogramSamples]) -> Figure:
     """Draw the network's output over the cyclogram at four frictions (figures 16 to 19)."""
     times = {flown.friction_nm: flown for flown in flights}
     figure = Figure(figsize=(13, 9), layout="constrained")

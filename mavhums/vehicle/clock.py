@@ -14,7 +14,7 @@ import numpy as np
 from mavhums.core.arrays import Integers
 from mavhums.core.kernels import kernel
 
-__all__ = ["BOOT", "BROKEN", "LOOSE", "SOUND", "UNSTAMPED", "USEC", "Mapped", "VehicleClock"]
+__all__ = ["BOOT", "BROKEN", "LOOSE", "SOUND", "UNSTAMPED", "USEC", "MappedTimes", "VehicleClock"]
 
 UNSTAMPED: Final = -1
 BOOT: Final = 0
@@ -47,7 +47,7 @@ _PERIOD: Final = 22
 _COLUMNS: Final = 23
 
 
-class Mapped(NamedTuple):
+class MappedTimes(NamedTuple):
     """Times of messages on the vehicle's axis.
 
     Attributes
@@ -90,9 +90,9 @@ class VehicleClock:
 
     def map(
         self, component: Integers, counter: Integers, stamp_us: Integers, received_us: Integers
-    ) -> Mapped:
+    ) -> MappedTimes:
         """Return the times of messages in the order of the log; all arrays have shape (n,)."""
-        mapped = Mapped(*(np.zeros(component.size, dtype=np.int64) for _ in range(3)))
+        mapped = MappedTimes(*(np.zeros(component.size, dtype=np.int64) for _ in range(3)))
         slot = self._slots_of(component)
         counter = np.where(slot == _SENDERS, UNSTAMPED, counter)
         _follow(slot, counter, stamp_us, received_us, self._senders, self._pairs, self._main, *mapped)

@@ -43,7 +43,7 @@ class Onset(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class SelfComparison:
     """The comparison of a flight with the earlier flights.
 
     Attributes
@@ -78,7 +78,7 @@ class Comparison:
 
 def compare(
     equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS
-) -> Comparison:
+) -> SelfComparison:
     """Return the comparison of a flight with the earlier flights.
 
     Parameters
@@ -103,17 +103,17 @@ def compare(
         alone = wear(own, None)
         if alone is None:
             return _still(equation, flights)
-        return Comparison("learning", _interval(alone), min(flights + 1, needed), needed)
+        return SelfComparison("learning", _interval(alone), min(flights + 1, needed), needed)
     own_wear = wear(own, healthy.nuisances)
     if own_wear is None:
         return _still(equation, healthy.shown)
     # Outside the baseline's range the line over temperature or activity is a guess.
     if healthy.beyond(own):
         why = f"its flight was {healthy.beyond(own)} than any of its baseline"
-        return Comparison("undecided", _interval(own_wear), healthy.shown, needed, why=why)
+        return SelfComparison("undecided", _interval(own_wear), healthy.shown, needed, why=why)
     rise, bound, found = healthy.rise(own_wear, own, false_alarms)
     trailing = after[-TRAILING_FLIGHTS:]
-    return Comparison(
+    return SelfComparison(
         condition="changed" if rise > bound else "unchanged",
         value=_interval(own_wear),
         flights=healthy.shown,
@@ -212,9 +212,9 @@ def _row(known: Sequence[Difference], record: OwnRecord) -> Array:
     return np.array([1.0, *(one.at(record) for one in known)])
 
 
-def _still(equation: OwnEquation, flights: int) -> Comparison:
+def _still(equation: OwnEquation, flights: int) -> SelfComparison:
     why = f"the servo moved too little both ways to show its {equation.quantity}"
-    return Comparison("undecided", None, flights, equation.min_flights, why=why)
+    return SelfComparison("undecided", None, flights, equation.min_flights, why=why)
 
 
 def _interval(of: Wear) -> Interval:
