@@ -16,6 +16,7 @@ __all__ = [
     "NORMAL_95_ONE_SIDED",
     "NORMAL_99",
     "RAD_S_PER_REV_MIN",
+    "STANDARD_GRAVITY",
     "TAIL_95",
     "uniform_deviation",
 ]
@@ -43,6 +44,9 @@ RAD_S_PER_REV_MIN: Final = pi / 30
 
 DEGREES_S_PER_REV_MIN: Final = 6.0
 """Speed of one revolution per minute, °/s."""
+
+STANDARD_GRAVITY: Final = 9.80665
+"""Standard acceleration of free fall, m/s²; load factors and sensors' milli-g are multiples of it."""
 
 AIR_DENSITY: Final = 1.225
 """Density of the standard atmosphere at sea level, kg/m³."""

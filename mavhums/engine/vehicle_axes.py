@@ -15,6 +15,7 @@ from mavhums.engine.motion import TRIED_AXES, contradiction, refutation, rests_o
 from mavhums.engine.told import Known, Told
 from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.facts import Signal
@@ -29,7 +30,7 @@ __all__ = ["AxisEvent", "VehicleAxes"]
 
 AxisEvent = ConditionChanged | Indication | Followed | Notice
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
-_INFER_S: Final = 45
+_INFER_S: Final = REFERENCE_S  # of forward flight: what a reference takes shows the surfaces, too
 _RETRY_S: Final = 10
 _LATEST_S: Final = 600
 _INFERRED_FROM_S: Final = 120

@@ -8,10 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from mavhums.app.analysis import analyse_alone
+from mavhums.app.analysis import Failed, analyse_alone
 from mavhums.app.settings import Options, Settings
 from mavhums.core.about import __version__
-from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of
@@ -57,13 +56,10 @@ def judge(file: LogFile, options: Options, settings: str, whose: AircraftResolve
     try:
         with at_hand(file) as path:
             flight = _named(analyse_alone(path, _resolved(options)), file)
-    except UnreachedError as error:
-        return _failed(file, _AGAIN, aircraft, error.problem, error.remedy)
-    except MavhumsError as error:
-        return _failed(file, settings, aircraft, error.problem.replace(path, file.path), error.remedy)
     except Exception as error:
-        told = f"{file.path}: {type(error).__name__}: {str(error)[:200]}"
-        return _failed(file, settings, aircraft, told, "report it with the log")
+        failed = Failed.of(Path(path), error)
+        by = _AGAIN if isinstance(error, UnreachedError) else settings
+        return _failed(file, by, aircraft, failed.problem.replace(path, file.path), failed.remedy)
     try:
         start_us: int | None = round(PastFlight.of(flight.assessment).start.timestamp() * 1e6)
     except UndatedError:

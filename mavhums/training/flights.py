@@ -20,6 +20,7 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, outcome
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
+from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters
@@ -37,7 +38,6 @@ __all__ = [
     "windows",
 ]
 
-WINDOW_S = 10
 _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _SLOPE_S = 0.04
@@ -212,9 +212,9 @@ def windows(
 ) -> Iterator[tuple[VoteOutcome | None, int]]:
     """Yield the network's result and the samples of each complete, non-overlapping ten-second window."""
     moving, seconds = moving_samples(actuator, flown)
-    count = int(flown.time_s[-1] + 0.5) // WINDOW_S * WINDOW_S
+    count = int(flown.time_s[-1] + 0.5) // WINDOW_SLOTS * WINDOW_SLOTS
     bounds = np.searchsorted(seconds, np.arange(count + 1))
     counts = count_votes(networks, moving, bounds, actuator.known_ema().gear_ratio)
-    for start in range(0, count, WINDOW_S):
-        window = counts[start : start + WINDOW_S]
-        yield outcome(networks, window), int(bounds[start + WINDOW_S] - bounds[start])
+    for start in range(0, count, WINDOW_SLOTS):
+        window = counts[start : start + WINDOW_SLOTS]
+        yield outcome(networks, window), int(bounds[start + WINDOW_SLOTS] - bounds[start])
