@@ -28,8 +28,8 @@ __all__ = [
     "packaged_airframes",
 ]
 
-_LARGEST = 1e9
-_SMALLEST = 1e-12
+_LARGEST = 1e9  # squares and products of such numbers stay finite
+_SMALLEST = 1e-12  # and their quotients, too
 _Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
 _Positive = Annotated[float, Field(ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)]
 _Pulse = Annotated[int, Field(ge=0, le=65_535)]

@@ -38,7 +38,7 @@ in software-in-the-loop an aileron had 0.98 of it or more, an elevator at most 0
 
 _ALIKE: Final = 0.97  # correlation of outputs that move together
 _MOVES_US: Final = 10.0  # standard deviation
-_HALF_US: Final = 400.0
+_HALF_US: Final = 400.0  # full deflection of common calibrations, 1100 to 1900 µs; only scales a demand
 _SHOWN_ROWS: Final = 10 * RATE_HZ  # before an alarm: the windows in which a loss is certain
 
 
