@@ -255,7 +255,11 @@ def export_messages(
             for name, table in tables.items():
                 wanted = name.upper()
                 if wanted not in writers:
-                    files[wanted] = output if len(names) == 1 else _beside(output, name)
+                    files[wanted] = (
+                        output
+                        if len(names) == 1
+                        else output.with_name(f"{output.stem}-{name}{output.suffix}")
+                    )
                     file = stack.enter_context(written_whole(files[wanted]))
                     writers[wanted] = stack.enter_context(writer(file))
                 writers[wanted].write(table.to_frame().reset_index())
@@ -274,10 +278,6 @@ def _rows(mapped: Mapped, first_time_us: int, *, named: bool) -> pd.DataFrame:
     frame.insert(2, "time", pd.DatetimeIndex(mapped.utc_us.astype("datetime64[us]"), tz="UTC"))
     frame.insert(3, "flight_time_s", (mapped.utc_us - first_time_us) / 1e6)
     return frame
-
-
-def _beside(output: Path, name: str) -> Path:
-    return output.with_name(f"{output.stem}-{name}{output.suffix}")
 
 
 def _absent(path: str | os.PathLike[str], name: str, there: set[str]) -> MavhumsError:

@@ -83,10 +83,10 @@ def analyse(
 
     Several logs are judged on all cores. What is not normal comes in the order given, each with its log's
     name, and at the end a table of all, worst first; --verbose shows all of each log.
-    With --history, each actuator is also held against its own first flights; --keep makes this flight one of
-    them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
+    With --history, each actuator is also compared with its own first flights; --keep adds this flight to
+    them, so that one command after each landing keeps the history. Give several logs oldest first.
     The flight of another aircraft than those in DIR is refused. A STORE of `mavhums fleet scan` holds many
-    aircraft: each log is held against the flights of its own, and --keep puts it in as a scan does.
+    aircraft: each log is compared with the flights of its own, and --keep adds it as a scan does.
 
     \b
     Exit codes, the first that applies:

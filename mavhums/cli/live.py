@@ -124,8 +124,8 @@ def live(
       mavhums live udpin:14550 --record flight-%Y%m%d-%H%M%S.tlog --alerts
       mavhums live serial:/dev/ttyACM0:115200 --json | tee events.jsonl
 
-    With --history, each actuator is also held against its own first flights; --keep puts the recording's
-    verdicts there at the end, as `mavhums analyse --keep` does.
+    With --history, each actuator is also compared with its own first flights; --keep adds the recording's
+    verdicts to them at the end, as `mavhums analyse --keep` does.
 
     Ctrl-C, SIGTERM and SIGHUP end the session and print the verdicts. Exit codes are those of analyse.
     Neither recording nor judging waits for an output: what nobody reads is dropped and counted.

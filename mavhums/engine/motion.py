@@ -3,7 +3,7 @@
 A wrong profile looks like a lost surface: the demand that its outputs give is not the one that moves the
 aircraft. So in the first minutes each output that moves is tried as the demand of the axis. An output that
 explains the motion much worse than another one does not move the axis. Outputs that move together, as rudder
-and aileron do in coordinated flight, cannot be told apart then. So an alarm is held against other outputs,
+and aileron do in coordinated flight, cannot be told apart then. So an alarm is tested against other outputs,
 too: where one of them explains the same seconds without any loss, the surface is not lost.
 """
 

@@ -1,4 +1,4 @@
-"""What is settled of an aircraft: the flights with final verdicts, and what the next one needs of them."""
+"""Checkpoint of an aircraft in a store: flights with final verdicts, and what the next one needs of them."""
 
 from __future__ import annotations
 

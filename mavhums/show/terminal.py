@@ -217,12 +217,10 @@ def render_many(lines: Sequence[Line], console: Console) -> None:
     table.add_column("worst", no_wrap=True)
     table.add_column("what", overflow="fold")
     table.add_column("exit", justify="right", no_wrap=True)
-    for line in sorted(lines, key=_gravity):
+    for line in sorted(
+        lines, key=lambda line: (GRAVEST_FIRST.index(line.code), -URGENCY[line.worst or "undecided"])
+    ):
         shown = line.log.name if names.count(line.log.name) == 1 else str(line.log)
         condition = Text("unreadable", style="bold") if line.worst is None else condition_text(line.worst)
         table.add_row(Text(printable(shown)), condition, Text(printable(line.what)), str(int(line.code)))
     console.print(table)
-
-
-def _gravity(line: Line) -> tuple[int, int]:
-    return GRAVEST_FIRST.index(line.code), -URGENCY[line.worst or "undecided"]

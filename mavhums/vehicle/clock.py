@@ -213,8 +213,8 @@ def _begin(sender: Integers, kind: int, stamp: int, received: int, offset: int) 
 def _compare(sender: Integers, pairs: Integers, kind: int, stamp: int, received: int) -> None:
     """Learn the offset between the counters from neighbours in the order of arrival, once.
 
-    Every message is held against the last one of the other counter, and the least and the greatest
-    difference of each period are kept, so that each type has its say, however rarely it comes. Where only
+    Every message is compared with the last one of the other counter, and the least and the greatest
+    difference of each period are kept, so that each type counts, however rare it is. Where only
     some types of a counter lag, these two lie apart: that is latency.
     """
     count = sender[_PERIODS]
