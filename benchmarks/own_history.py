@@ -25,7 +25,7 @@ from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.wear import Law, learned, shows, wear
-from mavhums.health.self_baseline.comparison import SelfComparison, compare
+from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import constant_lost
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.report.assessment import OwnRecord
@@ -82,12 +82,12 @@ class Fleet:
                 if found and found.least_rise is not None and row.rise >= found.least_rise:
                     self.promised[key][condition] += 1
 
-    def _compared(self, row: Row, own: OwnRecord, flights: int, scatter: float) -> SelfComparison:
+    def _compared(self, row: Row, own: OwnRecord, flights: int, scatter: float) -> Comparison:
         equation = TIERS[row.tier].equation
         equation = replace(equation, min_flights=min(flights, equation.min_flights))
         return compare(equation, own, self._past(row, flights, scatter))
 
-    def _by_constant(self, row: Row, found: SelfComparison, flights: int) -> bool:
+    def _by_constant(self, row: Row, found: Comparison, flights: int) -> bool:
         """Return whether the verdict names the torque constant as the cause."""
         several = self.voltages[row.actuator, row.tier][:flights]
         past = [PastRecord((record,), "2026-01-01", True) for record in several if record]

@@ -143,7 +143,7 @@ def _remedy(mistake: ErrorDetails, place: Place, sections: Mapping[Place, tuple[
         case "missing":
             return f"add {key} to {_in_words(place[:-1])}"
         case _ if isinstance(mistake["input"], (str, int, float)):
-            return f"correct the value {mistake['input']!r}"
+            return f"mend the value {mistake['input']!r}"
         case _:
             return _EXAMPLE
 

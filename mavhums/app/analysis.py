@@ -17,7 +17,7 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
-from mavhums.flights.compare import Comparison, StandaloneAssessment, compared
+from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared
 from mavhums.flights.stores import with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
@@ -330,14 +330,14 @@ def _judged_with(
 ) -> Assessment:
     """Compare while judging, so that the consumers see what the earlier flights change."""
     options, since = settings.engine, latest(settings.since, _swaps(path, settings))
-    engine = Comparison(Engine(options), *settings.earlier(since), options.false_alarms)
+    engine = FlightComparison(Engine(options), *settings.earlier(since), options.false_alarms)
     digest = _fed(path, engine, options.dialect, consumers, progress)
     return with_aircraft_identity(engine.assessment(str(path), digest), settings)
 
 
 def _fed(
     path: Place,
-    engine: Engine | Comparison,
+    engine: Engine | FlightComparison,
     dialect: Place | None,
     consumers: Sequence[Consumer] = (),
     progress: Progress = None,

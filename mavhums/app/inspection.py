@@ -17,8 +17,9 @@ from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes
+from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
-from mavhums.engine.vehicle_limit import VehicleLimit, with_drops
+from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
 from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
 from mavhums.health.verdict.obstacles import obstacle, why_not_at_all

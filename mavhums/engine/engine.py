@@ -19,12 +19,14 @@ from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
+from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
-from mavhums.engine.monitors import Monitors, classified, network_answer, summary_of
+from mavhums.engine.monitors import Monitors
+from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
-from mavhums.engine.vehicle_limit import MOST, VehicleLimit, with_drops
+from mavhums.engine.vehicle_limit import MOST, VehicleLimit
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.self_baseline.past import comparable
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
@@ -45,7 +47,8 @@ from mavhums.report.assessment import (
     LogSummary,
     Verdict,
 )
-from mavhums.report.sections import FlightIdentity, VehicleUsage
+from mavhums.report.sections import FlightIdentity
+from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.counts import ESC_TEMPERATURE_MESSAGES, EscTemperatures

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.axes import VehicleAxes
-from mavhums.report.sections import OutputUsage, VehicleUsage
+from mavhums.report.usage import OutputUsage, VehicleUsage
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.outputs import control_surfaces
@@ -19,7 +19,7 @@ from mavhums.vehicle.usage import OutputUse
 __all__ = ["vehicle_usage"]
 
 
-class _OutputFacts(NamedTuple):
+class _Known(NamedTuple):
     """The known facts about an output: its name, the source of the name, and its calibrated range."""
 
     name: str
@@ -59,15 +59,13 @@ def vehicle_usage(
 
 def _known(
     parameters: Parameters, airframe: Airframe | None, surfaces: Surfaces | None
-) -> Iterator[tuple[int, _OutputFacts]]:
+) -> Iterator[tuple[int, _Known]]:
     """Yield the known facts by servo; later ones take precedence."""
     if surfaces is not None and surfaces.origin == "inferred":
-        yield from (
-            (moved.servo, _OutputFacts(surfaces.what(moved), "inferred", None)) for moved in surfaces.moved
-        )
+        yield from ((moved.servo, _Known(surfaces.what(moved), "inferred", None)) for moved in surfaces.moved)
     for output in control_surfaces(parameters):
         if output.servo <= OUTPUTS:
-            yield output.servo, _OutputFacts(output.surface, "parameters", output.pwm_us)
+            yield output.servo, _Known(output.surface, "parameters", output.pwm_us)
     wrong = {
         one.servo
         for one in (contradictions(airframe, parameters) if airframe else ())
@@ -76,10 +74,10 @@ def _known(
     for actuator in airframe.actuators if airframe else ():
         if actuator.servo <= OUTPUTS and actuator.servo not in wrong:
             low, zero, high = (round(pulse) for pulse in actuator.pwm_us)
-            yield actuator.servo, _OutputFacts(actuator.name, "profile", (low, zero, high))
+            yield actuator.servo, _Known(actuator.name, "profile", (low, zero, high))
 
 
-def _output(servo: int, use: OutputUse | None, known: _OutputFacts | None) -> OutputUsage:
+def _output(servo: int, use: OutputUse | None, known: _Known | None) -> OutputUsage:
     span_us = range_us = at_low_s = at_high_s = None
     if known is not None and known.range_us is not None:
         range_us = known.range_us

@@ -1,19 +1,15 @@
-"""What of a log is not judged: vehicles beyond a limit, and samples that clocks and grids left out."""
+"""Limits the number of judged vehicles: a sender can fake any number, and each costs memory and time."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Mapping
 from typing import Final
 
 import numpy as np
 
-from mavhums.engine.axes import Axes
 from mavhums.log import Table
-from mavhums.log.base.losses import Losses
-from mavhums.vehicle.clocks import Clocks
 
-__all__ = ["MOST", "VehicleLimit", "with_drops"]
+__all__ = ["MOST", "VehicleLimit"]
 
 MOST: Final = 32
 """Vehicles that are judged at most."""
@@ -21,8 +17,6 @@ MOST: Final = 32
 
 class VehicleLimit:
     """Admits the first vehicles of a log, in the order of the log, whatever the block size.
-
-    A sender can fake any number of vehicles, and each costs memory and time.
 
     Parameters
     ----------
@@ -50,25 +44,3 @@ class VehicleLimit:
     def admits(self, vehicle: int | None) -> bool:
         """Return whether a vehicle is judged."""
         return len(self._admitted) < MOST or vehicle in self._admitted
-
-
-def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:
-    """Return the losses of a log with the samples that clocks and grids left out."""
-    late, same, copies, broken = (Counter[str]() for _ in range(4))
-    for (_, message), count in clocks.copies.items():
-        copies[message] += count
-    for (_, message), count in clocks.broken.items():
-        broken[message] += count
-    for vehicle in axes.vehicles():
-        for message, received in axes.received(vehicle).items():
-            late[message] += received.late
-            same[message] += received.repeated
-    found = {
-        "late_samples": late,
-        "same_time_samples": same,
-        "broken_stamps": broken,
-        "copies": copies,
-    }
-    return losses.model_copy(
-        update={name: {key: n for key, n in sorted(counts.items()) if n} for name, counts in found.items()}
-    )

@@ -41,7 +41,7 @@ from mavhums.health.verdict.advice import with_advice
 from mavhums.report.assessment import Assessment, Verdict
 
 __all__ = [
-    "Comparison",
+    "FlightComparison",
     "Records",
     "StandaloneAssessment",
     "compared",
@@ -103,7 +103,7 @@ def compared(
     return _with_findings(flight, start, source, past, comparisons)
 
 
-class Comparison:
+class FlightComparison:
     """Compares a flight with the actuators' own earlier flights while the engine judges it.
 
     It stands in for the engine. The events of an actuator that has a baseline are those of the comparison. A
@@ -120,7 +120,7 @@ class Comparison:
 
     Examples
     --------
-    >>> comparison = Comparison(Engine(), {})
+    >>> comparison = FlightComparison(Engine(), {})
     >>> comparison.feed(b"") + comparison.finish()
     []
     """

@@ -27,9 +27,9 @@ from mavhums.report.sections import (
     FlightIdentity,
     ModelSummary,
     NetworkAnswer,
-    VehicleUsage,
     with_network,
 )
+from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:
     import pandas as pd

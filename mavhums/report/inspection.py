@@ -6,7 +6,7 @@ from typing import Literal
 
 from mavhums.core.models import Frozen
 from mavhums.log.base.losses import Losses
-from mavhums.report.sections import VehicleUsage
+from mavhums.report.usage import VehicleUsage
 
 __all__ = ["ActuatorTelemetry", "Inspection", "Judgeable", "MessageRate", "NamedRate", "VehicleTelemetry"]
 

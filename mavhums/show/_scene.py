@@ -27,9 +27,10 @@ from mavhums.engine.events import (
 )
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.report.assessment import Assessment, Verdict
+from mavhums.show._craft import Surface, craft_path
 from mavhums.show._stream import send
-from mavhums.show._tracks import ActuatorTrack, path_part
-from mavhums.show._vehicle import Surface, VehicleScene, craft_path
+from mavhums.show._tracks import Track, path_part
+from mavhums.show._vehicle import Vehicle
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.digest import digest
 from mavhums.show.markdown_report import live_markdown, markdown
@@ -57,14 +58,14 @@ class Scene:
     def __init__(self, stream: rr.RecordingStream, *, live: bool, position: bool) -> None:
         self._stream, self._live, self._position = stream, live, position
         self._airframes: dict[int | None, tuple[Airframe, float]] = {}
-        self._vehicles: dict[int | None, VehicleScene] = {}
-        self._tracks: dict[tuple[int | None, str], ActuatorTrack] = {}
+        self._vehicles: dict[int | None, Vehicle] = {}
+        self._tracks: dict[tuple[int | None, str], Track] = {}
         self._texts: list[tuple[float, str, str]] = []
         self._report = ""
         self._state_s = 0.0
 
     @property
-    def tracks(self) -> list[ActuatorTrack]:
+    def tracks(self) -> list[Track]:
         """Tracks of the actuators, in order of first appearance."""
         return list(self._tracks.values())
 
@@ -166,18 +167,18 @@ class Scene:
         ]
         return shown, self._surroundings()
 
-    def ranked(self) -> list[ActuatorTrack]:
+    def ranked(self) -> list[Track]:
         """Return the tracks, worst first."""
         return sorted(self._tracks.values(), key=lambda track: -URGENCY[track.held])
 
-    def _lane(self, track: ActuatorTrack, condition: Condition, worst: Condition) -> Lane:
+    def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
         faults = tuple(
             Fault(fault, _unit(track, fault), track.faults[fault]) for fault in sorted(track.faults)
         )
         title = self._title(track)
         return Lane(track.root, title, condition, worst, track.present, faults, track.cause, track.angles)
 
-    def _title(self, track: ActuatorTrack) -> str:
+    def _title(self, track: Track) -> str:
         several = len({vehicle for vehicle, _ in self._tracks}) > 1
         return f"{track.vehicle}: {track.actuator}" if several else track.actuator
 
@@ -197,15 +198,15 @@ class Scene:
         self._say(event.time_s, "INFO", f"judged by the airframe profile {event.airframe.name}")
         self._airframes[event.vehicle] = event.airframe, event.time_s
 
-    def _vehicle(self, number: int | None) -> VehicleScene:
+    def _vehicle(self, number: int | None) -> Vehicle:
         if number not in self._vehicles:
-            self._vehicles[number] = VehicleScene(self._stream, number, live=self._live)
+            self._vehicles[number] = Vehicle(self._stream, number, live=self._live)
         return self._vehicles[number]
 
-    def _track(self, vehicle: int | None, actuator: str) -> ActuatorTrack:
+    def _track(self, vehicle: int | None, actuator: str) -> Track:
         key = (vehicle, actuator)
         if key not in self._tracks:
-            self._tracks[key] = ActuatorTrack(
+            self._tracks[key] = Track(
                 self._stream,
                 vehicle,
                 actuator,
@@ -215,7 +216,7 @@ class Scene:
             self._equip(self._tracks[key])
         return self._tracks[key]
 
-    def _equip(self, track: ActuatorTrack) -> None:
+    def _equip(self, track: Track) -> None:
         """Set a track's limits and its surface in the airframe from the profile."""
         known = self._airframes.get(track.vehicle) or self._airframes.get(None)
         part = (
@@ -262,6 +263,6 @@ def _change(event: ConditionChanged) -> str:
     return f"{event.actuator}: {since}, {why} (vehicle {event.vehicle})"
 
 
-def _unit(track: ActuatorTrack, fault: str) -> str:
+def _unit(track: Track, fault: str) -> str:
     unit = track.detectors[fault].unit if fault in track.detectors else "1"
     return "" if unit == "1" else unit

@@ -16,12 +16,12 @@ from mavhums.engine.events import Classified, ConditionChanged, Followed, Indica
 from mavhums.health.actuator.detector import Detector
 from mavhums.report.assessment import Verdict
 from mavhums.report.sections import AxisLimits
+from mavhums.show._craft import Surface
 from mavhums.show._signals import Classes, Signals
 from mavhums.show._stream import Times, send
-from mavhums.show._vehicle import Surface
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
 
-__all__ = ["STALE_S", "ActuatorTrack", "actuator_path", "path_part"]
+__all__ = ["STALE_S", "Track", "actuator_path", "path_part"]
 
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
@@ -53,7 +53,7 @@ def path_part(name: str) -> str:
     return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "unnamed"
 
 
-class ActuatorTrack:
+class Track:
     """Draws the engine's events about one actuator.
 
     Parameters

@@ -13,10 +13,10 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.report.sections import AxisLimits
 from mavhums.show.digest import Subject, advice, digest
+from mavhums.show.html_craft import Part, outline
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
-from mavhums.show.outline import DrawnSurface, outline
 from mavhums.show.verdict_words import certainty, implausible
 from mavhums.show.words import clock, finding, join, name, percent
 
@@ -53,7 +53,7 @@ class _Aircraft(NamedTuple):
     """The outline of one vehicle."""
 
     title: str
-    parts: list[DrawnSurface]
+    parts: list[Part]
 
 
 class Brief(NamedTuple):

@@ -102,7 +102,7 @@ def test_packaged_profiles_are_listed() -> None:
     [
         ("normal = 0.375", "normal = 0.9", 35, "paper.toml"),
         ("servo = 2", "servo = 1", 45, "give each actuator a servo of its own"),
-        ("gear_ratio = 300.0", "gear_ratio = -1", 25, "correct the value -1"),
+        ("gear_ratio = 300.0", "gear_ratio = -1", 25, "mend the value -1"),
         ("resistance = 22.6457", "resistnce = 22.6457", 27, "did you mean resistance?"),
         ("torque_constant = 0", "colour = 0", 26, "known here: gear_ratio, torque_constant"),
         ("servo = 3", "servo =", 73, "paper.toml"),
@@ -110,7 +110,7 @@ def test_packaged_profiles_are_listed() -> None:
         ("servo = 4\n", "", 98, "add servo to actuators[4]"),
         ("[1000, 1500, 2000]", "[1000,\n 1500]", 21, "paper.toml"),
         ("[1000, 1500, 2000]", "[1000, 1500, 1200]", 14, "paper.toml"),
-        ('esc_side = "motor"', 'esc_side = "moter"', 19, "correct the value 'moter'"),
+        ('esc_side = "motor"', 'esc_side = "moter"', 19, "mend the value 'moter'"),
         (
             "[actuators.limits]",
             "[actuators.fields.V3]\nmessage = 'HEARTBEAT'\nfeld = 'f'\n[actuators.limits]",

@@ -23,7 +23,7 @@ from mavhums.engine.events import (
 )
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.actuator_comparison import ActuatorComparison
-from mavhums.flights.compare import Comparison, StandaloneAssessment, compared, packed, unpacked
+from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.decision.events import IndicatorStep
 from mavhums.health.decision.limits import Levels
@@ -41,7 +41,7 @@ KINDS = ("healthy", "wear", "jam", "backlash", "silent", "several", "short")
 
 def in_flight(path: Path, options: EngineOptions, baselines: Baselines) -> Assessment:
     """Judge as a link is judged: the drift test fed while it flies."""
-    engine = Comparison(Engine(options), baselines, None, options.false_alarms)
+    engine = FlightComparison(Engine(options), baselines, None, options.false_alarms)
     engine.feed(path.read_bytes())
     engine.finish()
     return engine.assessment(str(path), None)
@@ -157,7 +157,7 @@ def test_where_blocks_end_changes_no_event_of_the_comparison(
     content, baselines = logs[kind].read_bytes(), baselines_about(alone[kind], [0.5], 1e-4)
 
     def events(places: list[int]) -> dict[tuple[int, str], list[Event]]:
-        engine = Comparison(Engine(), baselines)
+        engine = FlightComparison(Engine(), baselines)
         told = [e for a, b in pairwise([0, *places, len(content)]) for e in engine.feed(content[a:b])]
         found: dict[tuple[int, str], list[Event]] = {}
         for event in [*told, *engine.finish()]:

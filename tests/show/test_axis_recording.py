@@ -14,7 +14,7 @@ from mavhums import analyse
 from mavhums.app.settings import Options
 from mavhums.show import markdown
 from mavhums.show._stream import open_stream
-from mavhums.show._tracks import ActuatorTrack
+from mavhums.show._tracks import Track
 from tests.engine.test_axes import flown
 from tests.show.test_recording import entities, rows, scalars, static
 
@@ -112,6 +112,6 @@ def test_the_lane_turns_when_the_verdict_says(recorded: tuple[Path, Any]) -> Non
 
 
 def test_names_that_differ_in_signs_alone_have_lanes_of_their_own() -> None:
-    first = ActuatorTrack(open_stream("x"), 1, "left aileron", live=False)
-    other = ActuatorTrack(open_stream("x"), 1, "left-aileron", live=False, taken={first.root})
+    first = Track(open_stream("x"), 1, "left aileron", live=False)
+    other = Track(open_stream("x"), 1, "left-aileron", live=False, taken={first.root})
     assert (first.root, other.root) == ("/vehicle_1/left_aileron", "/vehicle_1/left_aileron_")

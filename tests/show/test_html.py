@@ -28,9 +28,9 @@ from mavhums.report.assessment import (
     Verdict,
 )
 from mavhums.show.html import ICONS, page
+from mavhums.show.html_craft import outline
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_plot import Limit, plot
-from mavhums.show.outline import outline
 from tests.conftest import REAL_LOGS
 from tests.show.chromium import Chromium, find
 

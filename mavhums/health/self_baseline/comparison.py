@@ -42,7 +42,7 @@ class Onset(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class SelfComparison:
+class Comparison:
     """The comparison of a flight with the earlier flights.
 
     Attributes
@@ -77,7 +77,7 @@ class SelfComparison:
 
 def compare(
     equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord], false_alarms: float = FALSE_ALARMS
-) -> SelfComparison:
+) -> Comparison:
     """Return the comparison of a flight with the earlier flights.
 
     Parameters
@@ -102,17 +102,17 @@ def compare(
         alone = wear(own, None)
         if alone is None:
             return _still(equation, flights)
-        return SelfComparison("learning", _interval(alone), min(flights + 1, needed), needed)
+        return Comparison("learning", _interval(alone), min(flights + 1, needed), needed)
     own_wear = wear(own, healthy.nuisances)
     if own_wear is None:
         return _still(equation, healthy.shown)
     # Outside the baseline's range the line over temperature or activity is a guess.
     if healthy.beyond(own):
         why = f"its flight was {healthy.beyond(own)} than any of its baseline"
-        return SelfComparison("undecided", _interval(own_wear), healthy.shown, needed, why=why)
+        return Comparison("undecided", _interval(own_wear), healthy.shown, needed, why=why)
     rise, bound, found = healthy.rise(own_wear, own, false_alarms)
     trailing = after[-TRAILING_FLIGHTS:]
-    return SelfComparison(
+    return Comparison(
         condition="changed" if rise > bound else "unchanged",
         value=_interval(own_wear),
         flights=healthy.shown,
@@ -211,9 +211,9 @@ def _row(known: Sequence[Difference], record: OwnRecord) -> Array:
     return np.array([1.0, *(one.at(record) for one in known)])
 
 
-def _still(equation: OwnEquation, flights: int) -> SelfComparison:
+def _still(equation: OwnEquation, flights: int) -> Comparison:
     why = f"the servo moved too little both ways to show its {equation.quantity}"
-    return SelfComparison("undecided", None, flights, equation.min_flights, why=why)
+    return Comparison("undecided", None, flights, equation.min_flights, why=why)
 
 
 def _interval(of: Wear) -> Interval:

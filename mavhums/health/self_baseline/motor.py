@@ -17,7 +17,7 @@ from mavhums.core.statistics import CENTRAL_95, stdtrit
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.estimation.wear import _learned_linear, _linear_wear
-from mavhums.health.self_baseline.comparison import SelfComparison
+from mavhums.health.self_baseline.comparison import Comparison
 from mavhums.health.self_baseline.past import PastRecord, record_of
 from mavhums.health.self_baseline.thresholds import (
     LEAST_CONSTANT_LOSS_SHARE,
@@ -237,7 +237,7 @@ def _half(interval: Interval) -> float:
 
 
 def constant_lost(
-    found: SelfComparison, records: Sequence[OwnRecord], past: Sequence[PastRecord]
+    found: Comparison, records: Sequence[OwnRecord], past: Sequence[PastRecord]
 ) -> float | None:
     """Return the lost share of the torque constant if this loss explains the change; else None.
 

@@ -10,7 +10,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
-from mavhums.health.self_baseline.comparison import SelfComparison, compare
+from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import (
     MOTOR_FAULTS,
     STALL_SHARES,
@@ -114,7 +114,7 @@ def _kind(equation: OwnEquation) -> str:
     return f"{equation.fault}_own"
 
 
-def _indicator(equation: OwnEquation, record: OwnRecord, found: SelfComparison, value: Interval) -> Indicator:
+def _indicator(equation: OwnEquation, record: OwnRecord, found: Comparison, value: Interval) -> Indicator:
     windows = len(record.groups)
     error = (value.high - value.low) / 2 / ERRORS_95
     return Indicator(
@@ -132,7 +132,7 @@ def _indicator(equation: OwnEquation, record: OwnRecord, found: SelfComparison, 
 
 
 def _evidence(
-    equation: OwnEquation, record: OwnRecord, found: SelfComparison, value: Interval, text: str
+    equation: OwnEquation, record: OwnRecord, found: Comparison, value: Interval, text: str
 ) -> Evidence:
     return Evidence(
         kind=_kind(equation),
@@ -148,13 +148,13 @@ def _rounded(interval: Interval) -> Interval:
     return Interval(**{name: float(f"{number:.5g}") for name, number in interval})
 
 
-def comparison_text(equation: OwnEquation, found: SelfComparison) -> str:
+def comparison_text(equation: OwnEquation, found: Comparison) -> str:
     """Return the result of a comparison as text.
 
     Examples
     --------
     >>> from mavhums.health.estimation.equations import OWN_EQUATIONS
-    >>> comparison_text(OWN_EQUATIONS[0], SelfComparison("learning", None, 6, 10))
+    >>> comparison_text(OWN_EQUATIONS[0], Comparison("learning", None, 6, 10))
     'flight 6 of the 10 that its baseline takes; no absolute limit known'
     """
     if found.condition == "learning":
@@ -171,13 +171,13 @@ def comparison_text(equation: OwnEquation, found: SelfComparison) -> str:
     return f"{equation.quantity} {_change(found.change)}{since}: {equation.cause}; {_NO_LIMIT}"
 
 
-def constant_text(equation: OwnEquation, found: SelfComparison, lost: float) -> str:
+def constant_text(equation: OwnEquation, found: Comparison, lost: float) -> str:
     """Return the text for a change that a loss of the torque constant explains."""
     rise = "" if found.change is None else f" {found.change.estimate:+.0%}"
     return f"torque constant {-lost:+.0%}; the {equation.quantity}{rise} follows from it; {_NO_LIMIT}"
 
 
-def remedy_of(equation: OwnEquation, found: SelfComparison) -> str | None:
+def remedy_of(equation: OwnEquation, found: Comparison) -> str | None:
     """Return the remedy; None if there is none."""
     if found.condition == "changed":
         return f"inspect {equation.inspect}"

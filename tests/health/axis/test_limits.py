@@ -47,10 +47,10 @@ def test_a_profile_changes_the_limits_it_names(tmp_path: Path) -> None:
             "own.toml:2: axes: effectiveness_emergency must lie below",
             "paper",
         ),
-        ("effectiveness_degraded = 1.5", "own.toml:3: axes.effectiveness_degraded", "correct the value 1.5"),
-        ("lag_s = 0.0", "own.toml:3: axes.lag_s", "correct the value 0.0"),
-        ("lag_s = nan", "own.toml:3: axes.lag_s", "correct the value nan"),
-        ("trim_deviations = 1", "own.toml:3: axes.trim_deviations", "correct the value 1"),
+        ("effectiveness_degraded = 1.5", "own.toml:3: axes.effectiveness_degraded", "mend the value 1.5"),
+        ("lag_s = 0.0", "own.toml:3: axes.lag_s", "mend the value 0.0"),
+        ("lag_s = nan", "own.toml:3: axes.lag_s", "mend the value nan"),
+        ("trim_deviations = 1", "own.toml:3: axes.trim_deviations", "mend the value 1"),
     ],
 )
 def test_a_wrong_limit_is_named_with_its_line(tmp_path: Path, axes: str, said: str, remedy: str) -> None:

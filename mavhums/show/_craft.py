@@ -1,0 +1,130 @@
+"""A 3-D model of the airframe, with moving surfaces in the colour of their actuator's condition."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import rerun as rr
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array
+from mavhums.core.quantities import KEYS
+from mavhums.show._places import V_TAIL, Place, kind, places
+from mavhums.show._stream import send
+
+__all__ = ["Craft", "Surface", "craft_path"]
+
+_GREY, _DARK = (126, 130, 138), (88, 92, 100)
+_STEP_S: Final = 0.04
+_THICK: Final = 0.014
+_LABELLED: Final = 8
+_V1, _V3 = KEYS.index("V1"), KEYS.index("V3")
+
+
+def craft_path(vehicle: int | None) -> str:
+    """Return the entity path of a vehicle's airframe; it has the heading, ``body`` the attitude."""
+    return rr.new_entity_path(["airframe", "no_vehicle" if vehicle is None else f"vehicle_{vehicle}"])
+
+
+class Surface:
+    """One control surface, or another part that a servo moves."""
+
+    def __init__(
+        self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: Place, *, named: bool
+    ):
+        self._stream, self._path = stream, path
+        self._tick = -1.0
+        begin, end = place.span
+        hinge = rr.Transform3D(
+            translation=(place.x, 0, place.z),
+            rotation_axis_angle=rr.RotationAxisAngle((1, 0, 0), degrees=place.roll),
+        )
+        box = rr.Boxes3D(
+            centers=[(-place.chord / 2, (begin + end) / 2, 0)],
+            half_sizes=[(place.chord / 2, abs(end - begin) / 2 - 0.006, _THICK)],
+            fill_mode="solid",
+            labels=[actuator.name],
+            show_labels=named,
+        )
+        stream.log(path.rsplit("/", 1)[0], hinge, static=True)
+        stream.log(path, box, static=True)
+
+    def move(self, time_s: Array, values: Array) -> None:
+        """Rotate the surface by V3, or by V1 if the log has no V3; positive is trailing edge down or left.
+
+        Poses are at least 40 ms apart, which looks smooth.
+        """
+        measured = np.isfinite(values[:, _V3]).any()
+        angle = values[:, _V3 if measured else _V1]
+        rows = np.flatnonzero(np.isfinite(angle))
+        if rows.size:
+            ticks = np.floor(time_s[rows] / _STEP_S)
+            rows = rows[np.diff(ticks, prepend=self._tick) != 0]
+            self._tick = float(ticks[-1])
+        if rows.size:
+            turns = [rr.RotationAxisAngle((0, 1, 0), degrees=-degrees) for degrees in angle[rows].tolist()]
+            content = rr.Transform3D.columns(rotation_axis_angle=turns)
+            send(self._stream, self._path, time_s[rows], content)
+
+    def colour(self, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
+        """Set the colours of the actuator's conditions, each from a flight time on."""
+        send(self._stream, self._path, time_s, rr.Boxes3D.columns(colors=list(colours)))
+
+
+class Craft:
+    """The 3-D airframe of one vehicle.
+
+    Attributes
+    ----------
+    surfaces
+        Surfaces by the actuator's name.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, vehicle: int | None) -> None:
+        self.root = craft_path(vehicle)
+        self.surfaces: dict[str, Surface] = {}
+        self._stream = stream
+
+    def fit(self, actuators: Sequence[Actuator]) -> None:
+        """Draw the airframe with a surface for each of a profile's actuators."""
+        body = f"{self.root}/body"
+        parts = {
+            "fuselage": ((-0.12, 0, 0), (0.75, 0.06, 0.06), _GREY),
+            "nose": ((0.66, 0, -0.01), (0.07, 0.035, 0.035), _DARK),
+            "wing": ((0, 0, 0.03), (0.16, 1.0, 0.016), _GREY),
+        }
+        kinds = [kind(words(actuator)) for actuator in actuators]
+        if "rudder" in kinds or V_TAIL not in kinds:
+            parts["fin"] = ((-0.77, 0, 0.2), (0.09, 0.012, 0.18), _GREY)
+        if V_TAIL not in kinds:
+            parts["tailplane"] = ((-0.77, 0, 0.03), (0.09, 0.4, 0.012), _GREY)
+        for name, (centre, half, colour) in parts.items():
+            box = rr.Boxes3D(centers=[centre], half_sizes=[half], colors=[colour], fill_mode="solid")
+            self._stream.log(f"{body}/{name}", box, static=True)
+        for actuator, place in zip(
+            actuators, places([words(actuator) for actuator in actuators]), strict=True
+        ):
+            path = rr.new_entity_path(
+                [*self.root.strip("/").split("/"), "body", "at", actuator.name, "surface"]
+            )
+            named = len(actuators) <= _LABELLED
+            self.surfaces[actuator.name] = Surface(self._stream, path, actuator, place, named=named)
+
+    def attitude(self, time_s: Array, roll_pitch_yaw_rad: Array) -> None:
+        """Rotate the airframe; the heading is separate, so that a view can follow it."""
+        roll, pitch, yaw = (roll_pitch_yaw_rad[:, k] for k in range(3))
+        heading = [rr.RotationAxisAngle((0, 0, 1), radians=-angle) for angle in yaw.tolist()]
+        send(self._stream, self.root, time_s, rr.Transform3D.columns(rotation_axis_angle=heading))
+        a, b = roll / 2, -pitch / 2
+        turns = np.stack(
+            [np.sin(a) * np.cos(b), np.cos(a) * np.sin(b), -np.sin(a) * np.sin(b), np.cos(a) * np.cos(b)],
+            axis=1,
+        )
+        send(self._stream, f"{self.root}/body", time_s, rr.Transform3D.columns(quaternion=turns))
+
+
+def words(actuator: Actuator) -> str:
+    """Return what places an actuator on the airframe: its surface and its name."""
+    return f"{actuator.surface} {actuator.name}"
