@@ -56,10 +56,11 @@ def judge(file: LogFile, options: Options, settings: str, whose: AircraftResolve
     try:
         with at_hand(file) as path:
             flight = _named(analyse_alone(path, _resolved(options)), file)
+    except UnreachedError as error:
+        return _failed(file, _AGAIN, aircraft, error.problem, error.remedy)
     except Exception as error:
         failed = Failed.of(Path(path), error)
-        by = _AGAIN if isinstance(error, UnreachedError) else settings
-        return _failed(file, by, aircraft, failed.problem.replace(path, file.path), failed.remedy)
+        return _failed(file, settings, aircraft, failed.problem.replace(path, file.path), failed.remedy)
     try:
         start_us: int | None = round(PastFlight.of(flight.assessment).start.timestamp() * 1e6)
     except UndatedError:
