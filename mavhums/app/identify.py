@@ -21,6 +21,7 @@ __all__ = ["Motor", "identify", "with_motors"]
 _BLOCK = re.compile(r"(?m)^\[\[actuators\]\][^\n]*\n(?:(?!^\[\[actuators\]\]).*\n?)*")
 _BEFORE = re.compile(r"(?ms)^\[actuators\.identified\][^\n]*\n(?:(?!^\[)[^\n]*\n?)*")
 _OWN_NAME = re.compile(r"(?m)^name\s*=\s*(\"(?:[^\"\\]|\\.)*\"|'[^']*')")
+_NOT_USED = re.compile(r"\(not used: (.*)\)$")
 _TO_IDENTIFY = "record each servo's voltage, current and rotor speed (V4, V5, V7) at the motor, in motion"
 
 
@@ -60,8 +61,12 @@ def identify(
         If a log or the profile cannot be read, or no log shows any motor.
     """
     records: dict[str, list[tuple[str, OwnRecord]]] = {}
+    refused: list[str] = []
     for path in logs:
         for verdict in analyse(path, replace(options, history=None), progress=progress).verdicts:
+            refused += [
+                f"{key} {why}" for key, how in verdict.provenance.items() for why in _NOT_USED.findall(how)
+            ]
             for record in verdict.own:
                 records.setdefault(verdict.actuator, []).append((Path(path).name, record))
     motors = {}
@@ -69,6 +74,11 @@ def identify(
         found = identified([record for _, record in several])
         if found is not None:
             motors[actuator] = _motor(found, several)
+    if not motors and refused:
+        problem = f"no log shows an actuator's motor: {', '.join(dict.fromkeys(refused))}"
+        raise MavhumsError(
+            problem, f"{_TO_IDENTIFY}, as sampled and not as a register that is seldom refreshed"
+        )
     if not motors:
         raise MavhumsError("no log shows an actuator's motor: V4, V5 and V7 together", _TO_IDENTIFY)
     return motors

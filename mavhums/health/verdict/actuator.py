@@ -131,6 +131,19 @@ def against_baseline(
     )
 
 
+def with_refused(verdict: Verdict, refused: Mapping[str, str]) -> Verdict:
+    """Return an undecided verdict with what the log carries and no equation could use, by quantity."""
+    if not refused or verdict.condition != "undecided":
+        return verdict
+    why = "; ".join(refused.values())
+    return verdict.model_copy(
+        update={
+            "reason": f"{why}; {verdict.reason}" if verdict.reason else why,
+            "remedy": f"record {' and '.join(refused)} as sampled at the motor, with sign",
+        }
+    )
+
+
 def unjudged_actuator(
     vehicle: int,
     actuator: Actuator,
