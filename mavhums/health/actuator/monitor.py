@@ -38,6 +38,7 @@ from mavhums.health.decision.limits import Panel, WindowEvaluation
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations.torque import Load
 from mavhums.health.estimation.fits import Fits
 from mavhums.health.estimation.flight_sums import OwnSums, collector
 from mavhums.health.estimation.motion import Motion, motion, window_sums
@@ -125,6 +126,7 @@ class Monitor:
         ]
         if open_limits:
             self._own.append(VoltageSums(actuator))
+        self._load = Load(actuator) if actuator.ema else None
         self._latest_s = -np.inf
         detectors = detectors_for(actuator)
         self._trackers = {
@@ -296,7 +298,7 @@ class Monitor:
             return
         for own in self._own:
             own.feed(slots)
-        moved = motion(self.actuator, slots) if self.actuator.ema else None
+        moved = self._load.feed(slots, motion(self.actuator, slots)) if self._load else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = DetectorInput(slots, moved, windows, flight)
         found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]

@@ -13,18 +13,20 @@ from mavhums.core.quantities import column
 from mavhums.core.statistics import AIR_DENSITY
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import POWER
+from mavhums.health.estimation.equations.terms import SlotLoad, friction_with_load
 from mavhums.health.estimation.grams import Groups, eliminated, packed
-from mavhums.health.estimation.least_squares import sums_of_slots
+from mavhums.health.estimation.least_squares import Prior, sums_of_slots
 from mavhums.health.estimation.motion import lasting
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
 from mavhums.health.estimation.thresholds import LONGEST_GAP_PERIODS, LONGEST_INTEGRATED_STEP_S
 from mavhums.report.assessment import OwnRecord
 
-KEPT = ("sign", "speed", "acceleration", "load", "angle", "left")
-"""The columns whose sums of products a record holds."""
-TERMS = ("sign", "speed", "acceleration", "load", "angle", "pressure", "one")
-LOAD, ANGLE, PRESSURE, ONE = 3, 4, 5, 6
-_COLUMNS = [0, 1, 2, LOAD, ANGLE, len(TERMS)]
+KEPT = ("sign", "speed", "acceleration", "load", "angle", "loaded", "left")
+"""The columns whose sums of products a record holds; records of earlier versions lack ``loaded``."""
+TERMS = ("sign", "speed", "acceleration", "load", "angle", "pressure", "one", "loaded")
+LOAD, ANGLE, PRESSURE, ONE, LOADED = 3, 4, 5, 6, 7
+_COLUMNS = [0, 1, 2, LOAD, ANGLE, LOADED, len(TERMS)]
+_LINEAR_TERMS = LOADED
 _V7, _V10 = column("V7"), column("V10")
 _HALF_DENSITY = 0.5 * AIR_DENSITY
 _PRODUCTS = ((0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
@@ -54,6 +56,8 @@ class OwnSums:
     def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
         self._equation, self._actuator = equation, actuator
         self._turned = AngleIntegrator()
+        free = np.full(_LINEAR_TERMS, np.inf)
+        self._load = SlotLoad(Prior(np.zeros(_LINEAR_TERMS), free), (LOAD, ANGLE, PRESSURE, ONE))
         self._groups = Groups(self.width, self.in_window, self.joined)
         self._span, self._samples = 0.0, 0
         self._pressure = False
@@ -66,7 +70,7 @@ class OwnSums:
         time_s = slots.time_s[slots.judged]
         # Rate and duration are those of the evidence, not of the log.
         seen = np.isfinite(found.y) & np.isfinite(found.X[:, 1])
-        found = self.expanded(found)
+        found = self.expanded(self._loaded(slots, found))
         rows = sums_of_slots(found.X, found.y, found.usable, slots.start)
         ends = np.append(slots.start[1:], time_s.size)
         self._groups.feed(slots.index, rows)
@@ -104,6 +108,14 @@ class OwnSums:
         """Rate of the samples that carry the left side."""
         return self._samples / self._span if self._span > 0.0 else 0.0
 
+    def _loaded(self, slots: Slots, found: Terms) -> Terms:
+        """Return the terms with that of the friction by load; unusable before the load is known."""
+        base = np.ascontiguousarray(found.X[:, :_LINEAR_TERMS])
+        load = self._load.feed(slots, base, found.y, found.usable)
+        X = found.X.copy()
+        X[:, LOADED] = friction_with_load(found.X[:, 1], load)
+        return Terms(X, found.y, found.usable & np.isfinite(load))
+
     def expanded(self, found: Terms) -> Terms:
         """Return the terms whose products are summed."""
         return found
@@ -131,7 +143,7 @@ class Terms(NamedTuple):
     Attributes
     ----------
     X, y, usable
-        Shapes (n, 7), (n,) and (n,).
+        Shapes (n, 8), (n,) and (n,).
     """
 
     X: Array
@@ -212,9 +224,11 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Angle
     X[:, 1] = speed.rad_s[own]
     X[:, 2] = acceleration[own]
     X[:, LOAD] = pressure * angle
-    X[:, ANGLE] = angle
+    # A load that turns with the shaft: the sine is the angle of a surface, and holds for an arm.
+    X[:, ANGLE] = np.sin(angle) if turned.source == "V3" else angle
     X[:, PRESSURE] = pressure
     X[:, ONE] = 1.0
+    X[:, LOADED] = 0.0
     y = np.ascontiguousarray(equation.left(actuator, slots)[own])
     usable = moving[own] & np.isfinite(y) & np.isfinite(X).all(axis=1)
     return Terms(X, y, usable)
@@ -230,6 +244,10 @@ class PowerSums(OwnSums):
     """
 
     width = POWER_COLUMNS
+
+    def _loaded(self, slots: Slots, found: Terms) -> Terms:
+        """Return the terms: the power's law has the load in its products."""
+        return found
 
     @property
     def gap(self) -> str | None:

@@ -44,6 +44,8 @@ class Motion(NamedTuple):
         Whether the rotor's speed follows from the output shaft's.
     magnitudes
         Of V4, V5 and V7 from a source that does not measure their signs, else NaN; shape (n, 3).
+    load
+        Torque that the gear transmits, N·m; zero where the friction does not depend on it.
     """
 
     moving: Flags
@@ -55,6 +57,7 @@ class Motion(NamedTuple):
     apart: Flags
     turned: Flags
     magnitudes: Array
+    load: Array
 
 
 def motion(actuator: Actuator, slots: Slots) -> Motion:
@@ -81,6 +84,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
         values[:, APART] > 0,
         values[:, TURNED] > 0,
         values[:, MAGNITUDES],
+        np.zeros(len(values)),
     )
 
 

@@ -104,3 +104,14 @@ OWN_FLIGHTS: Final = 10
 # Flights of a baseline by position only, whose line over the activity takes one more coefficient (docs/own-
 # history.md).
 TRACKING_FLIGHTS: Final = 20
+
+# Largest share of the load that a gear's friction is: spur gears of small servos lose 0.29–0.34 of it on a
+# bench (docs/health.md); a worm or a screw that holds its load by itself has 0.5.
+MOST_LOAD_FRICTION: Final = 0.5
+
+# Slots over which the balance that gives the load is remembered: hinge moments change with the airspeed
+# within minutes, and fewer slots do not separate load from friction. By hand.
+LOAD_MEMORY_SLOTS: Final = 30.0
+
+# Samples either way from which the load is known. By hand, twice those of a friction.
+LOAD_LEAST_SAMPLES: Final = 40.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -19,11 +19,21 @@ from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.random_effects import Population, population, satterthwaite
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.health.estimation.wear import Individual, Wear, grams_of, information, learned, wear
+from mavhums.health.estimation.wear import (
+    Individual,
+    Nuisances,
+    Wear,
+    grams_of,
+    information,
+    learned,
+    mean_load,
+    wear,
+)
 from mavhums.health.self_baseline.past import PastRecord, compared
 from mavhums.health.self_baseline.thresholds import (
     BEYOND_ACTIVITY,
     BEYOND_K,
+    BEYOND_LOAD,
     BLURRED_TIMES,
     SHOWN_FLIGHTS,
     TRAILING_FLIGHTS,
@@ -151,6 +161,8 @@ class _Healthy:
         values = np.array([w.value for w, _ in shown])
         errors = np.array([w.error for w, _ in shown])
         known = tuple(differences(equation, [r for _, r in shown], warm=warm))
+        if isinstance(nuisances, Nuisances) and nuisances.load_friction:
+            known += tuple(_loads([r for _, r in shown]))
         flights = population(np.array([_row(known, r) for _, r in shown]), values, errors)
         noise = max(w.error * information(r) ** 0.5 for w, r in shown) if equation.blurs else np.inf
         sign = float(np.sign(flights.coefficients[0])) or 1.0
@@ -209,7 +221,7 @@ class _Healthy:
 
 
 def _row(known: Sequence[Difference], record: OwnRecord) -> Array:
-    return np.array([1.0, *(one.at(record) for one in known)])
+    return np.array([1.0, *(one.at(record) for one in known if one.fitted)])
 
 
 def _still(equation: OwnEquation, flights: int) -> Comparison:
@@ -236,6 +248,8 @@ class Difference:
         Extrapolation that is allowed.
     below, above
         Comparative of a flight below and above that range.
+    fitted
+        Whether the quantity depends on it; else only its range counts.
     """
 
     of: _Of
@@ -245,6 +259,7 @@ class Difference:
     margin: float
     below: str
     above: str
+    fitted: bool = True
 
     def at(self, record: OwnRecord) -> float:
         """Return a flight's difference from the mean; zero if it is not known."""
@@ -290,6 +305,12 @@ def _difference(
     if len(values) < len(records):
         return None
     return Difference(of, float(np.mean(values)), min(values), max(values), margin, below, above)
+
+
+def _loads(records: Sequence[OwnRecord]) -> list[Difference]:
+    """Return the range of the loads: beyond it the line of friction over load is a guess."""
+    found = _difference(mean_load, records, 0.0, "more lightly loaded", "more heavily loaded")
+    return [] if found is None else [replace(found, margin=BEYOND_LOAD * found.high, fitted=False)]
 
 
 def _activity(record: OwnRecord) -> float:

@@ -49,3 +49,7 @@ STALL_BIAS_SHARE: Final = 0.1
 
 # Times the stated supply beyond which a voltage at the motor shows that the statement is wrong. By hand.
 OVER_SUPPLY_TIMES: Final = 1.1
+
+# Load beyond those of the baseline's flights, as a share of the highest, that is extrapolated: the line of
+# friction over load bends near stiction. By hand.
+BEYOND_LOAD: Final = 0.05

@@ -10,6 +10,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
+from mavhums.health.estimation.wear import shows
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import (
     MOTOR_FAULTS,
@@ -102,12 +103,10 @@ def without_own(verdict: Verdict) -> Verdict:
 
 
 def _deciding(verdict: Verdict) -> tuple[OwnEquation, OwnRecord] | None:
-    """Return the most informative equation for this flight."""
-    for equation in OWN_EQUATIONS:
-        record = record_of(verdict.own, equation.name)
-        if record is not None:
-            return equation, record
-    return None
+    """Return the most informative equation that this flight shows, or that it has."""
+    found = [(one, record) for one in OWN_EQUATIONS if (record := record_of(verdict.own, one.name))]
+    # A register's first seconds leave a record of the current, too.
+    return next((pair for pair in found if shows(pair[1])), found[0] if found else None)
 
 
 def _kind(equation: OwnEquation) -> str:
