@@ -1,8 +1,8 @@
 """Real actuators through the whole program: ``python benchmarks/real_actuators.py DIR [--only SECTION]``.
 
-DIR holds ``*.parquet`` with ``*_meta.parquet`` (servos under a pendulum, bench) and ``cranfield/*.csv.gz`` (screw
-rig with seeded faults, bench). Every recording becomes a ``.tlog`` that ``analyse`` reads. The rules were developed
-on the servo's flights of repetition 0 (``--reps 0``); the others were looked at last.
+DIR holds ``*.parquet`` with ``*_meta.parquet`` (servos under a pendulum, bench) and ``cranfield/*.csv.gz``
+(screw rig with seeded faults, bench). Every recording becomes a ``.tlog`` that ``analyse`` reads. The rules
+were developed on the servo's flights of repetitions 0 and 1 (``--reps 0 1``); the others were looked at last.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from _real_logs import (
 from scipy.stats import beta
 
 import mavhums
+from mavhums.actuator.profile import Ema
 from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
 from mavhums.health.self_baseline.past import PastRecord
@@ -44,7 +45,8 @@ SECTIONS = ("sheet", "own", "identify", "screw")
 RISES = (0.25, 0.5, 1.0)
 LEARNING, DRAWS = 20, 4
 FRICTIONS = {"none said": "", "0.3 ± 0.1": "load_friction = 0.3\nload_friction_uncertainty = 0.1\n"}
-FRICTION_KEYS = "load_friction" in __import__("mavhums").actuator.profile.Ema.model_fields
+SCREW = 'name = "screw"\n[[actuators]]\nname = "servo"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
+FRICTION_KEYS = "load_friction" in Ema.model_fields
 
 
 def rate(found: int, of: int) -> str:
@@ -175,7 +177,8 @@ def identified(flights: Sequence[Flight], sheet: Sheet, folder: Path) -> Iterato
         ]
         try:
             found = identify(logs, mavhums.Options(airframe=blank))["servo"].found
-            text = f"R {found.resistance.estimate:.3g} Ω, k {found.back_emf.estimate * sheet.gear_ratio:.3g} V·s/rad"
+            constant = found.back_emf.estimate * sheet.gear_ratio
+            text = f"R {found.resistance.estimate:.3g} Ω, k {constant:.3g} V·s/rad"
         except MavhumsError as error:
             text = str(error)
         yield f"\nidentify, {kind}: {text}"
@@ -213,9 +216,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("--only", choices=SECTIONS, action="append")
-    parser.add_argument(
-        "--reps", type=int, nargs="*", help="repetitions of the servo's flights; all if omitted"
-    )
+    parser.add_argument("--reps", type=int, nargs="*", help="the servo's repetitions; all if omitted")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--kinds", nargs="*", help=f"currents, of {', '.join(CURRENTS)}")
     args = parser.parse_args()

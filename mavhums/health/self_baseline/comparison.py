@@ -34,6 +34,7 @@ from mavhums.health.self_baseline.thresholds import (
     BEYOND_ACTIVITY,
     BEYOND_K,
     BEYOND_LOAD,
+    DIFFERENT_LOADS,
     BLURRED_TIMES,
     SHOWN_FLIGHTS,
     TRAILING_FLIGHTS,
@@ -308,9 +309,16 @@ def _difference(
 
 
 def _loads(records: Sequence[OwnRecord]) -> list[Difference]:
-    """Return the range of the loads: beyond it the line of friction over load is a guess."""
+    """Return the loads of the flights, and their range: beyond it friction over load is a guess.
+
+    What a flight's own samples tell of μ is attenuated, for its light samples are those near stiction; a
+    line over the flights takes the rest, where their loads differ.
+    """
     found = _difference(mean_load, records, 0.0, "more lightly loaded", "more heavily loaded")
-    return [] if found is None else [replace(found, margin=BEYOND_LOAD * found.high, fitted=False)]
+    if found is None:
+        return []
+    differ = found.high > DIFFERENT_LOADS * found.low
+    return [replace(found, margin=BEYOND_LOAD * found.high, fitted=differ)]
 
 
 def _activity(record: OwnRecord) -> float:

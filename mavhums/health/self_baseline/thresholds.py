@@ -53,3 +53,7 @@ OVER_SUPPLY_TIMES: Final = 1.1
 # Load beyond those of the baseline's flights, as a share of the highest, that is extrapolated: the line of
 # friction over load bends near stiction. By hand.
 BEYOND_LOAD: Final = 0.05
+
+# Highest over lowest load of the baseline's flights from which a line over the load is fitted: closer ones give
+# it no slope. By hand.
+DIFFERENT_LOADS: Final = 1.3
