@@ -54,6 +54,6 @@ OVER_SUPPLY_TIMES: Final = 1.1
 # friction over load bends near stiction. By hand.
 BEYOND_LOAD: Final = 0.05
 
-# Highest over lowest load of the baseline's flights from which a line over the load is fitted: closer ones give
-# it no slope. By hand.
+# Highest over lowest load of the baseline's flights from which a line over the load is fitted: closer ones
+# give it no slope. By hand.
 DIFFERENT_LOADS: Final = 1.3
