@@ -37,13 +37,14 @@ from mavhums.health.decision.evidence import concludes, in_order, ranked
 from mavhums.health.decision.limits import Panel, WindowEvaluation
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.torque import Load
 from mavhums.health.estimation.fits import Fits
 from mavhums.health.estimation.flight_sums import OwnSums, collector
 from mavhums.health.estimation.motion import Motion, motion, window_sums
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_extra_columns
+from mavhums.health.estimation.strokes import StrokeSums
 from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
@@ -118,14 +119,13 @@ class Monitor:
         self._window_s = window_s
         self._cutter = SlotCutter(self._slot_s)
         self._waiting: list[tuple[Array, Array, Flags, Array, Array, Array]] = []
-        # With all constants and limits the data sheet decides; a current at the bus is another quantity than
-        # the motor's.
+        # With all constants and limits the data sheet decides; a bus current is not the motor's.
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
-        self._own: list[OwnSums | VoltageSums] = [
+        self._own: list[OwnSums | VoltageSums | StrokeSums] = [
             collector(equation, actuator) for equation in OWN_EQUATIONS if open_limits
         ]
         if open_limits:
-            self._own.append(VoltageSums(actuator))
+            self._own += [VoltageSums(actuator), *(StrokeSums(one, actuator) for one in STROKE_EQUATIONS)]
         self._load = Load(actuator) if actuator.ema else None
         self._latest_s = -np.inf
         detectors = detectors_for(actuator)
@@ -288,7 +288,7 @@ class Monitor:
         )
 
     def _cut(self) -> Slots | None:
-        """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
+        """Pass buffered samples to the cutter together."""
         time_s, *quantities = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
         self._waiting.clear()
         return self._cutter.feed(time_s, with_extra_columns(*quantities))
@@ -304,7 +304,7 @@ class Monitor:
         found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
         moving, votes, sums = self._count(slots, moved)
         self._first = int(slots.index[0]) if self._first is None else self._first
-        # The first windows of a flight are not full, and their errors not comparable.
+        # A flight's first windows are not full.
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
         end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
         looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
@@ -313,7 +313,6 @@ class Monitor:
         for fault, look in looks.items():
             yield from self._indicate(fault, look, end_s)
             for change in self._trackers[fault].feed(look, end_s):
-                # Where a network decides the friction, the physics is shown and changes nothing.
                 if fault in deciding:
                     changes.setdefault(change.window, []).append((fault, change))
         friction = _intervals(looks["friction"]) if "friction" in looks else {}

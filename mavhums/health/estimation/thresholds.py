@@ -115,3 +115,27 @@ LOAD_MEMORY_SLOTS: Final = 30.0
 
 # Samples either way from which the load is known. By hand, twice those of a friction.
 LOAD_LEAST_SAMPLES: Final = 40.0
+
+# Span over which the commanded speed is read, s: pulses of 0.1° blur that of single samples. By hand.
+STROKE_SPAN_S: Final = 0.3
+
+# Change of the commanded speed, as a share of it, that ends a stroke. By hand.
+STROKE_SPEED_SHARE: Final = 0.1
+
+# Parts of a stroke that are left out at its beginning and end, s: the servo takes up its speed (1.4 and 0.4 s
+# were set on the profile of the screw rig of benchmarks/real_actuators.py).
+STROKE_BEGIN_S: Final = 1.4
+STROKE_END_S: Final = 0.4
+
+# Samples of a stroke that show its roughness beside a cubic's four coefficients. By hand.
+LEAST_STROKE_SAMPLES: Final = 30
+
+# A longer motion at one speed is no stroke of a surface, s. By hand; it bounds the memory.
+LONGEST_STROKE_S: Final = 30.0
+
+# Strokes that a flight's record holds: its first. By hand; it bounds the memory.
+MOST_STROKES: Final = 64
+
+# Error of a flight's mean over its strokes, as a share of it, beside the scatter between flights: nothing,
+# but no zero to divide by.
+STROKE_ERROR_SHARE: Final = 1e-3

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mavhums.core.arrays import Array
+from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.flight_sums import KEPT, LINEAR, POWER_COLUMNS, QUADRATIC, WEAR
 from mavhums.health.estimation.grams import eliminated, unpacked
@@ -16,6 +17,7 @@ from mavhums.health.estimation.thresholds import (
     LEAST_PARTS,
     LEAST_POWER_SAMPLES,
     LOAD_SHOWS_ERRORS,
+    STROKE_ERROR_SHARE,
 )
 from mavhums.report.assessment import OwnRecord
 
@@ -79,6 +81,8 @@ def _has_load(record: OwnRecord) -> bool:
 
 def mean_load(record: OwnRecord) -> float | None:
     """Return the mean size of the load in motion, in the unit of the left side; None if not recorded."""
+    if of_strokes(record):
+        return float(np.mean([row[2] for row in record.groups]))
     if not _has_load(record):
         return None
     gram = grams_of(record)[1].sum(axis=0)
@@ -342,18 +346,41 @@ Individual = Nuisances | Law
 """Coefficients of the individual."""
 
 
+def of_strokes(record: OwnRecord) -> bool:
+    """Return whether a record holds a quantity of each stroke, and no sums."""
+    return record.equation in {equation.name for equation in STROKE_EQUATIONS}
+
+
+def _stroke_wear(record: OwnRecord) -> Wear | None:
+    """Return the mean over the strokes.
+
+    Strokes repeat one motion, so that what they scatter by is in the scatter between flights already; a fault
+    that makes the strokes uneven must not hide itself in an error of its own.
+    """
+    if not shows(record):
+        return None
+    mean = float(np.mean([row[1] for row in record.groups]))
+    return Wear(mean, STROKE_ERROR_SHARE * abs(mean), len(record.groups) - 1.0)
+
+
 def shows(record: OwnRecord) -> bool:
     """Return whether a flight has enough motion in both directions to determine the wear."""
+    if of_strokes(record):
+        return len(record.groups) >= LEAST_PARTS
     return _shows_power(record) if record.equation == POWER.name else _shows_linear(record)
 
 
 def learned(records: Sequence[OwnRecord]) -> Individual | None:
     """Return the individual's coefficients from flights with the same set-up; None if undetermined."""
+    if of_strokes(records[0]):
+        return Nuisances({}, ())
     return _learned_power(records) if records[0].equation == POWER.name else _learned_linear(records)
 
 
 def wear(record: OwnRecord, individual: Individual | None) -> Wear | None:
     """Return a flight's wear with the individual's coefficients fixed, or free if None."""
+    if of_strokes(record):
+        return _stroke_wear(record)
     if record.equation == POWER.name:
         return _power_wear(record, individual if isinstance(individual, Law) else None)
     return _linear_wear(record, individual if isinstance(individual, Nuisances) else None)

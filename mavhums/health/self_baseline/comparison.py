@@ -27,6 +27,7 @@ from mavhums.health.estimation.wear import (
     information,
     learned,
     mean_load,
+    of_strokes,
     wear,
 )
 from mavhums.health.self_baseline.past import PastRecord, compared
@@ -74,6 +75,8 @@ class Comparison:
         First flight with the change; None if it is this flight, or if there is no change.
     why
         Reason of ``undecided``.
+    load
+        Load at which the quantity is told, in its unit; None where it does not grow with the load.
     """
 
     condition: Condition
@@ -85,6 +88,7 @@ class Comparison:
     least_rise: float | None = None
     since: Onset | None = None
     why: str = ""
+    load: float | None = None
 
 
 def compare(
@@ -133,6 +137,7 @@ def compare(
         change=healthy.relative(own_wear, own),
         least_rise=found / abs(healthy.mean(own)),
         since=healthy.since(trailing, false_alarms) if rise > bound else None,
+        load=healthy.load,
     )
 
 
@@ -162,12 +167,23 @@ class _Healthy:
         values = np.array([w.value for w, _ in shown])
         errors = np.array([w.error for w, _ in shown])
         known = tuple(differences(equation, [r for _, r in shown], warm=warm))
-        if isinstance(nuisances, Nuisances) and nuisances.load_friction:
+        if of_strokes(records[0]) or (isinstance(nuisances, Nuisances) and nuisances.load_friction):
             known += tuple(_loads([r for _, r in shown]))
+        if of_strokes(records[0]):
+            fewest = float(min(len(r.groups) for _, r in shown))
+            known += (
+                Difference(_strokes, fewest, fewest, np.inf, 0.0, "shorter in strokes", "", fitted=False),
+            )
         flights = population(np.array([_row(known, r) for _, r in shown]), values, errors)
         noise = max(w.error * information(r) ** 0.5 for w, r in shown) if equation.blurs else np.inf
         sign = float(np.sign(flights.coefficients[0])) or 1.0
         return cls(nuisances, flights, known, sign, len(shown), BLURRED_TIMES * noise)
+
+    @property
+    def load(self) -> float | None:
+        """Load at which the wear is told; None where it does not grow with the load."""
+        known = self.nuisances
+        return known.load if isinstance(known, Nuisances) and known.load_friction else None
 
     def _row(self, record: OwnRecord) -> Array:
         return _row(self.differences, record)
@@ -319,6 +335,11 @@ def _loads(records: Sequence[OwnRecord]) -> list[Difference]:
         return []
     differ = found.high > DIFFERENT_LOADS * found.low
     return [replace(found, margin=BEYOND_LOAD * found.high, fitted=differ)]
+
+
+def _strokes(record: OwnRecord) -> float:
+    """Return the number of strokes: fewer than the baseline's flights have scatter more than these."""
+    return float(len(record.groups))
 
 
 def _activity(record: OwnRecord) -> float:

@@ -24,3 +24,6 @@ OWN_EQUATIONS: tuple[OwnEquation, ...] = (
     own_scale.TRACKING,
 )
 """The most informative first: the first one of which a flight has a record is compared."""
+
+STROKE_EQUATIONS: tuple[OwnEquation, ...] = (own_scale.TWO_WAYS, own_scale.ROUGHNESS, own_scale.RIPPLE)
+"""Of strokes at constant commanded speed: indicators beside the others."""

@@ -145,3 +145,42 @@ TRACKING = OwnEquation(
     by_activity=True,
     blurs=True,  # a servo without power or torque falls behind by whole degrees, now more and now less
 )
+
+TWO_WAYS = OwnEquation(
+    name="own_two_ways",
+    fault="friction_both_ways",
+    quantity="current both ways over that at rest",
+    unit="A",
+    inspect="gearbox, bearings, screw and their lubrication",
+    cause="friction, play or motor: the magnitude of a current cannot tell which",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_current,
+    speed=_angle_speed,
+)
+
+ROUGHNESS = OwnEquation(
+    name="own_roughness",
+    fault="rough_tracking",
+    quantity="roughness of steady motion",
+    unit="°",
+    inspect="gearbox, bearings, their lubrication, and the position sensor",
+    cause="the motion is rough; the log cannot tell why",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_position_error,
+    speed=_angle_speed,
+)
+
+RIPPLE = OwnEquation(
+    name="own_ripple",
+    fault="current_ripple",
+    quantity="ripple of the current in steady motion",
+    unit="A",
+    inspect="gearbox, bearings and motor",
+    cause="the current is rough; the log cannot tell why",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_current,
+    speed=_angle_speed,
+)

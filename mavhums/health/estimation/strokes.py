@@ -1,0 +1,170 @@
+"""Strokes at constant commanded speed: what they show of a servo without any model of its motor.
+
+A sweep of a surface before take-off, or of a bench, repeats the same motion. Each stroke at constant speed
+shows
+
+- roughness: the root mean square of the position error in its steady part, a cubic in time taken off. It
+  names no cause: a worn sensor reads as rough, too;
+- ripple: the same of the current;
+- friction both ways: u = (I_out + I_back)/2 − I_0, the half-sum of the currents either way over that at
+  rest, for a current without sign or with an offset, and no speed beside it; d = |I_back − I_out|/2 is the
+  load.
+
+The samples of a stroke are judged when it has ended, so that blocks do not matter.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array, Flags
+from mavhums.core.quantities import column
+from mavhums.health.estimation.equations.interface import OwnEquation
+from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
+from mavhums.health.estimation.slots import SENSED, Slots
+from mavhums.health.estimation.thresholds import (
+    LEAST_STROKE_SAMPLES,
+    LONGEST_STROKE_S,
+    MOST_STROKES,
+    MOVING_ANGLE_DEG_S,
+    STROKE_BEGIN_S,
+    STROKE_END_S,
+    STROKE_SPAN_S,
+    STROKE_SPEED_SHARE,
+)
+from mavhums.report.assessment import OwnRecord
+
+_V1, _V3, _V4, _V5, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 7, 10))
+_COLUMNS = 3  # command, position error, current
+
+
+class StrokeSums:
+    """Collects what the strokes of one flight show.
+
+    Parameters
+    ----------
+    equation
+        One of those of strokes.
+    actuator
+        The actuator of the flight.
+    """
+
+    def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
+        self._equation = equation
+        self._motor_side = actuator.esc_side == "motor"
+        self._time_s, self._values = np.empty(0), np.empty((0, _COLUMNS))
+        self._strokes: list[
+            tuple[float, float, float, float]
+        ] = []  # direction, rough, ripple, median current
+        self._span = 0.0
+        self._first_s = self._last_s = np.nan
+        self._samples = 0
+
+    @property
+    def gap(self) -> None:
+        """None: a flight without strokes is no reason for a verdict."""
+        return
+
+    def feed(self, slots: Slots) -> None:
+        """Process the samples of several slots."""
+        own, time_s = slots.values[slots.judged], slots.time_s[slots.judged]
+        measured = own[:, SENSED] > 0
+        error = np.where(measured, own[:, _V1] - own[:, _V3], np.nan)
+        alone = np.isnan(own[:, [_V4, _V7, _V10]]).all(axis=1) & self._motor_side
+        # With a voltage or a speed beside it, the equations of the current say more.
+        current = np.where(alone, own[:, _V5], np.nan)
+        known = np.isfinite(own[:, _V1])
+        self._time_s = np.concatenate([self._time_s, time_s[known]])
+        self._values = np.concatenate([self._values, np.stack([own[:, _V1], error, current], axis=1)[known]])
+        self._take()
+
+    def _take(self) -> None:
+        """Judge the strokes that have ended; keep the samples from the beginning of the latest one."""
+        time_s, command = self._time_s, self._values[:, 0]
+        ahead = np.searchsorted(time_s, time_s + STROKE_SPAN_S)
+        ready = int(np.searchsorted(ahead, time_s.size))
+        if ready < 2:
+            return
+        at = np.arange(ready)
+        rate = (command[ahead[:ready]] - command[at]) / (time_s[ahead[:ready]] - time_s[at])
+        least = np.maximum(np.abs(rate[1:]), np.abs(rate[:-1]))
+        turns = np.abs(np.diff(rate)) > STROKE_SPEED_SHARE * np.maximum(least, MOVING_ANGLE_DEG_S)
+        turns |= np.diff(time_s[:ready]) > STROKE_SPAN_S
+        edges = [0, *(np.flatnonzero(turns) + 1).tolist()]
+        for a, b in pairwise(edges):
+            self._stroke(slice(a, int(ahead[b - 1]) + 1), rate[a:b])
+        # What is longer than any stroke is one for no shorter a part of it.
+        begin = max(edges[-1], int(np.searchsorted(time_s, time_s[-1] - 2.0 * LONGEST_STROKE_S)))
+        self._time_s, self._values = time_s[begin:], self._values[begin:]
+
+    def _stroke(self, part: slice, rate: Array) -> None:
+        mean = float(rate.mean())
+        standing = bool(np.abs(rate).max() < STROKE_SPEED_SHARE * MOVING_ANGLE_DEG_S)
+        steady = float(np.ptp(rate)) <= STROKE_SPEED_SHARE * abs(mean) and abs(mean) > MOVING_ANGLE_DEG_S
+        time_s = self._time_s[part]
+        if not (standing or steady) or time_s[-1] - time_s[0] > LONGEST_STROKE_S:
+            return
+        inner = (time_s >= time_s[0] + STROKE_BEGIN_S) & (time_s <= time_s[-1] - STROKE_END_S)
+        if inner.sum() < LEAST_STROKE_SAMPLES or len(self._strokes) >= MOST_STROKES:
+            return
+        _, error, current = self._values[part][inner].T
+        self._first_s = float(np.fmin(self._first_s, time_s[0]))
+        self._last_s = float(time_s[-1])
+        self._span += float(time_s[inner][-1] - time_s[inner][0])
+        self._samples += int(inner.sum()) - 1
+        known = np.isfinite(current).all()
+        way = 0.0 if standing else float(np.sign(mean))
+        self._strokes.append(
+            (
+                way,
+                _rough(time_s[inner], error),
+                _rough(time_s[inner], current),
+                float(np.median(current)) if known else np.nan,
+            )
+        )
+
+    def record(self) -> OwnRecord | None:
+        """Return the record of the flight so far; None if no stroke shows the quantity."""
+        rows = self._rows()
+        if not rows or self._span <= 0.0:
+            return None
+        return OwnRecord(
+            equation=self._equation.name,
+            setup="strokes at constant speed",
+            rate_hz=float(f"{self._samples / self._span:.3g}"),
+            duration_s=round(self._last_s - self._first_s, 1),
+            groups=tuple((1.0, float(f"{value:.6g}"), float(f"{load:.6g}")) for value, load in rows),
+        )
+
+    def _rows(self) -> list[tuple[float, float]]:
+        """Return quantity and load of each stroke, or of each pair of strokes."""
+        if not self._strokes:
+            return []
+        way, rough, ripple, current = np.array(self._strokes).T
+        loads = _pairs(way, current)
+        load = float(np.median([d for _, d in loads])) if loads else 0.0
+        rest = current[(way == 0.0) & np.isfinite(current)]
+        if self._equation.name == TWO_WAYS.name:
+            return [(u - float(np.median(rest)), d) for u, d in loads] if rest.size else []
+        shown = {ROUGHNESS.name: rough, RIPPLE.name: ripple}[self._equation.name]
+        usable: Flags = (way != 0.0) & np.isfinite(shown)
+        return [(float(value), load) for value in shown[usable]]
+
+
+def _pairs(way: Array, current: Array) -> list[tuple[float, float]]:
+    """Return half-sum and half-difference of the currents of each stroke out and the next one back."""
+    strokes = [(w, c) for w, c in zip(way.tolist(), current.tolist(), strict=True) if w and np.isfinite(c)]
+    pairs = [(a, b) for a, b in zip(strokes[::2], strokes[1::2], strict=False) if a[0] != b[0]]
+    return [((a[1] + b[1]) / 2, abs(a[1] - b[1]) / 2) for a, b in pairs]
+
+
+def _rough(time_s: Array, values: Array) -> float:
+    """Return the root mean square of values less a cubic in time; NaN where a value is not known."""
+    if not np.isfinite(values).all():
+        return np.nan
+    scaled = np.polynomial.Polynomial.fit(time_s, values, 3)
+    left: Array = values - scaled(time_s)
+    return float(np.sqrt((left**2).sum() / (time_s.size - 4)))
