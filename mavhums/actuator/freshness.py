@@ -25,7 +25,7 @@ __all__ = ["Freshness", "refreshed"]
 _JUDGED: Final = tuple(column(key) for key in ("V4", "V5", "V7", "V8", "V10"))
 _NAMES: Final = {"V4": "voltage", "V5": "current", "V7": "speed", "V8": "torque", "V10": "shaft's speed"}
 _SPEEDS: Final = tuple(column(key) for key in ("V7", "V10"))
-_V3, _V4, _V5, _V7, _V10 = (column(f"V{k}") for k in (3, 4, 5, 7, 10))
+_V3, _V4, _V5, _V7, _V8, _V10 = (column(f"V{k}") for k in (3, 4, 5, 7, 8, 10))
 _LONGEST_STEP_S: Final = 0.5
 """A longer step between samples is a pause of the telemetry, in which nothing could change."""
 
@@ -127,6 +127,9 @@ def _count(
                 counts[1, k] += 1.0
                 counts[2, k] += value != last[k]
             refused[i, k] = _repeats(counts[0, k], counts[1, k], counts[2, k], min_rate_hz)
+            # Before it is decided, a register's repetitions must not enter a fit of a few samples.
+            early = counts[0, k] < _DECIDED_S and k in (_V5, _V8)
+            refused[i, k] |= early and moves and value == last[k]
         for k in range(values.shape[1]):
             if not np.isnan(values[i, k]):
                 last[k] = values[i, k]
